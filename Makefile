@@ -1,0 +1,35 @@
+# Everything a newcomer needs: `make demo` and `make test` set the environment up themselves.
+PYTHON ?= python3
+VENV   ?= .venv
+BIN    := $(VENV)/bin
+STAMP  := $(VENV)/.installed
+DEV    := $(VENV)/.installed-dev
+
+.PHONY: demo test lint bench clean
+
+demo: $(STAMP)
+	$(BIN)/flawforge generate manifests/quickstart.yaml --out out/quickstart
+	$(BIN)/flawforge verify out/quickstart
+	$(BIN)/flawforge preview out/quickstart --out out/quickstart.png
+
+test: $(DEV)
+	$(BIN)/python -m pytest -n 2
+
+lint: $(DEV)
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+$(VENV)/bin/python:
+	$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "flawforge needs Python 3.11 or newer; name one with make PYTHON=/path/to/python3")'
+	$(PYTHON) -m venv $(VENV)
+
+$(STAMP): pyproject.toml | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	touch $@
+
+$(DEV): pyproject.toml | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	touch $(STAMP) $@
+
+clean:
+	rm -rf $(VENV) out

@@ -1,0 +1,1 @@
+"""Where a recording differs from its simulation, and which physics was left out."""

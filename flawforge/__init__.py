@@ -1,0 +1,1 @@
+"""Labelled laser-profilometer scans of flawed parts: all that a user imports or types."""

@@ -1,0 +1,221 @@
+"""Files that users write: read as data, checked against a type, answered in one line.
+
+The one place that knows PyYAML and pydantic. A type is a `record`: a frozen dataclass whose
+fields carry their own limits (`Annotated[float, Gt(0)]`).
+"""
+
+import dataclasses
+import difflib
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar, dataclass_transform
+
+import yaml
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+T = TypeVar("T")
+KeyPath = tuple[str | int, ...]
+UNKNOWN_KEY = ("unexpected_keyword_argument", "extra_forbidden")
+
+
+class RecipeError(ValueError):
+    """Bad input of a user's: what, where, which value, what is allowed; always one line."""
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        where: str | Path | None = None,
+        value: object = dataclasses.MISSING,
+        allowed: str | None = None,
+    ) -> None:
+        line = f"{where}: {what}" if where is not None else what
+        if value is not dataclasses.MISSING:
+            line += f", got {_short(value)}"
+        if allowed is not None:
+            line += f"; allowed: {allowed}"
+        super().__init__(" ".join(line.split()))
+
+
+@dataclass_transform(
+    kw_only_default=True, frozen_default=True, field_specifiers=(dataclasses.field,)
+)
+def record(cls: type[T]) -> type[T]:
+    """Make `cls` a frozen, keyword-only, slotted dataclass that refuses unknown keys."""
+    cls.__pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False)  # type: ignore[attr-defined]  # read by pydantic
+    return dataclasses.dataclass(frozen=True, kw_only=True, slots=True)(cls)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
+class Document:
+    """A YAML file as plain data, with the line at which each key path stands."""
+
+    path: Path
+    data: Any
+    lines: Mapping[KeyPath, int]
+
+    def where(self, key_path: Sequence[str | int]) -> str:
+        """Return 'file:line' of the deepest part of `key_path` that the file holds."""
+        path = tuple(key_path)
+        while path and path not in self.lines:
+            path = path[:-1]
+        line = self.lines.get(path)
+        return f"{self.path}:{line}" if line is not None else str(self.path)
+
+
+def load_yaml(path: str | Path) -> Document:
+    """Read a YAML file safely (data only, no duplicate keys).
+
+    Raises
+    ------
+    RecipeError
+        Where the file can't be read, isn't YAML or isn't a mapping.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not a UTF-8 text"
+        raise RecipeError(f"can't be read ({reason})", where=path) from None
+    try:
+        node = yaml.compose(text, Loader=yaml.SafeLoader)
+        data = yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f"{path}:{mark.line + 1}" if mark is not None else str(path)
+        problem = getattr(error, "problem", None) or str(error)
+        raise RecipeError(f"isn't YAML ({problem})", where=where) from None
+    if not isinstance(data, dict):
+        raise RecipeError("should hold keys and values", where=path, value=data)
+    lines: dict[KeyPath, int] = {}
+    _note_lines(node, (), lines, path)
+    return Document(path=path, data=data, lines=lines)
+
+
+def _note_lines(node: Any, at: KeyPath, lines: dict[KeyPath, int], path: Path) -> None:
+    if len(at) > 100:
+        raise RecipeError("is nested too deeply or refers to itself", where=path)
+    if isinstance(node, yaml.MappingNode):
+        seen = set()
+        for key, value in node.value:
+            if key.value in seen:
+                line = key.start_mark.line + 1
+                raise RecipeError(f"key '{key.value}' stands twice", where=f"{path}:{line}")
+            seen.add(key.value)
+            lines[(*at, key.value)] = key.start_mark.line + 1
+            _note_lines(value, (*at, key.value), lines, path)
+    elif isinstance(node, yaml.SequenceNode):
+        for index, value in enumerate(node.value):
+            lines[(*at, index)] = value.start_mark.line + 1
+            _note_lines(value, (*at, index), lines, path)
+
+
+def parse(cls: type[T], source: Document | Mapping[str, Any], *, where: str | None = None) -> T:
+    """Check plain data against the record `cls` and build it.
+
+    Parameters
+    ----------
+    cls : type
+        A `record` (records may hold records).
+    source : Document or mapping
+        The data; of a `Document`, messages give the line.
+    where : str, optional
+        What to call the source in messages where it isn't a file.
+
+    Raises
+    ------
+    RecipeError
+        For the first key that is unknown, missing or out of its limits.
+    """
+    data = source.data if isinstance(source, Document) else source
+    try:
+        return TypeAdapter(cls).validate_python(data)
+    except ValidationError as error:
+        found = error.errors(include_url=False)
+        # a misspelt key also makes one missing: name the misspelling
+        first = min(found, key=lambda entry: entry["type"] not in UNKNOWN_KEY)
+        # pydantic names the branch of a union in the path: keep what the data holds
+        path = _path_in(data, first["loc"])
+        place = source.where(path) if isinstance(source, Document) else where
+        key = ".".join(str(part) for part in path) or "the top level"
+        kind = first["type"]
+        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        if kind in UNKNOWN_KEY:
+            allowed = _keys_at(cls, path[:-1])
+            close = difflib.get_close_matches(str(path[-1]), allowed, n=1)
+            hint = f"did you mean '{close[0]}'? " if close else ""
+            raise RecipeError(
+                f"unknown key '{key}'{more}",
+                where=place,
+                allowed=hint + ", ".join(sorted(allowed)) if allowed else None,
+            ) from None
+        if kind in ("missing", "missing_keyword_only_argument", "missing_argument"):
+            missing = first["loc"][-1]
+            inside = f" in '{key}'" if path else ""
+            raise RecipeError(f"key '{missing}' is missing{inside}{more}", where=place) from None
+        allowed_text = first["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+        raise RecipeError(
+            f"'{key}' isn't right{more}", where=place, value=first["input"], allowed=allowed_text
+        ) from None
+
+
+def _path_in(data: Any, location: Iterable[str | int]) -> KeyPath:
+    path: list[str | int] = []
+    for part in location:
+        in_mapping = isinstance(data, Mapping) and part in data
+        in_list = isinstance(data, (list, tuple)) and isinstance(part, int) and part < len(data)
+        if not (in_mapping or in_list):
+            continue
+        data = data[part]
+        path.append(part)
+    return tuple(path)
+
+
+def _keys_at(cls: type, path: KeyPath) -> list[str]:
+    """Keys that a record allows, where the path leads through records alone."""
+    for part in path:
+        if isinstance(part, int):
+            continue
+        fields = {f.name: f.type for f in dataclasses.fields(cls)} if _is_record(cls) else {}
+        cls = next((c for c in _records_in(fields.get(str(part)))), object)
+    return [f.name for f in dataclasses.fields(cls)] if _is_record(cls) else []
+
+
+def _is_record(cls: object) -> bool:
+    return isinstance(cls, type) and dataclasses.is_dataclass(cls)
+
+
+def _records_in(annotation: Any) -> list[type]:
+    if _is_record(annotation):
+        return [annotation]
+    inner = getattr(annotation, "__args__", ())
+    return [found for argument in inner for found in _records_in(argument)]
+
+
+def plain(value: Any) -> Any:
+    """Turn a record (or any nest of records and numpy scalars) into plain data for YAML or JSON."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(entry) for entry in value]
+    if isinstance(value, Path):
+        return str(value)
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def dump_yaml(value: Any) -> str:
+    """Write plain data or a record as YAML, keys in their own order."""
+    text: str = yaml.safe_dump(plain(value), sort_keys=False, allow_unicode=True, width=100)
+    return text
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
