@@ -1,0 +1,178 @@
+"""Finding triangles of a mesh that cross each other: box tree, then edges through faces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+_CHUNK = 400_000
+_MOST_PAIRS = 60_000_000
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Crossings:
+    """Pairs of faces that cross, where, and whether all pairs could be looked at."""
+
+    pairs: NDArray[np.int64]
+    points_mm: NDArray[np.float64]
+    complete: bool
+
+
+def crossings(
+    vertices_mm: NDArray[np.float64],
+    faces: NDArray[np.integer],
+    *,
+    tolerance_mm: float,
+    most: int = 20_000,
+) -> Crossings:
+    """Pairs of triangles of which an edge of one runs through the other.
+
+    An edge counts when its ends lie on opposite sides of the other triangle, both farther than
+    the tolerance from its plane, and it meets the triangle farther than the tolerance from its
+    border. So contact (shared vertices and edges, coplanar faces, bodies standing on each other)
+    is no crossing, and neither is overlap shallower than the rounding of the file.
+
+    Parameters
+    ----------
+    vertices_mm, faces
+        (V, 3) and (F, 3).
+    tolerance_mm
+        Depth up to which an overlap is taken for contact, mm.
+    most
+        Stop after about so many crossing pairs. The work itself is bounded too (60 million pairs
+        of overlapping boxes); `Crossings.complete` says whether every pair was looked at.
+    """
+    corners = vertices_mm[faces]
+    levels, order = _boxes(corners, tolerance_mm)
+    depth = len(levels) - 1
+    found: list[NDArray[np.int64]] = []
+    where: list[NDArray[np.float64]] = []
+    count, looked, complete = 0, 0, True
+    stack = [(0, np.zeros((1, 2), dtype=np.int64))]
+    while stack:
+        level, pairs = stack.pop()
+        if len(pairs) > _CHUNK:
+            half = len(pairs) // 2
+            stack += [(level, pairs[half:]), (level, pairs[:half])]
+            continue
+        if level < depth:
+            below = _overlapping(levels[level + 1], _children(pairs))
+            if len(below):
+                stack.append((level + 1, below))
+            continue
+        looked += len(pairs)
+        real = order[pairs]
+        real = real[(real >= 0).all(axis=1) & (real[:, 0] != real[:, 1])]
+        hit, point = _cross(corners, real, tolerance_mm)
+        if hit.any():
+            found.append(np.sort(real[hit], axis=1))
+            where.append(point[hit])
+            count += int(hit.sum())
+        if count >= most or looked > _MOST_PAIRS:
+            complete = not stack
+            break
+    if not found:
+        return Crossings(
+            pairs=np.empty((0, 2), dtype=np.int64), points_mm=np.empty((0, 3)), complete=complete
+        )
+    pairs, points = np.concatenate(found), np.concatenate(where)
+    rank = np.lexsort((pairs[:, 1], pairs[:, 0]))
+    return Crossings(pairs=pairs[rank], points_mm=points[rank], complete=complete)
+
+
+def _boxes(
+    corners: NDArray[np.float64], margin: float
+) -> tuple[list[NDArray[np.float64]], NDArray[np.int64]]:
+    """Complete binary tree of boxes over the faces in Morton order; padding boxes are empty."""
+    low, high = corners.min(axis=1) - margin, corners.max(axis=1) + margin
+    centre = (low + high) / 2.0
+    span = np.maximum(centre.max(axis=0) - centre.min(axis=0), 1e-300)
+    grid = ((centre - centre.min(axis=0)) / span * 1023.0).astype(np.int64)
+    code = np.zeros(len(corners), dtype=np.int64)
+    for bit in range(10):
+        for axis in range(3):
+            code |= ((grid[:, axis] >> bit) & 1) << (3 * bit + axis)
+    rank = np.argsort(code, kind="stable")
+    size = 1 << int(np.ceil(np.log2(max(len(corners), 2))))
+    order = np.full(size, -1, dtype=np.int64)
+    order[: len(rank)] = rank
+    box = np.full((size, 2, 3), np.inf)
+    box[:, 1] = -np.inf
+    box[: len(rank), 0], box[: len(rank), 1] = low[rank], high[rank]
+    levels = [box]
+    while len(levels[-1]) > 1:
+        pair = levels[-1].reshape(-1, 2, 2, 3)
+        levels.append(np.stack([pair[:, :, 0].min(axis=1), pair[:, :, 1].max(axis=1)], axis=1))
+    return levels[::-1], order
+
+
+def _children(pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Pairs of children of pairs of nodes, each unordered pair once."""
+    first, second = 2 * pairs[:, 0], 2 * pairs[:, 1]
+    below = np.stack(
+        [
+            np.stack([first, second], axis=1),
+            np.stack([first, second + 1], axis=1),
+            np.stack([first + 1, second], axis=1),
+            np.stack([first + 1, second + 1], axis=1),
+        ],
+        axis=1,
+    )
+    keep = np.ones((len(pairs), 4), dtype=np.bool_)
+    keep[:, 2] = pairs[:, 0] != pairs[:, 1]
+    return np.asarray(below[keep])
+
+
+def _overlapping(box: NDArray[np.float64], pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+    one, other = box[pairs[:, 0]], box[pairs[:, 1]]
+    return np.asarray(
+        pairs[((one[:, 0] <= other[:, 1]) & (other[:, 0] <= one[:, 1])).all(axis=1)]
+    )
+
+
+def _cross(
+    corners: NDArray[np.float64], pairs: NDArray[np.int64], tolerance_mm: float
+) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """Whether an edge of one triangle runs through the other, and where."""
+    hit = np.zeros(len(pairs), dtype=np.bool_)
+    point = np.zeros((len(pairs), 3))
+    if not len(pairs):
+        return hit, point
+    # Work about the first corner, so that parts far from the origin lose no digits.
+    for one, other in ((0, 1), (1, 0)):
+        base = corners[pairs[:, other], 0]
+        edge_of = corners[pairs[:, one]] - base[:, None]
+        face = corners[pairs[:, other]] - base[:, None]
+        normal = np.cross(face[:, 1], face[:, 2])
+        area = np.linalg.norm(normal, axis=1)
+        fine = area > 0.0
+        normal = np.divide(normal, area[:, None], where=fine[:, None], out=np.zeros_like(normal))
+        side = np.einsum("kij,kj->ki", edge_of, normal)
+        maybe = np.flatnonzero(
+            fine & (side.max(axis=1) > tolerance_mm) & (side.min(axis=1) < -tolerance_mm)
+        )
+        for start in range(3):
+            end = (start + 1) % 3
+            a, b = side[maybe, start], side[maybe, end]
+            chosen = maybe[
+                (np.minimum(a, b) < -tolerance_mm) & (np.maximum(a, b) > tolerance_mm)
+            ]
+            if not len(chosen):
+                continue
+            share = side[chosen, start] / (side[chosen, start] - side[chosen, end])
+            where = edge_of[chosen, start] + share[:, None] * (
+                edge_of[chosen, end] - edge_of[chosen, start]
+            )
+            inside = np.full(len(chosen), np.inf)
+            for corner in range(3):
+                along = face[chosen, (corner + 1) % 3] - face[chosen, corner]
+                length = np.linalg.norm(along, axis=1)
+                inward = np.cross(normal[chosen], along) / np.maximum(length, 1e-300)[:, None]
+                gap = np.einsum("kj,kj->k", where - face[chosen, corner], inward)
+                inside = np.minimum(inside, gap)
+            through = inside > tolerance_mm
+            hit[chosen[through]] = True
+            point[chosen[through]] = where[through] + base[chosen[through]]
+    return hit, point

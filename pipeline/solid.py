@@ -1,0 +1,318 @@
+"""Making a closed solid of a mesh as it was read: what is mended, and what is refused."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import manifold3d
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline import mending
+from pipeline.part import PartError
+from pipeline.self_intersection import crossings
+from pipeline.thicken import thicken
+
+SMALLEST_MM: Final = 1e-3
+LARGEST_MM: Final = 1e6
+CONTACT: Final = 1e-6  # of the diagonal: rounding of single-precision files
+HOLE_SHARE: Final = 0.05  # of the diagonal: the widest hole that is filled
+HOLE_EDGES: Final = 200
+
+Vertices = NDArray[np.float64]
+Faces = NDArray[np.int64]
+
+
+def make_solid(
+    source: str, vertices_mm: Vertices, faces: Faces, *, thicken_mm: float | None = None
+) -> tuple[Vertices, Faces, tuple[str, ...]]:
+    """Mend a mesh into closed bodies, outward, free of crossings; say what was mended.
+
+    Returns
+    -------
+    tuple
+        (V, 3) mm, (F, 3) and what was mended in plain words.
+
+    Raises
+    ------
+    PartError
+        When that isn't possible.
+    """
+    if thicken_mm is not None and not (np.isfinite(thicken_mm) and thicken_mm != 0.0):
+        raise PartError(source, f"thicken_mm = {thicken_mm}", "a thickness other than zero")
+    diagonal = _diagonal(source, vertices_mm, faces)
+    notes: list[str] = []
+    vertices, faces = _joined(vertices_mm, faces, diagonal, notes)
+    if not len(faces):
+        raise PartError(source, "no face has an area", "export it again with its solid")
+    vertices, faces, parted = mending.split_bodies(vertices, faces)
+    if parted:
+        notes.append(f"{parted} edges shared by several bodies parted")
+    _refuse_busy_edges(source, vertices, faces)
+    faces, turned, one_sided = mending.wind_alike(faces)
+    if one_sided:
+        raise PartError(source, "one-sided: faces can't be wound alike", "rebuild the surface")
+    if turned:
+        notes.append(f"{turned} faces turned to be wound like their neighbours")
+    if thicken_mm is None:
+        faces = _filled(vertices, faces, diagonal, notes)
+    faces, needles = mending.flip_needles(vertices, faces, 1e-9 * diagonal)
+    if needles:
+        notes.append(f"{needles} faces without height merged into their neighbours")
+    loops = _open_edges(faces)
+    if len(loops):
+        if thicken_mm is None:
+            _refuse_open(source, vertices, faces, loops)
+        vertices, faces = thicken(vertices, faces, thicken_mm or 0.0)
+        notes.append(f"open sheet grown to a solid of {abs(thicken_mm or 0.0):g} mm")
+    elif thicken_mm is not None:
+        notes.append("already closed: thicken_mm not applied")
+    vertices, faces = _outward(source, vertices, faces, diagonal, notes)
+    vertices, faces = _uncrossed(
+        source, vertices, faces, diagonal, notes, parted > 0, thicken_mm is not None and len(loops)
+    )
+    status = manifold(vertices, faces).status()
+    if status != manifold3d.Error.NoError:
+        raise PartError(source, f"not a closed solid ({status.name})", "repair it in CAD")
+    return vertices, faces, tuple(notes)
+
+
+def manifold(vertices_mm: Vertices, faces: NDArray[np.integer]) -> manifold3d.Manifold:
+    """manifold3d's solid of a closed mesh, in double precision."""
+    # Copies: Mesh64 takes no read-only arrays.
+    return manifold3d.Manifold(
+        manifold3d.Mesh64(
+            np.array(vertices_mm, dtype=np.float64, order="C"),
+            np.array(faces, dtype=np.uint64, order="C"),
+        )
+    )
+
+
+def _diagonal(source: str, vertices_mm: Vertices, faces: Faces) -> float:
+    used = vertices_mm[np.unique(faces)]
+    size = used.max(axis=0) - used.min(axis=0)
+    if np.abs(used).max() > LARGEST_MM:
+        raise PartError(
+            source,
+            f"coordinates up to {np.abs(used).max():.3g} mm, beyond {LARGEST_MM:g} mm",
+            "give its unit, or repair the coordinates",
+        )
+    if size.max() < SMALLEST_MM:
+        raise PartError(source, f"only {size.max():.3g} mm large", "give its unit (unit: m ...)")
+    return float(np.linalg.norm(size))
+
+
+def _joined(
+    vertices_mm: Vertices, faces: Faces, diagonal: float, notes: list[str]
+) -> tuple[Vertices, Faces]:
+    """Weld equal and nearly equal vertices, drop faces that collapse or stand twice."""
+    vertices, faces = mending.weld(vertices_mm, faces)
+    faces, collapsed = mending.drop_collapsed(faces)
+    for tolerance in (1e-7 * diagonal, CONTACT * diagonal, 1e-5 * diagonal):
+        if not len(faces) or not len(_open_edges(faces)):
+            break
+        trial, trial_faces, joined = mending.weld_close(vertices, faces, tolerance)
+        trial_faces, lost = mending.drop_collapsed(trial_faces)
+        if joined and len(_open_edges(trial_faces)) < len(_open_edges(faces)):
+            vertices, faces, collapsed = trial, trial_faces, collapsed + lost
+            notes.append(f"{joined} vertices closer than {tolerance:.2g} mm joined")
+    if collapsed:
+        notes.append(f"{collapsed} faces without area dropped")
+    faces, doubled = mending.drop_doubled(faces)
+    if doubled:
+        notes.append(f"{doubled} doubled faces dropped")
+    return vertices, faces
+
+
+def _open_edges(faces: Faces) -> NDArray[np.int64]:
+    """(k, 2) edges that have one face only."""
+    directed, edge = mending.halfedges(faces)
+    return directed[np.bincount(edge)[edge] == 1] if len(edge) else directed
+
+
+def _refuse_busy_edges(source: str, vertices: Vertices, faces: Faces) -> None:
+    directed, edge = mending.halfedges(faces)
+    busy = np.bincount(edge)[edge] > 2
+    if busy.any():
+        raise PartError(
+            source,
+            f"{len(np.unique(edge[busy]))} edges shared by more than two faces, first at "
+            f"{_place(vertices[directed[np.argmax(busy)]].mean(axis=0))}",
+            "export each body by itself, or unite them in CAD",
+        )
+
+
+def _filled(
+    vertices: Vertices, faces: Faces, diagonal: float, notes: list[str]
+) -> Faces:
+    """Fill holes up to HOLE_SHARE of the diagonal wide."""
+    filled, widest = [], 0.0
+    for loop in mending.open_loops(faces):
+        points = vertices[loop]
+        width = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
+        if width <= HOLE_SHARE * diagonal and len(loop) <= HOLE_EDGES:
+            filled.append(loop[mending.fill_loop(points)])
+            widest = max(widest, width)
+    if not filled:
+        return faces
+    notes.append(f"{len(filled)} small holes filled, up to {widest:.3g} mm wide")
+    return np.concatenate([faces, *filled])
+
+
+def _refuse_open(source: str, vertices: Vertices, faces: Faces, rim: NDArray[np.int64]) -> None:
+    loops = mending.open_loops(faces)
+    at = vertices[np.unique(rim)]
+    size = float(np.linalg.norm(np.ptp(vertices[np.unique(faces)], axis=0)))
+    thick = float(f"{max(size * 0.005, 1e-4):.1g}")
+    raise PartError(
+        source,
+        f"not closed: {len(rim)} open edges in {len(loops)} holes, between "
+        f"{_place(at.min(axis=0))} and {_place(at.max(axis=0))}",
+        f"thicken_mm: {thick:g} where it is a sheet's skin, else close it in CAD",
+    )
+
+
+def _outward(
+    source: str, vertices: Vertices, faces: Faces, diagonal: float, notes: list[str]
+) -> tuple[Vertices, Faces]:
+    """Turn bodies outward, keep cavities, drop bodies without volume."""
+    body = mending.bodies(faces)
+    centre = vertices.mean(axis=0)
+    corners = vertices[faces] - centre
+    parts = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
+    volume = np.bincount(body, weights=parts)
+    area = np.bincount(
+        body,
+        weights=np.linalg.norm(
+            np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+        )
+        / 2.0,
+    )
+    flat = np.abs(volume) <= 1e-7 * diagonal * area
+    if flat.all():
+        raise PartError(
+            source, "closed, but without volume (zero thickness)", "export its solid again"
+        )
+    if flat.any():
+        notes.append(f"{int(flat.sum())} bodies without volume dropped")
+        keep = ~flat[body]
+        vertices, faces = _compact(vertices, faces[keep])
+        body = mending.bodies(faces)
+        volume = volume[~flat]
+    depth, _ = nesting(vertices, faces, body)
+    outer = depth == 0
+    wrong = np.zeros(len(volume), dtype=np.bool_)
+    wrong[outer] = volume[outer] < 0.0
+    # A body inside others keeps its way relative to the outermost ones: inward is a cavity.
+    if wrong[outer].all():
+        wrong[:] = True
+    if wrong.any():
+        turn = wrong[body]
+        faces = faces.copy()
+        faces[turn] = faces[turn][:, ::-1]
+        notes.append(f"{int(wrong.sum())} bodies turned inside out")
+        volume = np.where(wrong, -volume, volume)
+    if volume.sum() <= 0.0:
+        raise PartError(source, "encloses no volume", "export its solid again")
+    return vertices, faces
+
+
+def nesting(
+    vertices: Vertices, faces: Faces, body: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """How many other bodies each body lies in, and (k, k) which lies in which.
+
+    A body lies in another when the winding number of the other about one of its vertices is not
+    zero (van Oosterom and Strackee, 1983, solid angle of a triangle).
+    """
+    count = int(body.max()) + 1
+    inside = np.zeros((count, count), dtype=np.bool_)
+    if count == 1:
+        return np.zeros(1, dtype=np.int64), inside
+    rows = [np.flatnonzero(body == number) for number in range(count)]
+    low = np.array([vertices[faces[row]].min(axis=(0, 1)) for row in rows])
+    high = np.array([vertices[faces[row]].max(axis=(0, 1)) for row in rows])
+    for one in range(count):
+        point = vertices[faces[rows[one][0], 0]]
+        for other in range(count):
+            if one == other or (low[one] < low[other]).any() or (high[one] > high[other]).any():
+                continue
+            a, b, c = np.moveaxis(vertices[faces[rows[other]]] - point, 1, 0)
+            la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+            above = np.einsum("ij,ij->i", a, np.cross(b, c))
+            below = (
+                la * lb * lc
+                + np.einsum("ij,ij->i", a, b) * lc
+                + np.einsum("ij,ij->i", b, c) * la
+                + np.einsum("ij,ij->i", c, a) * lb
+            )
+            turns = np.arctan2(above, below).sum() / (2.0 * np.pi)
+            inside[one, other] = abs(turns) > 0.75
+    return inside.sum(axis=1), inside
+
+
+def _uncrossed(
+    source: str,
+    vertices: Vertices,
+    faces: Faces,
+    diagonal: float,
+    notes: list[str],
+    touching: bool,
+    thickened: bool | int,
+) -> tuple[Vertices, Faces]:
+    """Unite bodies that cross or share edges; refuse a body that crosses itself."""
+    found = crossings(vertices, faces, tolerance_mm=CONTACT * diagonal)
+    if not found.complete and not len(found.pairs):
+        notes.append("too large to be checked for self-intersection everywhere")
+    body = mending.bodies(faces)
+    own = body[found.pairs[:, 0]] == body[found.pairs[:, 1]]
+    if own.any():
+        raise PartError(
+            source,
+            f"self-intersection: {'' if found.complete else 'at least '}{int(own.sum())} pairs of "
+            f"faces cross, first at {_place(found.points_mm[np.argmax(own)])}",
+            "a smaller thicken_mm" if thickened else "rebuild or unite it in CAD",
+        )
+    count = int(body.max()) + 1
+    if count == 1 or not (touching or len(found.pairs)):
+        return vertices, faces
+    return _united(source, vertices, faces, body, notes)
+
+
+def _united(
+    source: str, vertices: Vertices, faces: Faces, body: NDArray[np.int64], notes: list[str]
+) -> tuple[Vertices, Faces]:
+    """Unite bodies with manifold3d, in double precision; cavities stay with their bodies."""
+    corners = vertices[faces] - vertices.mean(axis=0)
+    parts = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
+    volume = np.bincount(body, weights=parts)
+    depth, inside = nesting(vertices, faces, body)
+    owner = np.arange(len(volume))
+    for cavity in np.flatnonzero(volume < 0.0):
+        around = np.flatnonzero(inside[cavity] & (volume > 0.0))
+        if len(around):
+            owner[cavity] = around[np.argmax(depth[around])]
+    solids = []
+    for number in np.unique(owner):
+        solid = manifold(*_compact(vertices, faces[(owner == number)[body]]))
+        if solid.status() != manifold3d.Error.NoError or solid.volume() <= 0.0:
+            raise PartError(source, "bodies cross and can't be united", "unite them in CAD")
+        solids.append(solid)
+    whole = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
+    if whole.status() != manifold3d.Error.NoError or whole.is_empty():
+        raise PartError(source, "bodies cross and can't be united", "unite them in CAD")
+    mesh = whole.to_mesh64()
+    notes.append(f"{len(solids)} bodies that touch or overlap united")
+    return (
+        np.array(mesh.vert_properties[:, :3], dtype=np.float64),
+        np.array(mesh.tri_verts, dtype=np.int64),
+    )
+
+
+def _compact(vertices: Vertices, faces: Faces) -> tuple[Vertices, Faces]:
+    used, corner = np.unique(faces, return_inverse=True)
+    return vertices[used], corner.reshape(-1, 3)
+
+
+def _place(point: Vertices) -> str:
+    return "(" + ", ".join(f"{value:.4g}" for value in point) + ") mm"
