@@ -1,0 +1,267 @@
+"""Embree as the finder of triangles, double precision as the judge of hits.
+
+Embree works in single precision: about 0.1 µm at 400 mm, and a hit near an edge may fall on the
+wrong side of it. So the mesh goes into its tree about its own centre and with every triangle grown
+by a margin far above that error; rays start where they enter the part's box; and what Embree names
+is only a candidate, decided by `sensors.section`. A candidate that doesn't hold is replaced by one
+of the triangles around it, or the ray is sent on behind it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from numba import njit
+from numpy.typing import NDArray
+
+from sensors.section import Floats, Ints, ray_depth
+
+_GROWTH = 3e-5  # margin around each triangle, as a share of the mesh's half diagonal
+_ROUNDS = 40  # candidates per ray before all triangles are tried
+_BATCH = 1 << 18  # rays at a time
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Rays:
+    """Rays given in frames of their own.
+
+    Attributes
+    ----------
+    frame : (n, 3, 3)
+        Rows are the frame's axes in the part frame.
+    origin, place : (n, 3)
+        A vertex v has the frame's coordinates frame @ (v - origin) - place, mm.
+    index : (k,) int64
+        Frame of each ray.
+    x_mm, slope_x : (k,)
+        Ray (x_mm, 0, 0) + depth·(slope_x, 0, 1) in its frame.
+    """
+
+    frame: Floats
+    origin: Floats
+    place: Floats
+    index: NDArray[np.int64]
+    x_mm: Floats
+    slope_x: Floats
+
+    def in_part(self) -> tuple[Floats, Floats]:
+        """Origins (k, 3) and directions (k, 3), part frame; directions have length >= 1."""
+        start = np.einsum("nji,nj->ni", self.frame, self.place) + self.origin
+        across, along = self.frame[:, 0], self.frame[:, 2]
+        origins = start[self.index] + self.x_mm[:, None] * across[self.index]
+        directions = self.slope_x[:, None] * across[self.index] + along[self.index]
+        return origins, directions
+
+
+class Tree:
+    """Embree's tree over a triangle mesh; finds the first hit of rays in double precision."""
+
+    def __init__(self, vertices_mm: Floats, faces: Ints, normals: Floats) -> None:
+        self.vertices_mm, self.faces, self.normals = vertices_mm, faces, normals
+        low, high = vertices_mm.min(axis=0), vertices_mm.max(axis=0)
+        self._centre = (low + high) / 2
+        half_mm = float(np.linalg.norm(high - low)) / 2
+        self._margin_mm = _GROWTH * half_mm
+        self._low, self._high = low - 4 * self._margin_mm, high + 4 * self._margin_mm
+        self._scene = EmbreeScene(robust=True)
+        corners = _grown(vertices_mm, faces, self._centre, self._margin_mm)
+        TriangleMesh(self._scene, corners)
+        self._ring_start, self._ring = _triangles_at_vertices(faces, len(vertices_mm))
+
+    def first(
+        self,
+        rays: Rays,
+        nearest: Floats | float = 0.0,
+        farthest: Floats | float = np.inf,
+        ignored: Ints | None = None,
+    ) -> tuple[Floats, Ints]:
+        """Return depth (k,) and triangle (k,) of the first hits; NaN and -1 where there is none.
+
+        Parameters
+        ----------
+        rays
+            The rays.
+        nearest, farthest
+            Only hits with nearest < depth < farthest count; (k,) or one number.
+        ignored : (k,)
+            A triangle that each ray passes through.
+        """
+        count = len(rays.index)
+        depth = np.full(count, np.nan)
+        triangle = np.full(count, -1, dtype=np.int32)
+        nearest = np.broadcast_to(np.asarray(nearest, dtype=np.float64), count)
+        farthest = np.broadcast_to(np.asarray(farthest, dtype=np.float64), count)
+        if ignored is None:
+            ignored = np.full(count, -1, dtype=np.int32)
+        for begin in range(0, count, _BATCH):
+            part = slice(begin, begin + _BATCH)
+            batch = Rays(
+                frame=rays.frame, origin=rays.origin, place=rays.place,
+                index=rays.index[part], x_mm=rays.x_mm[part], slope_x=rays.slope_x[part],
+            )  # fmt: skip
+            self._first(
+                batch, nearest[part], farthest[part], ignored[part], depth[part], triangle[part]
+            )
+        return depth, triangle
+
+    def _first(
+        self, rays: Rays, nearest: Floats, farthest: Floats, ignored: Ints,
+        depth: Floats, triangle: Ints,
+    ) -> None:  # fmt: skip
+        """Fill `depth` and `triangle` for one batch of rays."""
+        origins, directions = rays.in_part()
+        enter, leave = _box_span(origins, directions, self._low, self._high)
+        start = np.maximum(enter, nearest)
+        live = np.flatnonzero((start < leave) & (start < farthest))
+        best = np.full(len(depth), np.inf)
+        for turn in range(_ROUNDS):
+            if live.size == 0:
+                break
+            where = origins[live] + start[live, None] * directions[live] - self._centre
+            found = self._scene.run(
+                where.astype(np.float32), directions[live].astype(np.float32), output=1
+            )
+            live = _judge(
+                self.vertices_mm, self.faces, self.normals, self._ring_start, self._ring,
+                rays.frame, rays.origin, rays.place, rays.index, rays.x_mm, rays.slope_x,
+                directions, live, found["primID"], found["tfar"].astype(np.float64),
+                nearest, farthest, ignored, start, best, triangle,
+                self._margin_mm, self._margin_mm * 2.0 ** (turn - 3),
+            )  # fmt: skip
+        if live.size:
+            _try_all(
+                self.vertices_mm, self.faces,
+                rays.frame, rays.origin, rays.place, rays.index, rays.x_mm, rays.slope_x,
+                live, nearest, farthest, ignored, best, triangle,
+            )  # fmt: skip
+        hit = triangle >= 0
+        depth[hit] = best[hit]
+
+
+def _grown(
+    vertices_mm: Floats, faces: Ints, centre: Floats, margin_mm: float
+) -> NDArray[np.float32]:
+    """Corners (F, 3, 3) of the triangles about `centre`, each grown in its plane by `margin_mm`."""
+    corner = vertices_mm[faces] - centre
+    out = np.empty_like(corner)
+    for i in range(3):
+        a = corner[:, (i + 1) % 3] - corner[:, i]
+        b = corner[:, (i + 2) % 3] - corner[:, i]
+        length_a = np.linalg.norm(a, axis=1, keepdims=True)
+        length_b = np.linalg.norm(b, axis=1, keepdims=True)
+        inward = a / np.maximum(length_a, 1e-300) + b / np.maximum(length_b, 1e-300)
+        size = np.linalg.norm(inward, axis=1, keepdims=True)
+        # |inward| = 2 cos(half the angle); the mitre 1 / sin is cut off in sharp corners.
+        sine = np.sqrt(np.clip(1 - (size / 2) ** 2, 0.0, 1.0))
+        step = margin_mm / np.maximum(sine, 0.25)
+        out[:, i] = corner[:, i] - inward / np.maximum(size, 1e-300) * step
+    return out.astype(np.float32)
+
+
+def _triangles_at_vertices(faces: Ints, count: int) -> tuple[NDArray[np.int64], Ints]:
+    """For each vertex the triangles around it, as one list with the starts of its runs."""
+    flat = faces.ravel()
+    order = np.argsort(flat, kind="stable")
+    start = np.zeros(count + 1, dtype=np.int64)
+    np.cumsum(np.bincount(flat, minlength=count), out=start[1:])
+    return start, (order // 3).astype(np.int32)
+
+
+@njit(cache=True, error_model="numpy")
+def _box_span(
+    origins: Floats, directions: Floats, low: Floats, high: Floats
+) -> tuple[Floats, Floats]:
+    """Ray parameters at which each ray enters and leaves a box; enter > leave where it misses."""
+    count = len(origins)
+    enter = np.empty(count)
+    leave = np.empty(count)
+    for r in range(count):
+        first, last = -np.inf, np.inf
+        for axis in range(3):
+            o, d = origins[r, axis], directions[r, axis]
+            if d == 0.0:
+                if o < low[axis] or o > high[axis]:
+                    first, last = np.inf, -np.inf
+                continue
+            near, far = (low[axis] - o) / d, (high[axis] - o) / d
+            if near > far:
+                near, far = far, near
+            first, last = max(first, near), min(last, far)
+        enter[r], leave[r] = first, last
+    return enter, leave
+
+
+@njit(cache=True)
+def _judge(
+    vertices: Floats, faces: Ints, normals: Floats,
+    ring_start: NDArray[np.int64], ring: Ints,
+    frame: Floats, origin: Floats, place: Floats,
+    index: NDArray[np.int64], x_mm: Floats, slope_x: Floats, directions: Floats,
+    live: NDArray[np.int64], candidate: Ints, ahead: Floats,
+    nearest: Floats, farthest: Floats, ignored: Ints,
+    start: Floats, best: Floats, triangle: Ints,
+    margin_mm: float, step_mm: float,
+) -> NDArray[np.int64]:  # fmt: skip
+    """Decide Embree's candidates in double precision; return the rays that must go on."""
+    on = np.empty(len(live), dtype=np.int64)
+    count = 0
+    for i in range(len(live)):
+        r = live[i]
+        t = candidate[i]
+        if t < 0:
+            continue
+        f, x, s = index[r], x_mm[r], slope_x[r]
+        at = start[r] + ahead[i]
+        if best[r] < at or at - margin_mm > farthest[r]:
+            continue  # what was found before is nearer
+        facing = (
+            normals[t, 0] * directions[r, 0]
+            + normals[t, 1] * directions[r, 1]
+            + normals[t, 2] * directions[r, 2]
+        ) < 0.0
+        d = np.inf
+        if t != ignored[r]:
+            d = ray_depth(vertices, faces, t, frame[f], origin[f], place[f], x, s)
+        if nearest[r] < d < farthest[r]:
+            if d < best[r] or (d == best[r] and t < triangle[r]):
+                best[r], triangle[r] = d, t
+            if facing:
+                continue
+        for corner in range(3):
+            v = faces[t, corner]
+            for k in range(ring_start[v], ring_start[v + 1]):
+                n = ring[k]
+                if n == t or n == ignored[r]:
+                    continue
+                d = ray_depth(vertices, faces, n, frame[f], origin[f], place[f], x, s)
+                if nearest[r] < d < farthest[r] and (
+                    d < best[r] or (d == best[r] and n < triangle[r])
+                ):
+                    best[r], triangle[r] = d, n
+        if best[r] <= at + 4 * margin_mm:
+            continue
+        start[r] = at + step_mm
+        on[count] = r
+        count += 1
+    return on[:count].copy()
+
+
+@njit(cache=True)
+def _try_all(
+    vertices: Floats, faces: Ints, frame: Floats, origin: Floats, place: Floats,
+    index: NDArray[np.int64], x_mm: Floats, slope_x: Floats,
+    live: NDArray[np.int64], nearest: Floats, farthest: Floats, ignored: Ints,
+    best: Floats, triangle: Ints,
+) -> None:  # fmt: skip
+    """Hold rays that never settled against every triangle."""
+    for r in live:
+        f = index[r]
+        for t in range(len(faces)):
+            if t == ignored[r]:
+                continue
+            d = ray_depth(
+                vertices, faces, t, frame[f], origin[f], place[f], x_mm[r], slope_x[r]
+            )
+            if nearest[r] < d < farthest[r] and d < best[r]:
+                best[r], triangle[r] = d, t
