@@ -1,0 +1,270 @@
+"""Noise calibration: how large the readings' noise is, how it is correlated, how long its tails.
+
+Neighbouring readings share speckle, so p-values and predictive densities need the noise's
+correlation, not only its size. It is measured as an anisotropic 2-D autocovariance from plates or
+from the recordings' own residuals; its Fourier transform draws the null fields (Wiener-Khinchin).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
+
+Field = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+CLIP_SD = 4.5
+MAX_LAG = 24
+MIN_PAIRS = 200
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class NoiseModel:
+    """Stationary Gaussian noise with tails.
+
+    Attributes
+    ----------
+    sd_mm : float
+        Standard deviation of a reading's noise, tails apart, mm.
+    acf : (2 ly + 1, 2 lx + 1) float64
+        Autocorrelation at lags -ly..ly rows and -lx..lx columns, 1 at the centre; the Fourier
+        transform of a spectrum that is nowhere negative.
+    tail_share, tail_sd_mm : float
+        Share of readings beyond 4.5 sd, mm size of those; Gaussian noise has next to none.
+    kurtosis : float
+        Fourth standardised moment of the readings inside the clip, 3 where Gaussian.
+    missing_share : float
+        Share of readings lost for no geometric reason.
+    pitch_x_mm, pitch_y_mm : float
+        Pitches at which the lags hold.
+    readings : int
+        How many readings it was measured from.
+    from_reference : bool
+        True where plates gave it, False where the recordings' own residuals did.
+    """
+
+    sd_mm: float
+    acf: Field
+    tail_share: float
+    tail_sd_mm: float
+    kurtosis: float
+    missing_share: float
+    pitch_x_mm: float
+    pitch_y_mm: float
+    readings: int
+    from_reference: bool
+
+    @property
+    def lags(self) -> tuple[int, int]:
+        """Largest lag in rows and in columns."""
+        return self.acf.shape[0] // 2, self.acf.shape[1] // 2
+
+    def correlation_length_px(self) -> tuple[float, float]:
+        """Integral correlation length along rows' direction y and columns' direction x, pixels."""
+        ly, lx = self.lags
+        return (
+            float(np.clip(self.acf[:, lx], 0, None).sum()),
+            float(np.clip(self.acf[ly], 0, None).sum()),
+        )
+
+    def readings_per_independent(self) -> float:
+        """How many readings carry as much as one independent reading, for smooth signatures."""
+        return float(max(self.acf.sum(), 0.05))
+
+    def at_pitch(self, pitch_x_mm: float, pitch_y_mm: float) -> "NoiseModel":
+        """Rescale the lags to another pitch; within 10 % it is left alone."""
+        ratio_x, ratio_y = pitch_x_mm / self.pitch_x_mm, pitch_y_mm / self.pitch_y_mm
+        if abs(np.log(ratio_x)) < 0.1 and abs(np.log(ratio_y)) < 0.1:
+            return self
+        from dataclasses import replace
+
+        from scipy.interpolate import RegularGridInterpolator
+
+        ly, lx = self.lags
+        grid = RegularGridInterpolator(
+            (np.arange(-ly, ly + 1), np.arange(-lx, lx + 1)),
+            self.acf,
+            bounds_error=False,
+            fill_value=0.0,
+        )
+        rows, columns = np.meshgrid(
+            np.arange(-ly, ly + 1) * ratio_y, np.arange(-lx, lx + 1) * ratio_x, indexing="ij"
+        )
+        acf = _nonnegative(grid(np.stack([rows, columns], axis=-1)))
+        return replace(self, acf=acf, pitch_x_mm=pitch_x_mm, pitch_y_mm=pitch_y_mm)
+
+    def draw(self, shape: tuple[int, int], rng: np.random.Generator) -> Field:
+        """Draw a field of unit variance with this autocorrelation, (n, m)."""
+        root = np.sqrt(np.clip(self.spectrum(shape), 0, None))
+        noise = rng.standard_normal(root.shape)
+        drawn = np.fft.irfft2(np.fft.rfft2(noise) * root[:, : root.shape[1] // 2 + 1], s=root.shape)
+        return np.asarray(drawn[: shape[0], : shape[1]])
+
+    def spectrum(self, shape: tuple[int, int]) -> Field:
+        """Power per discrete frequency on a torus that holds `shape` and the lags; mean 1."""
+        ly, lx = self.lags
+        size = (_fast(shape[0] + ly), _fast(shape[1] + lx))
+        torus = np.zeros(size)
+        rows = np.arange(-ly, ly + 1) % size[0]
+        columns = np.arange(-lx, lx + 1) % size[1]
+        np.add.at(torus, (rows[:, None], columns[None, :]), self.acf)
+        return np.asarray(np.fft.fft2(torus).real)
+
+
+def calibrate(
+    residuals_mm: Sequence[Field],
+    valid: Sequence[Mask],
+    *,
+    pitch_mm: tuple[float, float],
+    missing_share: float,
+    from_reference: bool,
+) -> NoiseModel:
+    """Measure the noise of residual fields, robustly against smooth misfit and spikes.
+
+    Row and column means and a local mean are taken off first: what is smooth or whole-row or
+    whole-column belongs to the tests, not to the noise.
+
+    Parameters
+    ----------
+    residuals_mm : sequence of (n, m)
+        Reading minus plain model, mm.
+    valid : sequence of (n, m) bool
+        Which to use: no edges, no missing.
+    pitch_mm : (x, y)
+        Pitches of the fields, mm.
+    """
+    shapes = [r.shape for r in residuals_mm]
+    ly = int(min(MAX_LAG, min(s[0] for s in shapes) // 4))
+    lx = int(min(MAX_LAG, min(s[1] for s in shapes) // 4))
+    total = np.zeros((2 * ly + 1, 2 * lx + 1))
+    pairs = np.zeros_like(total)
+    values: list[Field] = []
+    beyond: list[Field] = []
+    sizes = [high_pass(r, v) for r, v in zip(residuals_mm, valid, strict=True)]
+    used_all = np.concatenate([f[u] for f, u in sizes]) if sizes else np.zeros(0)
+    scale = _mad_sd(used_all)
+    for field, used in sizes:
+        near = used & (np.abs(field) < CLIP_SD * scale)
+        a, b = _covariance(field, near, ly, lx)
+        total += a
+        pairs += b
+        values.append(field[near])
+        beyond.append(field[used & ~near])
+    inside = np.concatenate(values)
+    outside = np.concatenate(beyond)
+    if inside.size < 50:
+        return NoiseModel(
+            sd_mm=max(scale, 1e-4),
+            acf=np.ones((1, 1)),
+            tail_share=0.0,
+            tail_sd_mm=10 * max(scale, 1e-4),
+            kurtosis=3.0,
+            missing_share=missing_share,
+            pitch_x_mm=pitch_mm[0],
+            pitch_y_mm=pitch_mm[1],
+            readings=int(inside.size),
+            from_reference=from_reference,
+        )
+    covariance = np.where(pairs > MIN_PAIRS, total / np.maximum(pairs, 1), 0.0)
+    # the means taken off leave a small negative floor: the far lags show it
+    ring = np.ones_like(covariance, dtype=bool)
+    ring[ly - ly // 2 : ly + ly // 2 + 1, lx - lx // 2 : lx + lx // 2 + 1] = False
+    if ring.any():
+        covariance = covariance - np.median(covariance[ring])
+    variance = max(covariance[ly, lx], 1e-12)
+    acf = covariance / variance
+    # only lags that stand out of their own scatter, tapered to zero at the ends
+    scatter = np.std(acf[ring]) if ring.any() else 0.0
+    significance = np.abs(_smooth(acf)) > 1.5 * scatter
+    significance[max(ly - 2, 0) : ly + 3, max(lx - 2, 0) : lx + 3] = True
+    taper = np.outer(_taper(ly), _taper(lx))
+    acf = _nonnegative(np.where(significance, acf, 0.0) * taper)
+    return NoiseModel(
+        sd_mm=float(np.sqrt(variance)),
+        acf=acf,
+        tail_share=float(outside.size / max(outside.size + inside.size, 1)),
+        tail_sd_mm=float(max(np.sqrt(np.mean(outside**2)) if outside.size else 0.0, 6 * scale)),
+        kurtosis=float(np.mean(inside**4) / np.mean(inside**2) ** 2),
+        missing_share=missing_share,
+        pitch_x_mm=pitch_mm[0],
+        pitch_y_mm=pitch_mm[1],
+        readings=int(inside.size),
+        from_reference=from_reference,
+    )
+
+
+def high_pass(field: Field, valid: Mask, width: int = 41) -> tuple[Field, Mask]:
+    """Take a local mean, then row and column medians off a field; spikes are cut first."""
+    used = valid & np.isfinite(field)
+    if not used.any():
+        return np.zeros_like(field), used
+    clean = np.where(used, field, 0.0)
+    window = (min(width, field.shape[0] // 3 * 2 + 1), min(width, field.shape[1] // 3 * 2 + 1))
+    for _ in range(3):
+        middle = local_mean(clean, used, window)
+        rest = np.where(used, field - middle, np.nan)
+        scale = _mad_sd(rest[used])
+        spikes = used & (np.abs(rest) > CLIP_SD * scale)
+        clean = np.where(spikes, middle + np.clip(rest, -scale, scale), np.where(used, field, 0.0))
+    rest = np.where(used, field - middle, np.nan)
+    clipped = np.clip(rest, -3 * scale, 3 * scale)
+    for axis in (1, 0):
+        count = used.sum(axis=axis, keepdims=True)
+        mean = np.nansum(clipped, axis=axis, keepdims=True) / np.maximum(count, 1)
+        rest, clipped = rest - mean, clipped - mean
+    return np.where(used, rest, 0.0), used
+
+
+def local_mean(field: Field, used: Mask, window: tuple[int, int]) -> Field:
+    """Mean of the used readings in a window around each point, (n, m)."""
+    weight = uniform_filter(used.astype(np.float64), window, mode="constant")
+    total = uniform_filter(np.where(used, field, 0.0), window, mode="constant")
+    return np.asarray(total / np.maximum(weight, 1e-9))
+
+
+def _covariance(field: Field, used: Mask, ly: int, lx: int) -> tuple[Field, Field]:
+    """Sum of products and number of pairs at each lag, by FFT over the used readings."""
+    size = (_fast(field.shape[0] + ly), _fast(field.shape[1] + lx))
+    one = np.fft.rfft2(used.astype(np.float64), s=size)
+    value = np.fft.rfft2(np.where(used, field, 0.0), s=size)
+    rows = np.arange(-ly, ly + 1) % size[0]
+    columns = np.arange(-lx, lx + 1) % size[1]
+    pick = (rows[:, None], columns[None, :])
+    products = np.fft.irfft2(np.abs(value) ** 2, s=size)[pick]
+    return products, np.round(np.fft.irfft2(np.abs(one) ** 2, s=size)[pick])
+
+
+def _nonnegative(acf: Field) -> Field:
+    """Nearest autocorrelation with a spectrum that is nowhere negative; 1 at the centre."""
+    ly, lx = acf.shape[0] // 2, acf.shape[1] // 2
+    size = (_fast(4 * ly + 2), _fast(4 * lx + 2))
+    torus = np.zeros(size)
+    rows = np.arange(-ly, ly + 1) % size[0]
+    columns = np.arange(-lx, lx + 1) % size[1]
+    np.add.at(torus, (rows[:, None], columns[None, :]), acf)
+    power = np.clip(np.fft.fft2(torus).real, 2e-3 * max(acf[ly, lx], 1e-12), None)
+    back = np.fft.ifft2(power).real[np.ix_(rows, columns)]
+    return np.asarray(back / back[ly, lx])
+
+
+def _smooth(acf: Field) -> Field:
+    return np.asarray(uniform_filter(acf, 3, mode="nearest"))
+
+
+def _taper(lag: int) -> Field:
+    distance = np.abs(np.arange(-lag, lag + 1)) / max(lag, 1)
+    return np.where(distance < 0.5, 1.0, 0.5 * (1 + np.cos(2 * np.pi * (distance - 0.5))))
+
+
+def _mad_sd(values: Field) -> float:
+    if values.size == 0:
+        return 0.0
+    return float(1.4826 * np.median(np.abs(values - np.median(values))))
+
+
+def _fast(size: int) -> int:
+    from scipy.fft import next_fast_len
+
+    return int(next_fast_len(size, real=True))
