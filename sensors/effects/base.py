@@ -1,0 +1,395 @@
+"""The contract of an effect: a small frozen value that turns one law of a reading into another.
+
+To write one: subclass `Effect` (or `AdditiveEffect` for a mean that is linear in some parameters,
+or `MotionEffect` for what moves the sensor) as a frozen dataclass whose fields are made by
+`parameter`, fill in the class attributes, add it to the catalogue. What a fit needs is then
+there: bounds, typical values, owners, what is linear, a coarse grid for what isn't.
+"""
+
+import dataclasses
+import difflib
+import functools
+import itertools
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
+from typing import Any, ClassVar, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensors.covariates import COVARIATES
+from sensors.effects.parameter import Parameter, Value
+from sensors.law import Law
+from sensors.typed_yaml import RecipeError
+from sensors.view import View
+
+Floats = NDArray[np.float64]
+Channel = Literal["mean", "variance", "missing", "tails", "correlation"]
+Frame = Literal["sensor", "time", "travel", "part"]
+
+# Draws of a recording's parameters over which a law is averaged where they aren't known.
+AVERAGED = 8
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
+class Basis:
+    """Fields that a mean is a sum of: mean change = sum of coefficient times field.
+
+    Attributes
+    ----------
+    names : (k,) names of the coefficients
+    fields : k arrays that broadcast to (n, m), mm per unit of the coefficient; NaN where unknown
+    """
+
+    names: tuple[str, ...]
+    fields: tuple[Floats, ...]
+
+
+class Effect(ABC):
+    """A physical effect beyond the plain geometric model.
+
+    Class attributes
+    ----------------
+    name : the effect's name in formats.md and sensor.yaml
+    summary : what happens, one sentence
+    equation : the law in one line of plain text
+    source : where the law comes from
+    statement : sentence for a process engineer, with {parameter} fields
+    channels : what of the law it changes
+    frame : what its signature follows
+    covariate : key of `sensors.covariates.COVARIATES` against which it shows
+    rivals : effects that look alike
+    separating : the measurement that tells them apart
+    needs : keys of the datasheet without which it can't be computed
+    """
+
+    __slots__ = ()
+    name: ClassVar[str]
+    summary: ClassVar[str]
+    equation: ClassVar[str]
+    source: ClassVar[str]
+    statement: ClassVar[str]
+    channels: ClassVar[tuple[Channel, ...]]
+    frame: ClassVar[Frame]
+    covariate: ClassVar[str]
+    rivals: ClassVar[tuple[str, ...]]
+    separating: ClassVar[str]
+    needs: ClassVar[tuple[str, ...]] = ()
+
+    # ---- what a subclass says
+
+    @abstractmethod
+    def changed(self, law: Law, view: View) -> Law:
+        """Return the law with the effect, every parameter being known and none at its null."""
+
+    # ---- what everybody calls
+
+    def apply(self, law: Law, view: View) -> Law:
+        """Turn one law into another.
+
+        Parameters of the recording that are still None are integrated out: the law's mean is the
+        mean over their prior, its white variance takes up what they scatter, and its missing
+        and outliers are averaged. At zero strength the law comes back as it is.
+
+        Raises
+        ------
+        RecipeError
+            Where the datasheet leaves out what the effect needs.
+        """
+        if self.is_null:
+            return law
+        for key in self.needs:
+            view.datasheet.require(key)
+        if self.undrawn(view):
+            return self._integrated(law, view)
+        return self.changed(law, view)
+
+    @property
+    def is_null(self) -> bool:
+        """Whether the effect is at zero strength."""
+        nulls = [p for p in self.parameters() if p.null is not None]
+        return bool(nulls) and all(
+            all(v == p.null for v in value) if isinstance(value, tuple) else value == p.null
+            for p in nulls
+            for value in (getattr(self, p.name),)
+        )
+
+    @classmethod
+    def none(cls) -> Self:
+        """Return the effect at zero strength."""
+        empty: dict[str, Any] = {}
+        for p in cls.parameters():
+            if p.null is not None:
+                empty[p.name] = () if p.kind == "list" else p.null
+        return cls(**empty)
+
+    def covariate_values(self, view: View) -> Floats:
+        """Return the covariate against which the effect shows, broadcastable to (n, m)."""
+        return COVARIATES[self.covariate].values(view)
+
+    def basis(self, view: View) -> Basis | None:
+        """Return the fields that the mean is linear in, at this effect's nonlinear parameters.
+
+        None where the effect isn't linear in anything (see `AdditiveEffect`).
+        """
+        return None
+
+    def describe(self) -> str:
+        """Fill the statement with this effect's parameters."""
+        values = {p.name: self._worded(p) for p in self.parameters()}
+        return self.statement.format(**values)
+
+    def _worded(self, p: Parameter) -> Any:
+        value = getattr(self, p.name)
+        if value is None:
+            return math.nan if p.typical is None or isinstance(p.typical, str) else p.typical
+        return value
+
+    # ---- parameters
+
+    @classmethod
+    def parameters(cls) -> tuple[Parameter, ...]:
+        """Describe every parameter, in the order of the fields."""
+        return _parameters(cls)
+
+    @classmethod
+    def parameter(cls, name: str) -> Parameter:
+        """Describe one parameter."""
+        return next(p for p in cls.parameters() if p.name == name)
+
+    def with_parameters(self, values: Mapping[str, Any] | None = None, **more: Any) -> Self:
+        """Return the effect with some parameters replaced.
+
+        Raises
+        ------
+        RecipeError
+            For an unknown name or a value out of its bounds.
+        """
+        new = {**(values or {}), **more}
+        self._refuse_unknown(new)
+        return dataclasses.replace(self, **new)  # type: ignore[type-var]  # every effect is one
+
+    @classmethod
+    def searched(cls, *, linear: bool | None = None) -> tuple[Parameter, ...]:
+        """Numbers that a fit may move; only the linear or nonlinear ones where asked."""
+        found = (p for p in cls.parameters() if p.searched)
+        return tuple(p for p in found if linear is None or p.linear == linear)
+
+    def vector(self, names: Iterable[str]) -> Floats:
+        """Return the named numbers as an array; None counts as the typical value."""
+        described = {p.name: p for p in self.parameters()}
+        got = [getattr(self, name) for name in names]
+        pairs = zip(got, names, strict=True)
+        return np.array([described[k].typical if v is None else v for v, k in pairs], dtype=float)
+
+    def grid(self, view: View) -> tuple[Self, ...]:
+        """Return effects on a coarse grid of the nonlinear parameters, others as they are."""
+        axes = [(p.name, p.grid) for p in self.parameters() if p.grid]
+        points = itertools.product(*(values for _, values in axes))
+        names = [name for name, _ in axes]
+        return tuple(self.with_parameters(dict(zip(names, p, strict=True))) for p in points)
+
+    # ---- the recording's own parameters
+
+    def undrawn(self, view: View | None = None) -> tuple[str, ...]:
+        """Names of the recording's parameters that are None and that `view` doesn't settle."""
+        return tuple(
+            p.name
+            for p in self.parameters()
+            if p.owner == "recording"
+            and getattr(self, p.name) is None
+            and not (p.known and view is not None and getattr(view, p.known) is not None)
+        )
+
+    def draw(self, rng: np.random.Generator) -> Self:
+        """Return the effect with the recording's open parameters drawn from their prior."""
+        drawn = {}
+        for p in self.parameters():
+            if p.prior is not None:
+                value = float(rng.uniform(*p.prior))  # drawn even where known: keeps the stream
+                if getattr(self, p.name) is None:
+                    drawn[p.name] = value
+        return self.with_parameters(drawn) if drawn else self
+
+    def shared(self) -> Self:
+        """Return the effect with the recording's parameters left open."""
+        return self.with_parameters(
+            {p.name: None for p in self.parameters() if p.owner == "recording"}
+        )
+
+    def _integrated(self, law: Law, view: View) -> Law:
+        """Average over the priors of the open parameters by moments."""
+        laws = []
+        names = self.undrawn(view)
+        for i in range(AVERAGED):
+            values = {}
+            for axis, name in enumerate(names):
+                low, high = self.parameter(name).prior or (0.0, 0.0)
+                # midpoints of equal shares, in another order along each axis
+                share = ((i * (2 * axis + 1) + axis) % AVERAGED + 0.5) / AVERAGED
+                values[name] = low + share * (high - low)
+            laws.append(self.with_parameters(values).changed(law, view))
+        return Law.average(laws)
+
+    # ---- to and from sensor.yaml
+
+    @classmethod
+    def from_mapping(cls, mapping: Mapping[str, Any], *, where: str = "effects") -> Self:
+        """Build the effect from an entry of a sensor's `effects`.
+
+        Raises
+        ------
+        RecipeError
+            For an unknown key, a value of another type, or one out of its bounds.
+        """
+        values = {key: value for key, value in mapping.items() if key != "name"}
+        try:
+            cls._refuse_unknown(values)
+            return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
+        except RecipeError as error:
+            raise RecipeError(str(error), where=where) from None
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return the entry of a sensor's `effects`; what is None is left out."""
+        values = {p.name: getattr(self, p.name) for p in self.parameters()}
+        plain = {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
+        return {"name": self.name, **{k: v for k, v in plain.items() if v is not None}}
+
+    @classmethod
+    def _refuse_unknown(cls, values: Mapping[str, Any]) -> None:
+        names = [p.name for p in cls.parameters()]
+        for key in values:
+            if key not in names:
+                close = difflib.get_close_matches(key, names, n=1)
+                hint = f"did you mean '{close[0]}'? " if close else ""
+                raise RecipeError(
+                    f"effect {cls.name} has no parameter '{key}'", allowed=hint + ", ".join(names)
+                )
+
+    def __post_init__(self) -> None:
+        for p in self.parameters():
+            value = getattr(self, p.name)
+            if value is None and (p.typical is None or p.sheet or p.owner == "recording"):
+                continue
+            if not _fits(p, value):
+                raise RecipeError(
+                    f"{p.name} of effect {self.name}", value=value, allowed=p.bounds_text
+                )
+
+
+def _fits(p: Parameter, value: Value) -> bool:
+    if p.kind == "choice":
+        return isinstance(value, str) and value in p.choices
+    if p.kind == "list":
+        return isinstance(value, tuple) and all(_is_number(v, p) for v in value)
+    if p.kind == "integer" and not isinstance(value, int):
+        return False
+    return _is_number(value, p)
+
+
+def _is_number(value: object, p: Parameter) -> bool:
+    number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+    return number and p.low <= float(value) <= p.high  # type: ignore[arg-type]  # checked
+
+
+@functools.cache
+def _parameters(cls: type[Effect]) -> tuple[Parameter, ...]:
+    return tuple(
+        dataclasses.replace(field.metadata["parameter"], name=field.name)
+        for field in dataclasses.fields(cls)  # type: ignore[arg-type]  # every effect is one
+    )
+
+
+class AdditiveEffect(Effect):
+    """An effect whose mean is a sum of fields with coefficients: cheap to search and to fit.
+
+    The coefficients are the effect's linear parameters, in their order. Where `sinusoid` is set,
+    the effect is an amplitude (its first linear parameter) and `phase_rad`, and the coefficients
+    are those of sine and cosine: A sin(u + phase) = A cos(phase) sin u + A sin(phase) cos u.
+    """
+
+    __slots__ = ()
+    sinusoid: ClassVar[bool] = False
+
+    @abstractmethod
+    def fields(self, view: View) -> tuple[Floats, ...]:
+        """Return a field for each coefficient, mm per unit, broadcastable to (n, m)."""
+
+    def coefficient_names(self) -> tuple[str, ...]:
+        """Names of the coefficients, in the order of the fields."""
+        linear = [p for p in self.parameters() if p.linear]
+        if self.sinusoid:
+            return (f"{linear[0].name}_sin", f"{linear[0].name}_cos")
+        names: list[str] = []
+        for p in linear:
+            value = getattr(self, p.name)
+            lists = [f"{p.name}[{i}]" for i in range(len(value))] if p.kind == "list" else [p.name]
+            names.extend(lists)
+        return tuple(names)
+
+    def coefficients(self) -> Floats:
+        """Return the coefficients (k,) at this effect's parameters."""
+        linear = [getattr(self, p.name) for p in self.parameters() if p.linear]
+        if self.sinusoid:
+            phase = float(getattr(self, "phase_rad", None) or 0.0)
+            return np.array([linear[0] * math.cos(phase), linear[0] * math.sin(phase)])
+        return np.array([c for v in linear for c in (v if isinstance(v, tuple) else (v,))], float)
+
+    def with_coefficients(self, coefficients: Floats) -> Self:
+        """Return the effect that has these coefficients.
+
+        Raises
+        ------
+        RecipeError
+            Where that takes a parameter out of its bounds.
+        """
+        given = [float(c) for c in np.asarray(coefficients).ravel()]
+        linear = [p for p in self.parameters() if p.linear]
+        if self.sinusoid:
+            phase = math.atan2(given[1], given[0]) % (2 * math.pi)
+            amplitude = math.hypot(*given)
+            return self.with_parameters({linear[0].name: amplitude, "phase_rad": phase})
+        values: dict[str, Any] = {}
+        for p in linear:
+            if p.kind == "list":
+                count = len(getattr(self, p.name))
+                values[p.name] = tuple(given[:count])
+                given = given[count:]
+            else:
+                values[p.name] = given.pop(0)
+        return self.with_parameters(values)
+
+    def basis(self, view: View) -> Basis:
+        """Return the fields that the mean is a sum of."""
+        for key in self.needs:
+            view.datasheet.require(key)
+        return Basis(names=self.coefficient_names(), fields=self.fields(view))
+
+    def changed(self, law: Law, view: View) -> Law:
+        """Add the fields, each times its coefficient, to the mean."""
+        mean = np.array(np.broadcast_to(law.mean_mm, view.shape))
+        for coefficient, field in zip(self.coefficients(), self.fields(view), strict=True):
+            if coefficient != 0.0:
+                mean += coefficient * field
+        return dataclasses.replace(law, mean_mm=mean)
+
+
+class MotionEffect(Effect):
+    """An effect that puts the sensor elsewhere than commanded: everything moves with it."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def moved(self, view: View) -> View:
+        """Return the view from where the sensor really is."""
+
+    def changed(self, law: Law, view: View) -> Law:
+        """Replace the geometry's mean by that of the true poses, keeping what others added."""
+        true = self.moved(view)
+        mean = law.mean_mm + (true.depth_mm - view.depth_mm)
+        reason = np.where(law.reason == 0, true.reason, law.reason)
+        found = true.valid & ~view.valid
+        mean = np.where(found, true.depth_mm, mean)
+        reason = np.where(found, true.reason, reason).astype(np.uint8)
+        return dataclasses.replace(law, mean_mm=mean, reason=reason)

@@ -1,0 +1,115 @@
+"""One parameter of an effect: what it means, its unit, its bounds, whose it is."""
+
+import dataclasses
+from typing import Any, Literal
+
+Owner = Literal["instrument", "recording"]
+Value = float | int | str | tuple[float, ...] | None
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
+class Parameter:
+    """What is known about one field of an effect.
+
+    Attributes
+    ----------
+    name : str
+        Field and key in sensor.yaml; ends in its unit where it has one.
+    meaning : str
+        For the catalogue, a phrase.
+    unit : str
+        "" where it has none.
+    low, high : float
+        Bounds, both allowed. For a list they hold for every entry.
+    typical : Value
+        A value to start from or to show; the field's default unless that is None.
+    null : float or None
+        The value at which the effect vanishes (all parameters that have one must be there).
+    owner : "instrument" or "recording"
+        Whether all recordings share it, or each has its own: then None means 'draw it', uniformly
+        within `prior`.
+    linear : bool
+        Whether the mean depth is linear in it.
+    grid : tuple of float
+        Coarse values that a search should try; empty where the parameter is linear or drawn.
+    sheet : str
+        Key of the datasheet that stands in where the value is None; "" without one.
+    known : str
+        Attribute of the view that makes a recording's parameter needless where it isn't None.
+    prior : (float, float) or None
+        Range of the uniform prior of a recording's parameter.
+    choices : tuple of str
+        For a parameter that is a word.
+    kind : "number", "integer", "list" or "choice"
+    """
+
+    name: str
+    meaning: str
+    unit: str
+    low: float
+    high: float
+    typical: Value
+    null: float | None
+    owner: Owner
+    linear: bool
+    grid: tuple[float, ...]
+    sheet: str
+    known: str
+    prior: tuple[float, float] | None
+    choices: tuple[str, ...]
+    kind: Literal["number", "integer", "list", "choice"]
+
+    @property
+    def searched(self) -> bool:
+        """Whether a fit may move it: a number that isn't fixed by choice."""
+        return self.kind == "number"
+
+    @property
+    def bounds_text(self) -> str:
+        """Bounds as a user reads them."""
+        if self.kind == "choice":
+            return " or ".join(self.choices)
+        return f"{self.low:g} to {self.high:g}{' ' + self.unit if self.unit else ''}"
+
+
+def parameter(
+    meaning: str,
+    *,
+    unit: str = "",
+    low: float = 0.0,
+    high: float = 0.0,
+    typical: Value = None,
+    null: float | None = None,
+    owner: Owner = "instrument",
+    linear: bool = False,
+    grid: tuple[float, ...] = (),
+    sheet: str = "",
+    known: str = "",
+    prior: tuple[float, float] | None = None,
+    choices: tuple[str, ...] = (),
+    kind: Literal["number", "integer", "list", "choice"] = "number",
+) -> Any:
+    """Declare a field of an effect; see `Parameter`.
+
+    The default is the typical value; None where the datasheet stands in or a recording draws it.
+    """
+    left_open = bool(sheet) or owner == "recording"
+    described = Parameter(
+        name="",
+        meaning=meaning,
+        unit=unit,
+        low=low,
+        high=high,
+        typical=typical,
+        null=null,
+        owner=owner,
+        linear=linear,
+        grid=grid,
+        sheet=sheet,
+        known=known,
+        prior=(low, high) if prior is None and owner == "recording" else prior,
+        choices=choices,
+        kind="choice" if choices else kind,
+    )
+    default = None if left_open else typical
+    return dataclasses.field(default=default, metadata={"parameter": described})

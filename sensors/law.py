@@ -1,0 +1,265 @@
+"""The law of a reading: what a scan predicts for each pixel, and a draw from it.
+
+For each point: mean depth, standard deviation and correlation of its noise, probability of no
+return, weight and width of outliers. The plain law is geometry, Perlin speckle and equation 10 of
+Sensors 2023, 23, 7624; effects turn one law into another.
+"""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensors.perlin import PerlinField, grid_pitch
+from sensors.surface import Surface
+from sensors.uncertainty import sigma_mm
+from sensors.view import Reason, View
+
+if TYPE_CHECKING:
+    from sensors.effects.base import Effect
+
+Floats = NDArray[np.float64]
+RngOf = Callable[[str], np.random.Generator]
+
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Law:
+    """What is predicted for each of n x m points; arrays broadcast to (n, m).
+
+    Attributes
+    ----------
+    mean_mm : (n, m)
+        Mean depth; NaN where the geometry gives no return.
+    reason : (n, m) uint8
+        Why there is none, see `Reason`.
+    white_sd_mm
+        Standard deviation of noise independent from point to point.
+    speckle : PerlinField or None
+        Correlated noise, in mm.
+    speckle_gain
+        Factor on the speckle at each point.
+    lay_ratio, lay_angle_rad : float
+        Stretch of the speckle along a direction, and that direction from the sensor's x towards
+        y; 1 leaves it as it is.
+    p_missing
+        Probability that a point which geometry sees has no return all the same.
+    missing_patch_mm : float
+        Size of the patches in which points go missing; 0: each for itself.
+    p_outlier, outlier_sd_mm
+        Weight and width of a second Gaussian.
+    step_mm : float
+        ΔZ, readings are rounded to its multiples; 0: they aren't.
+    """
+
+    mean_mm: Floats
+    reason: NDArray[np.uint8]
+    white_sd_mm: Floats | float = 0.0
+    speckle: PerlinField | None = None
+    speckle_gain: Floats | float = 1.0
+    lay_ratio: float = 1.0
+    lay_angle_rad: float = 0.0
+    p_missing: Floats | float = 0.0
+    missing_patch_mm: float = 0.0
+    p_outlier: Floats | float = 0.0
+    outlier_sd_mm: Floats | float = 0.0
+    step_mm: float = 0.0
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Profiles and points of a profile."""
+        n, m = self.mean_mm.shape
+        return n, m
+
+    def without(self, where: NDArray[np.bool_], reason: Reason) -> "Law":
+        """Return the law with no return where `where` (n, m), for that reason."""
+        hit = where & (self.reason == Reason.VALID)
+        return dataclasses.replace(
+            self,
+            mean_mm=np.where(where, np.nan, self.mean_mm),
+            reason=np.where(hit, np.uint8(reason), self.reason),
+        )
+
+    @classmethod
+    def average(cls, laws: Sequence["Law"]) -> "Law":
+        """Mixture of equally likely laws of one kind, by its first two moments.
+
+        What scatters between their means counts as white; a point that some of them don't see is
+        missing with that probability, and has no mean where none sees it.
+        """
+        means = np.stack([law.mean_mm for law in laws])
+        seen = np.isfinite(means)
+        share = seen.mean(axis=0)
+        with np.errstate(invalid="ignore"):
+            mean = np.where(seen, means, 0.0).sum(axis=0) / seen.sum(axis=0)
+            scatter = (np.where(seen, means - mean, 0.0) ** 2).sum(axis=0) / seen.sum(axis=0)
+        white = np.mean([np.square(law.white_sd_mm) for law in laws], axis=0)
+        first = laws[0]
+        return dataclasses.replace(
+            first,
+            mean_mm=mean,
+            reason=first.reason if share.all() else _first_reason(laws, share),
+            white_sd_mm=np.sqrt(white + np.where(share > 0, scatter, 0.0)),
+            speckle_gain=_middle([law.speckle_gain for law in laws], square=True),
+            p_missing=_missing(laws, seen),
+            p_outlier=_middle([law.p_outlier for law in laws]),
+            outlier_sd_mm=_middle([law.outlier_sd_mm for law in laws], square=True),
+        )
+
+    def speckle_sd_mm(self, view: View) -> float:
+        """Return the standard deviation of the speckle before its gain, on the scan's grid, mm."""
+        if self.speckle is None:
+            return 0.0
+        if self.speckle.heights is not None:
+            nodes, weights = np.polynomial.hermite_e.hermegauss(60)
+            heights = self.speckle.amplitude_mm * self.speckle.heights(nodes)
+            weights = weights / weights.sum()
+            return float(np.sqrt(weights @ (heights - weights @ heights) ** 2))
+        pitch_x, pitch_y = grid_pitch(view.column_x_mm), grid_pitch(view.travel_mm)
+        return self.speckle.amplitude_mm * self.speckle.sd(pitch_x, pitch_y)
+
+    def sd_mm(self, view: View) -> Floats:
+        """Return the standard deviation before rounding, outliers apart, (n, m) mm."""
+        speckle = self.speckle_gain * np.float64(self.speckle_sd_mm(view))
+        return np.broadcast_to(np.hypot(self.white_sd_mm, speckle), self.shape)
+
+    def sample(self, rng_of: RngOf, view: View) -> tuple[Floats, NDArray[np.uint8]]:
+        """Draw one scan.
+
+        Parameters
+        ----------
+        rng_of : function
+            Gives the generator of a named stream: "speckle", "uncertainty", "outliers" and
+            "dropout" are asked for, each only where the law needs it.
+        view : View
+            The scan that the law belongs to; its columns and travel place the speckle.
+
+        Returns
+        -------
+        depth_mm : (n, m) float64
+            Readings, NaN where missing; those that noise takes beyond the working range are.
+        reason : (n, m) uint8
+            Why they are missing.
+        """
+        from sensors.sampling import sample
+
+        return sample(self, rng_of, view)
+
+
+def _middle(values: Sequence[Floats | float], *, square: bool = False) -> Floats | float:
+    """Mean (or root of the mean square) of values, as it is where they are one and the same."""
+    if all(v is values[0] for v in values):
+        return values[0]
+    if square:
+        return np.asarray(np.sqrt(np.mean([np.square(v) for v in values], axis=0)))
+    return np.asarray(np.mean([np.asarray(v) for v in values], axis=0))
+
+
+def _missing(laws: Sequence[Law], seen: NDArray[np.bool_]) -> Floats | float:
+    p = [law.p_missing for law in laws]
+    if all(v is p[0] for v in p) and (seen == seen[0]).all():
+        return p[0]
+    returned = np.mean([np.where(s, 1.0 - v, 0.0) for v, s in zip(p, seen, strict=True)], axis=0)
+    return np.asarray(np.where(seen.any(axis=0), 1.0 - returned, 0.0))
+
+
+def _first_reason(laws: Sequence[Law], share: Floats) -> NDArray[np.uint8]:
+    reason = np.max([law.reason for law in laws], axis=0)
+    return np.where(share > 0, np.uint8(0), reason).astype(np.uint8)
+
+
+def geometric_law(view: View, surface: Surface | None) -> Law:
+    """Law of the paper: geometry, Perlin speckle, equation 10; no effects."""
+    return Law(
+        mean_mm=view.depth_mm,
+        reason=view.reason,
+        white_sd_mm=sigma_mm(view.datasheet),
+        speckle=None if surface is None else surface.field(),
+        step_mm=view.datasheet.step_mm,
+    )
+
+
+def law_with(
+    view: View,
+    surface: Surface | None,
+    effects: Sequence["Effect"],
+    rng_of: RngOf | None = None,
+) -> Law:
+    """Law of the paper with `effects`: those that move the sensor first, the others in order.
+
+    Parameters
+    ----------
+    view : View
+        The scan at its commanded poses.
+    surface : Surface or None
+        Roughness, None without speckle.
+    effects : sequence of Effect
+    rng_of : function, optional
+        Gives the generator from which an effect's recording parameters are drawn, by the stream's
+        name "effect:<name>". Without it, those left open are integrated out.
+
+    Raises
+    ------
+    RecipeError
+        Where the datasheet leaves out what an effect needs.
+    """
+    drawn = draw_effects(effects, rng_of)
+    true, others = _moved(view, drawn)
+    law = geometric_law(true, surface)
+    for effect in others:
+        law = effect.apply(law, true)
+    return law
+
+
+def plain_law(view: View, surface: Surface | None, rng_of: RngOf | None = None) -> Law:
+    """Law of the sensor's file, its effects included; see `law_with`."""
+    return law_with(view, surface, sheet_effects(view), rng_of)
+
+
+def true_view(view: View, rng_of: RngOf | None = None) -> View:
+    """Return the view from where the sheet's effects really put the sensor.
+
+    `view` itself where none moves the sensor. The same streams as in `plain_law` are used, so
+    that both agree.
+    """
+    return _moved(view, draw_effects(sheet_effects(view), rng_of))[0]
+
+
+def sheet_effects(view: View) -> tuple["Effect", ...]:
+    """Effects that the sensor's file lists, in order."""
+    if not view.datasheet.effects:
+        return ()
+    from sensors.effects import effects_of
+
+    return effects_of(view.datasheet)
+
+
+def draw_effects(effects: Sequence["Effect"], rng_of: RngOf | None) -> tuple["Effect", ...]:
+    """Draw the recording's open parameters of each effect from the stream of its name."""
+    if rng_of is None:
+        return tuple(effects)
+    return tuple(
+        effect.draw(rng_of(f"effect:{effect.name}")) if effect.undrawn() else effect
+        for effect in effects
+    )
+
+
+def _moved(view: View, effects: Sequence["Effect"]) -> tuple[View, list["Effect"]]:
+    """Apply what moves the sensor, where it is known by how much; return the rest in order."""
+    if not effects:
+        return view, []
+    from sensors.effects.base import MotionEffect
+
+    others: list[Effect] = []
+    for effect in effects:
+        if isinstance(effect, MotionEffect) and not effect.undrawn(view):
+            if not effect.is_null:
+                for key in effect.needs:
+                    view.datasheet.require(key)
+                view = effect.moved(view)
+        else:
+            others.append(effect)
+    return view, others
