@@ -1,0 +1,381 @@
+"""Read a generated dataset: lazily, one scan at a time, from any process.
+
+Imports nothing else of this project and needs numpy, h5py and pandas only::
+
+    import flawforge.dataset
+
+    scans = flawforge.dataset.open("out/quickstart")
+    scan = scans[0]                      # dict of arrays: depth (mm, NaN = missing), mask, ...
+    train = scans.split("train")         # again a dataset, good for torch's DataLoader
+    cloud = scans.points(0)              # (k, 3) mm, part frame
+"""
+
+import json
+import os
+from collections import OrderedDict
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Literal, overload
+
+import h5py
+import numpy as np
+import pandas as pd
+from numpy.typing import DTypeLike, NDArray
+
+FORMAT, VERSION = "flawforge-shard", 1
+OPEN_SHARDS = 16  # file handles that one dataset keeps
+
+Scan = dict[str, Any]
+
+
+class ShardError(ValueError):
+    """Stored data that is damaged or missing: which file, and what is wrong with it."""
+
+    def __init__(self, path: Path, what: str) -> None:
+        super().__init__(f"{path}: {what}")
+
+
+def open(
+    folder: str | Path,
+    *,
+    fields: Sequence[str] | None = None,
+    raw: bool = False,
+    dtype: DTypeLike = np.float64,
+) -> "Dataset":
+    """Open the dataset that `flawforge generate` wrote into `folder`.
+
+    Parameters
+    ----------
+    folder : path
+        Holds manifest.parquet or manifest.csv, and the shards.
+    fields : sequence of str, optional
+        Which arrays a scan shall hold, for instance ``("depth", "mask")``; all by default.
+        What isn't asked for isn't read.
+    raw : bool
+        Give the counts as stored instead of depths; `Dataset.coding` tells what they mean.
+    dtype : dtype
+        Type of the depths in mm. float64 holds them exactly; float32 to 0.02 µm at 400 mm.
+
+    Raises
+    ------
+    ShardError
+        Where there is no dataset, or its tables can't be read.
+    """
+    folder = Path(folder)
+    manifest = _table(folder, "manifest")
+    if manifest is None:
+        raise ShardError(folder, "no dataset here (neither manifest.parquet nor manifest.csv)")
+    lacking = {"scan_id", "shard", "row"} - set(manifest.columns)
+    if lacking:
+        raise ShardError(folder, f"the manifest has no column {', '.join(sorted(lacking))}")
+    flaws = _table(folder, "flaws")
+    return Dataset(
+        folder,
+        manifest,
+        pd.DataFrame({"scan_id": pd.Series(dtype=str)}) if flaws is None else flaws,
+        _json(folder / "dataset.json"),
+        fields=tuple(fields) if fields is not None else None,
+        raw=raw,
+        dtype=np.dtype(dtype),
+    )
+
+
+class Dataset:
+    """Scans of a dataset, by number or `scan_id`; made by `open`.
+
+    Holds the tables and no scan: each access reads one scan from its shard. Files are opened by
+    each process for itself when first needed and are not pickled, so that a dataset can be handed
+    to worker processes, forked or spawned.
+
+    Attributes
+    ----------
+    folder : Path
+    manifest : DataFrame
+        A row for each scan, in the order of the scans.
+    flaws : DataFrame
+        A row for each flaw and scan.
+    info : dict
+        dataset.json: recipe, versions, seed, shards, statistics; empty where it is missing.
+    fields : tuple of str or None
+        The arrays read; None: all.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        manifest: pd.DataFrame,
+        flaws: pd.DataFrame,
+        info: dict[str, Any],
+        *,
+        fields: tuple[str, ...] | None = None,
+        raw: bool = False,
+        dtype: np.dtype[Any] = np.dtype(np.float64),  # noqa: B008  # a dtype never changes
+    ) -> None:
+        self.folder = folder
+        self.manifest = manifest.reset_index(drop=True)
+        self.flaws = flaws
+        self.info = info
+        self.fields = fields
+        self.raw = raw
+        self.dtype = dtype
+        self._where = {str(name): at for at, name in enumerate(self.manifest["scan_id"])}
+        self._files: OrderedDict[str, h5py.File] = OrderedDict()
+        self._process = os.getpid()
+
+    def __repr__(self) -> str:
+        return f"Dataset({str(self.folder)!r}, {len(self)} scans)"
+
+    def __len__(self) -> int:
+        return len(self.manifest)
+
+    def __iter__(self) -> Iterator[Scan]:
+        return (self[at] for at in range(len(self)))
+
+    @overload
+    def __getitem__(self, which: int | np.integer[Any] | str) -> Scan: ...
+    @overload
+    def __getitem__(self, which: slice) -> "Dataset": ...
+    def __getitem__(self, which: int | np.integer[Any] | str | slice) -> "Scan | Dataset":
+        """Return one scan as a dict of arrays, or for a slice the dataset of those scans.
+
+        Depths are in mm, NaN = missing, shape (profiles, points); `mask`, `mask_visible` and
+        `invalid_reason` uint8, `instance` int32; `pose` and `pose_true` (profiles, 4, 4) sensor to
+        part; `time` (profiles,) s; `ray_x_mm` and `ray_slope` (points,), so that a reading's point
+        in the sensor frame is (ray_x_mm + depth * ray_slope, 0, depth); `scan_id` str.
+
+        Raises
+        ------
+        IndexError, KeyError
+            Where there is no such scan.
+        ShardError
+            Where its shard is missing or damaged.
+        """
+        if isinstance(which, slice):
+            return self._some(self.manifest.iloc[which])
+        return self._read(self._position(which), self.fields)
+
+    def index(self, scan_id: str) -> int:
+        """Return the number of the scan with this id.
+
+        Raises
+        ------
+        KeyError
+            Where there is none.
+        """
+        return self._where[scan_id]
+
+    @property
+    def classes(self) -> dict[int, str]:
+        """Names of the mask's values."""
+        named = self.info.get("classes")
+        if named is None and len(self):
+            named = json.loads(self._file(str(self.manifest["shard"].iloc[0])).attrs["classes"])
+        return {int(key): str(name) for key, name in (named or {}).items()}
+
+    @property
+    def splits(self) -> dict[str, int]:
+        """How many scans each split has."""
+        if "split" not in self.manifest:
+            return {}
+        counts = self.manifest["split"].value_counts(sort=False)
+        return {str(name): int(count) for name, count in counts.items()}
+
+    def split(self, name: str) -> "Dataset":
+        """Return the dataset of the scans in split `name` ("train", "val", "test", ...).
+
+        Raises
+        ------
+        KeyError
+            Where there is no such split.
+        """
+        if name not in self.splits:
+            raise KeyError(f"no split {name!r}; there are {', '.join(self.splits) or 'none'}")
+        return self._some(self.manifest[self.manifest["split"] == name])
+
+    def flaws_of(self, which: int | str) -> pd.DataFrame:
+        """Return the rows of `flaws` that belong to one scan."""
+        scan_id = self.manifest["scan_id"].iloc[self._position(which)]
+        return self.flaws.loc[self.flaws["scan_id"].eq(scan_id)]
+
+    def points(
+        self,
+        which: int | str,
+        *,
+        frame: Literal["part", "sensor"] = "part",
+        depth: str = "depth",
+        pose: str = "pose",
+    ) -> NDArray[np.float64]:
+        """Return a scan's valid points as a cloud.
+
+        Parameters
+        ----------
+        which : int or str
+            The scan.
+        frame : {"part", "sensor"}
+            In the sensor frame all profiles lie in the plane y = 0.
+        depth : {"depth", "depth_ideal", "depth_clean"}
+            Which depths.
+        pose : {"pose", "pose_true"}
+            Where the sensor was told to be, or where it was.
+
+        Returns
+        -------
+        (k, 3) float64
+            mm, row by row: the points where the depth isn't NaN, so that
+            ``mask[np.isfinite(depth)]`` are their labels.
+        """
+        if frame not in ("part", "sensor"):
+            raise ValueError(f"frame must be 'part' or 'sensor', not {frame!r}")
+        at = self._position(which)
+        scan = self._read(at, (depth, pose, "ray_x_mm", "ray_slope"), decode=True)
+        depth_mm = np.asarray(scan[depth], dtype=np.float64)
+        valid = np.isfinite(depth_mm)
+        x_mm = (scan["ray_x_mm"] + depth_mm * scan["ray_slope"])[valid]
+        cloud = np.stack([x_mm, np.zeros_like(x_mm), depth_mm[valid]], axis=1)
+        if frame == "sensor":
+            return cloud
+        poses = scan[pose][np.nonzero(valid)[0]]
+        return np.asarray(np.einsum("kij,kj->ki", poses[:, :3, :3], cloud) + poses[:, :3, 3])
+
+    def coding(self, field: str) -> dict[str, float]:
+        """Return `scale_mm`, `offset_mm` and `missing` of stored counts; empty for plain numbers.
+
+        A depth is offset_mm + scale_mm * count; the count `missing` means no return.
+        """
+        file = self._file(str(self.manifest["shard"].iloc[0]))
+        attributes = self._array(file, field).attrs
+        keys = ("scale_mm", "offset_mm", "missing")
+        return {key: attributes[key].item() for key in keys if key in attributes}
+
+    def close(self) -> None:
+        """Close the files that this process holds; they reopen when needed."""
+        if self._process == os.getpid():
+            for file in self._files.values():
+                file.close()
+        self._files = OrderedDict()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_files": OrderedDict(), "_process": None}
+
+    def _some(self, manifest: pd.DataFrame) -> "Dataset":
+        flaws = self.flaws[self.flaws["scan_id"].isin(manifest["scan_id"])]
+        return Dataset(
+            self.folder,
+            manifest,
+            flaws.reset_index(drop=True),
+            self.info,
+            fields=self.fields,
+            raw=self.raw,
+            dtype=self.dtype,
+        )
+
+    def _position(self, which: int | np.integer[Any] | str) -> int:
+        if isinstance(which, str):
+            return self.index(which)
+        at = int(which)
+        if not -len(self) <= at < len(self):
+            raise IndexError(f"no scan {at}: there are {len(self)}")
+        return at % len(self)
+
+    def _read(self, at: int, fields: Sequence[str] | None, *, decode: bool = False) -> Scan:
+        name = str(self.manifest["shard"].iloc[at])
+        row = int(self.manifest["row"].iloc[at])
+        expected = str(self.manifest["scan_id"].iloc[at])
+        file = self._file(name)
+        path = self.folder / name
+        names = self._array(file, "scan_id")
+        if not 0 <= row < len(names):
+            raise ShardError(path, f"has {len(names)} scans, the manifest wants row {row}")
+        stored = _text(names[row])
+        if stored != expected:
+            raise ShardError(path, f"row {row} is scan {stored!r}, the manifest has {expected!r}")
+        scan: Scan = {}
+        for field in fields if fields is not None else sorted(file):
+            if field == "scan_id":
+                scan[field] = stored
+                continue
+            array = self._array(file, field)
+            try:
+                values = array[row]
+            except (OSError, ValueError, RuntimeError) as error:
+                raise ShardError(path, f"'{field}' of row {row} can't be read ({error})") from None
+            scan[field] = values if self.raw and not decode else self._decode(array, values)
+        return scan
+
+    def _decode(self, array: h5py.Dataset, values: NDArray[Any]) -> NDArray[Any]:
+        attributes = array.attrs
+        if "scale_mm" in attributes:
+            depth_mm: NDArray[np.float64] = values * float(attributes["scale_mm"])
+            depth_mm += attributes["offset_mm"]
+            depth_mm[values == attributes["missing"]] = np.nan
+            return depth_mm.astype(self.dtype, copy=False)
+        if values.dtype.kind == "u" and values.dtype.itemsize > 1:
+            # torch's collate knows no unsigned integers wider than a byte
+            return values.astype(np.int32 if values.dtype.itemsize == 2 else np.int64)
+        if array.name.startswith("/depth"):
+            return values.astype(self.dtype, copy=False)
+        return values
+
+    def _array(self, file: h5py.File, field: str) -> h5py.Dataset:
+        if field not in file:
+            held = ", ".join(sorted(file))
+            raise ShardError(Path(file.filename), f"holds no '{field}'; it holds {held}")
+        return file[field]
+
+    def _file(self, name: str) -> h5py.File:
+        if self._process != os.getpid():
+            # handles inherited by a fork share the parent's file position: forget, don't close
+            self._files, self._process = OrderedDict(), os.getpid()
+        if name in self._files:
+            self._files.move_to_end(name)
+            return self._files[name]
+        path = self.folder / name
+        try:
+            file = h5py.File(path, "r")
+        except FileNotFoundError:
+            raise ShardError(path, "is missing") from None
+        except OSError as error:
+            raise ShardError(path, f"is damaged or no HDF5 file ({error})") from None
+        kind, version = file.attrs.get("format"), file.attrs.get("version", VERSION)
+        if _text(kind) != FORMAT or int(version) > VERSION:
+            file.close()
+            raise ShardError(path, f"is no {FORMAT} up to version {VERSION}")
+        self._files[name] = file
+        if len(self._files) > OPEN_SHARDS:
+            self._files.popitem(last=False)[1].close()
+        return file
+
+
+def _text(value: Any) -> str:
+    return value.decode() if isinstance(value, bytes) else str(value)
+
+
+def _table(folder: Path, name: str) -> pd.DataFrame | None:
+    """Read NAME.parquet, or NAME.csv where there is no parquet or nothing to read it with."""
+    parquet, csv = folder / f"{name}.parquet", folder / f"{name}.csv"
+    path = parquet if parquet.is_file() else csv
+    try:
+        if parquet.is_file():
+            try:
+                return pd.read_parquet(parquet)
+            except ImportError:
+                if not csv.is_file():
+                    raise
+        if csv.is_file():
+            as_text = {"scan_id": str, "shard": str, "split": str, "part": str}
+            return pd.read_csv(csv, dtype=as_text, keep_default_na=True)
+    except (OSError, ValueError) as error:
+        raise ShardError(path, f"can't be read ({error})") from None
+    return None
+
+
+def _json(path: Path) -> dict[str, Any]:
+    if not path.is_file():
+        return {}
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ShardError(path, f"can't be read ({error})") from None
+    if not isinstance(data, dict):
+        raise ShardError(path, "isn't a mapping")
+    return data
