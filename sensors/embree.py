@@ -75,6 +75,7 @@ class Tree:
         nearest: Floats | float = 0.0,
         farthest: Floats | float = np.inf,
         ignored: Ints | None = None,
+        outside: bool = False,
     ) -> tuple[Floats, Ints]:
         """Return depth (k,) and triangle (k,) of the first hits; NaN and -1 where there is none.
 
@@ -86,6 +87,8 @@ class Tree:
             Only hits with nearest < depth < farthest count; (k,) or one number.
         ignored : (k,)
             A triangle that each ray passes through.
+        outside
+            Rays pass through triangles that they would meet from inside.
         """
         count = len(rays.index)
         depth = np.full(count, np.nan)
@@ -101,12 +104,13 @@ class Tree:
                 index=rays.index[part], x_mm=rays.x_mm[part], slope_x=rays.slope_x[part],
             )  # fmt: skip
             self._first(
-                batch, nearest[part], farthest[part], ignored[part], depth[part], triangle[part]
-            )
+                batch, nearest[part], farthest[part], ignored[part], outside,
+                depth[part], triangle[part],
+            )  # fmt: skip
         return depth, triangle
 
     def _first(
-        self, rays: Rays, nearest: Floats, farthest: Floats, ignored: Ints,
+        self, rays: Rays, nearest: Floats, farthest: Floats, ignored: Ints, outside: bool,
         depth: Floats, triangle: Ints,
     ) -> None:  # fmt: skip
         """Fill `depth` and `triangle` for one batch of rays."""
@@ -126,14 +130,14 @@ class Tree:
                 self.vertices_mm, self.faces, self.normals, self._ring_start, self._ring,
                 rays.frame, rays.origin, rays.place, rays.index, rays.x_mm, rays.slope_x,
                 directions, live, found["primID"], found["tfar"].astype(np.float64),
-                nearest, farthest, ignored, start, best, triangle,
+                nearest, farthest, ignored, outside, start, best, triangle,
                 self._margin_mm, self._margin_mm * 2.0 ** (turn - 3),
             )  # fmt: skip
         if live.size:
             _try_all(
                 self.vertices_mm, self.faces,
                 rays.frame, rays.origin, rays.place, rays.index, rays.x_mm, rays.slope_x,
-                live, nearest, farthest, ignored, best, triangle,
+                live, nearest, farthest, ignored, outside, best, triangle,
             )  # fmt: skip
         hit = triangle >= 0
         depth[hit] = best[hit]
@@ -199,7 +203,7 @@ def _judge(
     frame: Floats, origin: Floats, place: Floats,
     index: NDArray[np.int64], x_mm: Floats, slope_x: Floats, directions: Floats,
     live: NDArray[np.int64], candidate: Ints, ahead: Floats,
-    nearest: Floats, farthest: Floats, ignored: Ints,
+    nearest: Floats, farthest: Floats, ignored: Ints, outside: bool,
     start: Floats, best: Floats, triangle: Ints,
     margin_mm: float, step_mm: float,
 ) -> NDArray[np.int64]:  # fmt: skip
@@ -222,7 +226,7 @@ def _judge(
         ) < 0.0
         d = np.inf
         if t != ignored[r]:
-            d = ray_depth(vertices, faces, t, frame[f], origin[f], place[f], x, s)
+            d = ray_depth(vertices, faces, t, frame[f], origin[f], place[f], x, s, outside)
         if nearest[r] < d < farthest[r]:
             if d < best[r] or (d == best[r] and t < triangle[r]):
                 best[r], triangle[r] = d, t
@@ -234,7 +238,9 @@ def _judge(
                 n = ring[k]
                 if n == t or n == ignored[r]:
                     continue
-                d = ray_depth(vertices, faces, n, frame[f], origin[f], place[f], x, s)
+                d = ray_depth(
+                    vertices, faces, n, frame[f], origin[f], place[f], x, s, outside
+                )
                 if nearest[r] < d < farthest[r] and (
                     d < best[r] or (d == best[r] and n < triangle[r])
                 ):
@@ -251,7 +257,7 @@ def _judge(
 def _try_all(
     vertices: Floats, faces: Ints, frame: Floats, origin: Floats, place: Floats,
     index: NDArray[np.int64], x_mm: Floats, slope_x: Floats,
-    live: NDArray[np.int64], nearest: Floats, farthest: Floats, ignored: Ints,
+    live: NDArray[np.int64], nearest: Floats, farthest: Floats, ignored: Ints, outside: bool,
     best: Floats, triangle: Ints,
 ) -> None:  # fmt: skip
     """Hold rays that never settled against every triangle."""
@@ -261,7 +267,7 @@ def _try_all(
             if t == ignored[r]:
                 continue
             d = ray_depth(
-                vertices, faces, t, frame[f], origin[f], place[f], x_mm[r], slope_x[r]
+                vertices, faces, t, frame[f], origin[f], place[f], x_mm[r], slope_x[r], outside
             )
             if nearest[r] < d < farthest[r] and d < best[r]:
                 best[r], triangle[r] = d, t

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.laser import Laser
+from sensors.sweep import sweep, sweepable
 
 if TYPE_CHECKING:
     from sensors.embree import Rays, Tree
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
+_SAME_ROTATION = 1e-13  # difference of matrix elements; 4e-11 mm at 400 mm
 _CLEARANCE_MM = 1e-6  # hits closer than 1 nm to a sight line's ends don't block it
 
 
@@ -35,6 +37,9 @@ class Hits:
 
 class Scene:
     """A closed triangle mesh, part frame, mm; never changed after it is built.
+
+    The sensor is taken to stand outside the solid: a scan's rays meet the outer side of triangles
+    only.
 
     Parameters
     ----------
@@ -92,14 +97,38 @@ class Scene:
         poses : (n, 4, 4)
             Rigid, sensor -> part.
         """
-        return self.cast_by_tree(laser, poses)
+        n, m = len(poses), len(laser.x_mm)
+        depth = np.full((n, m), np.nan)
+        triangle = np.full((n, m), -1, dtype=np.int32)
+        if n == 0 or m == 0:
+            return Hits(depth_mm=depth, triangle=triangle)
+        frame, place = frames(poses)
+        ordered = sweepable(laser.x_mm, laser.slope_x)
+        searched = np.zeros(n, dtype=bool)
+        for leg in legs(frame):
+            # A sweep looks at every triangle once, about as dear as a sixth of a search.
+            if ordered and 6 * m * (leg.stop - leg.start) >= len(self.faces):
+                depth[leg], triangle[leg] = sweep(
+                    self.vertices_mm, self.faces, frame[leg.start], place[leg],
+                    laser.x_mm, laser.slope_x,
+                )  # fmt: skip
+            else:
+                searched[leg] = True
+        if searched.any():
+            depth[searched], triangle[searched] = self._search(
+                laser, frame[searched], place[searched]
+            )
+        return Hits(depth_mm=depth, triangle=triangle)
 
     def cast_by_tree(self, laser: Laser, poses: Floats) -> Hits:
         """Cast with Embree, whatever the poses; same result as `cast`."""
+        depth, triangle = self._search(laser, *frames(poses))
+        return Hits(depth_mm=depth, triangle=triangle)
+
+    def _search(self, laser: Laser, frame: Floats, place: Floats) -> tuple[Floats, Ints]:
         from sensors.embree import Rays
 
-        n, m = len(poses), len(laser.x_mm)
-        frame, place = frames(poses)
+        n, m = len(frame), len(laser.x_mm)
         rays = Rays(
             frame=frame,
             origin=np.zeros((n, 3)),
@@ -108,8 +137,8 @@ class Scene:
             x_mm=np.tile(laser.x_mm, n),
             slope_x=np.tile(laser.slope_x, n),
         )
-        depth, triangle = self.tree.first(rays)
-        return Hits(depth_mm=depth.reshape(n, m), triangle=triangle.reshape(n, m))
+        depth, triangle = self.tree.first(rays, outside=True)
+        return depth.reshape(n, m), triangle.reshape(n, m)
 
     def first_hit(self, origins_mm: Floats, directions: Floats) -> tuple[Floats, Ints]:
         """First hits of single rays, part frame.
@@ -163,13 +192,34 @@ class Scene:
 
 
 def frames(poses: Floats) -> tuple[Floats, Floats]:
-    """Rotations part -> sensor (n, 3, 3) of poses (n, 4, 4), and the sensor's place in them."""
+    """Rotations part -> sensor (n, 3, 3) of poses (n, 4, 4), and the sensor's place in them.
+
+    A rotation within rounding of the one before it is taken to be the same.
+    """
     poses = np.asarray(poses, dtype=np.float64)
     frame = np.ascontiguousarray(poses[:, :3, :3].transpose(0, 2, 1))
+    for leg in legs(frame):
+        frame[leg] = frame[leg.start]
     t = poses[:, :3, 3]
     # In the order of `section.turn`, so that both casters round alike.
     place = frame[:, :, 0] * t[:, :1] + frame[:, :, 1] * t[:, 1:2] + frame[:, :, 2] * t[:, 2:]
     return frame, np.ascontiguousarray(place)
+
+
+def legs(frame: Floats) -> list[slice]:
+    """Find the runs of profiles of constant orientation in rotations (n, 3, 3)."""
+    n = len(frame)
+    moved = np.abs(np.diff(frame, axis=0)).max(axis=(1, 2), initial=0.0) > _SAME_ROTATION
+    ends = [*(np.flatnonzero(moved) + 1).tolist(), n]
+    out = []
+    start = 0
+    for end in ends:
+        while start < end:  # many small steps may add up
+            same = np.abs(frame[start:end] - frame[start]).max(axis=(1, 2)) <= _SAME_ROTATION
+            stop = end if same.all() else start + int(np.argmin(same))
+            out.append(slice(start, stop))
+            start = stop
+    return out
 
 
 def _normals(vertices_mm: Floats, faces: Ints) -> Floats:

@@ -29,12 +29,20 @@ def turn(frame: Floats, x: float, y: float, z: float) -> tuple[float, float, flo
 
 
 @njit(cache=True, inline="always")
+def edge_slope(y0: float, v0: float, y1: float, v1: float) -> float:
+    """Return dv/dy along the edge from below to above; 0 where it has no height worth the name."""
+    return (v1 - v0) / (y1 - y0) if y1 - y0 > 1e-200 else 0.0
+
+
+@njit(cache=True, inline="always")
 def edge_point(
     x0: float, y0: float, z0: float, x1: float, y1: float, z1: float, y: float
 ) -> tuple[float, float]:
     """Return x, z where the edge from below (y0 < y) to above (y1 >= y) crosses the plane y."""
-    t = (y - y0) / (y1 - y0)
-    return x0 + t * (x1 - x0), z0 + t * (z1 - z0)
+    return (
+        x0 + (y - y0) * edge_slope(y0, x0, y1, x1),
+        z0 + (y - y0) * edge_slope(y0, z0, y1, z1),
+    )
 
 
 @njit(cache=True, inline="always")
@@ -44,7 +52,10 @@ def segment(
     cx: float, cy: float, cz: float,
     y: float,
 ) -> tuple[bool, float, float, float, float]:  # fmt: skip
-    """Cut the triangle a, b, c by the plane y; return (cut at all, x, z, x, z of the ends)."""
+    """Cut the triangle a, b, c by the plane y; return (cut at all, x, z, x, z of the ends).
+
+    Where a ray meets the triangle from outside, the first end is left of it.
+    """
     up_a = ay >= y
     up_b = by >= y
     up_c = cy >= y
@@ -57,9 +68,10 @@ def segment(
     elif up_a == up_b:
         ax, ay, az, bx, by, bz, cx, cy, cz = cx, cy, cz, ax, ay, az, bx, by, bz
         up_a = up_c
+    # Now a-b and a-c are the edges cut; seen from outside, c's end is left where a is above.
     if up_a:
-        x0, z0 = edge_point(bx, by, bz, ax, ay, az, y)
-        x1, z1 = edge_point(cx, cy, cz, ax, ay, az, y)
+        x0, z0 = edge_point(cx, cy, cz, ax, ay, az, y)
+        x1, z1 = edge_point(bx, by, bz, ax, ay, az, y)
     else:
         x0, z0 = edge_point(ax, ay, az, bx, by, bz, y)
         x1, z1 = edge_point(ax, ay, az, cx, cy, cz, y)
@@ -84,7 +96,10 @@ def clipped(
 def depth_on(
     x0: float, z0: float, dx: float, dz: float, low: float, high: float, x: float, slope: float
 ) -> float:
-    """Depth at which the ray x + slope·z meets the line through (x0, z0), held to [low, high]."""
+    """Depth at which the ray x + slope·z meets the segment from (x0, z0) on by (dx, dz).
+
+    (x0, z0) is the end left of the ray; the depth is held to [low, high], the ends' own.
+    """
     depth = z0 + dz * ((x + slope * z0 - x0) / (dx - slope * dz))
     depth = depth if depth > low else low  # also where 0 / 0
     return depth if depth < high else high
@@ -93,7 +108,7 @@ def depth_on(
 @njit(cache=True, error_model="numpy")
 def ray_depth(
     vertices: Floats, faces: Ints, triangle: int,
-    frame: Floats, origin: Floats, place: Floats, x: float, slope: float,
+    frame: Floats, origin: Floats, place: Floats, x: float, slope: float, outside: bool,
 ) -> float:  # fmt: skip
     """Depth at which one ray meets one triangle; infinite where it doesn't.
 
@@ -105,6 +120,8 @@ def ray_depth(
         A vertex v has the frame's coordinates frame @ (v - origin) - place.
     x, slope
         The ray, (x, 0, 0) + depth·(slope, 0, 1) in that frame.
+    outside
+        Count only hits on the triangle's outer side.
     """
     i, j, k = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
     ax, ay, az = turn(
@@ -125,7 +142,13 @@ def ray_depth(
     x0, x1 = x0 - place[0], x1 - place[0]
     z0, z1 = z0 - place[2], z1 - place[2]
     there, u0, w0, u1, w1 = clipped(x0, z0, x1, z1)
-    if not there or (x + slope * w0 < u0) == (x + slope * w1 < u1):
+    if not there:
         return math.inf
+    left0 = not x + slope * w0 < u0
+    left1 = not x + slope * w1 < u1
+    if left0 == left1 or (outside and left1):
+        return math.inf
+    if left1:
+        x0, z0, x1, z1 = x1, z1, x0, z0
     depth = depth_on(x0, z0, x1 - x0, z1 - z0, min(z0, z1), max(z0, z1), x, slope)
     return depth if depth > 0.0 else math.inf
