@@ -1,0 +1,100 @@
+"""Dent: a smooth elliptic hollow with a rim of displaced material."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from defects.kind import Kind, size
+from defects.patch import Patch
+from defects.solid import Cutter
+from defects.surface import Site, SiteError, Surface
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Dent(Kind):
+    r"""A dent whose profile is one polynomial, hollow and rim alike.
+
+    With the elliptic radius ratio rho (1 where the hollow meets the skin) the surface stands at
+
+        w(rho) = -depth (1 - rho²) (1 - rho²/Q)
+
+    over the skin, along the local normal: a hollow for rho < 1, a rim for 1 < rho < q = sqrt(Q),
+    and it meets the skin at an angle at both ends, so that there is no tangential contact. The
+    rim's crest is depth (Q - 1)² / (4 Q), so a rim of `rim_ratio` times the depth has
+    q = s + sqrt(s² + 1), s = sqrt(rim_ratio). Over a plane, with half-axes a and b:
+
+        removed = pi a b depth (1/2 - 1/(6 Q)),   added = pi a b depth (Q - 1)³ / (6 Q).
+
+    Parameters
+    ----------
+    length_mm
+        Axis of the hollow along the heading, at the level of the skin.
+    aspect
+        Other axis over `length_mm`.
+    depth_mm
+        Depth at the centre.
+    rim_ratio
+        Height of the rim's crest over the depth.
+    """
+
+    name: ClassVar[str] = "dent"
+    class_id: ClassVar[int] = 1
+
+    length_mm: float = size("mm", 0.2, 200.0, (3.0, 20.0))
+    aspect: float = size("1", 0.1, 1.0, (0.5, 1.0))
+    depth_mm: float = size("mm", 0.005, 20.0, (0.1, 0.8))
+    rim_ratio: float = size("1", 0.01, 0.5, (0.03, 0.15))
+
+    @property
+    def outer_ratio(self) -> float:
+        """Return q, the radius ratio at which the rim ends."""
+        s = np.sqrt(self.rim_ratio)
+        return float(s + np.sqrt(s * s + 1.0))
+
+    def height_mm(self, rho: Floats) -> Floats:
+        """Return the surface over the skin at radius ratios `rho`; below zero past the rim."""
+        square = np.square(rho)
+        return -self.depth_mm * (1.0 - square) * (1.0 - square / self.outer_ratio**2)
+
+    @property
+    def removed_mm3(self) -> float:
+        """Return the volume removed from a flat part."""
+        area = np.pi / 4 * self.length_mm**2 * self.aspect
+        return float(area * self.depth_mm * (0.5 - 1 / (6 * self.outer_ratio**2)))
+
+    @property
+    def added_mm3(self) -> float:
+        """Return the volume of the rim on a flat part."""
+        area = np.pi / 4 * self.length_mm**2 * self.aspect
+        big = self.outer_ratio**2
+        return float(area * self.depth_mm * (big - 1) ** 3 / (6 * big))
+
+    def cutter(
+        self, surface: Surface, site: Site, rng: np.random.Generator, sagitta_mm: float = 0.001
+    ) -> Cutter:
+        """Build the pocket and its lid; nothing is left open, so nothing is drawn."""
+        a, b = self.length_mm / 2, self.length_mm * self.aspect / 2
+        if self.depth_mm > b:
+            raise SiteError(f"dent: a depth of {self.depth_mm} mm over a half-width of {b} mm")
+        q = self.outer_ratio
+        bend = max(surface.curvature_per_mm(site, q * a), 1e-9)
+        # Facets: |w''| <= 10 depth along the radius, |w'| <= 2 depth (rho from 0 to q) across it.
+        edge_mm = np.sqrt(8 * sagitta_mm / bend)
+        ring = min(np.sqrt(0.8 * sagitta_mm / self.depth_mm), edge_mm / a, 0.1)
+        sector = min(np.sqrt(2 * sagitta_mm / self.depth_mm), edge_mm / (q * a), 0.13)
+        inner = np.linspace(0.0, 1.0, int(np.ceil(1 / ring)) + 1)[1:]
+        rim = np.linspace(1.0, q, max(4, int(np.ceil((q - 1) / ring))) + 1)[1:]
+        skirt = q + 0.06 * np.array([1.0, 2.0])
+        rho = np.concatenate([inner, rim, skirt])
+        # A multiple of four, so that the axes are among the headings.
+        angles = np.linspace(0, 2 * np.pi, 4 * int(np.ceil(np.pi / 2 / sector)), endpoint=False)
+        outline = 1 / np.hypot(np.cos(angles) / a, np.sin(angles) / b)
+        patch = Patch.disk(surface, site, outline, rho)
+        height = self.height_mm(patch.first)
+        middle = rim[len(rim) // 2]
+        margin = float(np.clip(0.2 * self.depth_mm, 0.005, 0.05))
+        return patch.reshape(height, patch.first <= middle, margin)

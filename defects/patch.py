@@ -1,0 +1,237 @@
+"""A patch of skin as a mesh of its own, from which cutters are raised and sunk along the normal."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from defects.solid import Cutter, Solid
+from defects.surface import Site, SiteError, Surface
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Patch:
+    """Points of the skin with local normals, joined to a mesh that has one rim.
+
+    Parameters
+    ----------
+    skin_mm, normals
+        (n, 3): points on the part's surface and smooth unit normals.
+    faces
+        (m, 3), wound so that they face along the normals.
+    first, second
+        (n,) coordinates of each point in the patch: radius ratio and angle of a disk; position
+        along and across of a strip, both in mm.
+    """
+
+    skin_mm: Floats
+    normals: Floats
+    faces: Ints
+    first: Floats
+    second: Floats
+
+    @classmethod
+    def disk(
+        cls,
+        surface: Surface,
+        site: Site,
+        outline_mm: Floats,
+        rho: Floats,
+    ) -> Self:
+        """Spread a disk over the surface by walking outwards from a site.
+
+        Parameters
+        ----------
+        surface, site
+            Where.
+        outline_mm
+            (k,) length of the walk to radius ratio 1, for k headings evenly spaced from the
+            site's own.
+        rho
+            (r,) rising radius ratios of the rings, above 0.
+
+        Raises
+        ------
+        SiteError
+            When the disk crosses an edge of the part or folds.
+        """
+        k, r = len(outline_mm), len(rho)
+        angles = np.arange(k) * (2 * np.pi / k)
+        start = np.repeat(site.position_mm[None], k, axis=0)
+        first, second = tangent_frame(site)
+        directions = np.cos(angles)[:, None] * first + np.sin(angles)[:, None] * second
+        steps = outline_mm[:, None] * np.diff(rho, prepend=0.0)
+        walk = surface.walk(start, directions, steps)
+        if not walk.complete.all():
+            raise SiteError("the flaw would cross an edge of the part")
+        skin = np.concatenate([site.position_mm[None], walk.points_mm.reshape(-1, 3)])
+        normals = np.concatenate([site.normal[None], walk.normals.reshape(-1, 3)])
+        node = 1 + np.arange(k * r, dtype=np.int32).reshape(k, r)
+        after = np.roll(node, -1, axis=0)
+        fan = np.stack([np.zeros(k, np.int64), node[:, 0], after[:, 0]], axis=1)
+        patch = cls(
+            skin_mm=skin,
+            normals=normals,
+            faces=np.concatenate([fan, _quads(node, after)]).astype(np.int32),
+            first=np.concatenate([[0.0], np.tile(rho, k)]),
+            second=np.concatenate([[0.0], np.repeat(angles, r)]),
+        )
+        patch._check()
+        return patch
+
+    @classmethod
+    def strip(
+        cls, surface: Surface, path_mm: Floats, along: Floats, along_mm: Floats, across_mm: Floats
+    ) -> Self:
+        """Spread a strip to both sides of a path.
+
+        Parameters
+        ----------
+        surface
+            Where.
+        path_mm, along
+            (n, 3) points of the path and its directions there.
+        along_mm
+            (n,) position along the path.
+        across_mm
+            (h,) rising distances from the path, above 0, walked to the left and to the right.
+
+        Raises
+        ------
+        SiteError
+            When the strip crosses an edge of the part or folds.
+        """
+        onto, normals, _ = surface.project(path_mm)
+        left = np.cross(normals, along)
+        steps = np.repeat(np.diff(across_mm, prepend=0.0)[None], 2 * len(path_mm), axis=0)
+        walk = surface.walk(np.concatenate([onto, onto]), np.concatenate([left, -left]), steps)
+        if not walk.complete.all():
+            raise SiteError("the flaw would cross an edge of the part")
+        n = len(path_mm)
+
+        def both(middle: Floats, sides: Floats) -> Floats:
+            return np.concatenate([sides[n:, ::-1], middle[:, None], sides[:n]], axis=1)
+
+        skin = both(onto, walk.points_mm)
+        width = skin.shape[1]
+        node = np.arange(n * width, dtype=np.int32).reshape(n, width)
+        across = np.concatenate([-across_mm[::-1], [0.0], across_mm])
+        patch = cls(
+            skin_mm=skin.reshape(-1, 3),
+            normals=both(normals, walk.normals).reshape(-1, 3),
+            faces=_quads(node[1:], node[:-1]).astype(np.int32),
+            first=np.repeat(along_mm, width),
+            second=np.tile(across, n),
+        )
+        patch._check()
+        return patch
+
+    def solid(self, low_mm: Floats, high_mm: Floats) -> Solid:
+        """Return the closed solid between two heights (n,) above the skin, `low` below `high`."""
+        used = np.unique(self.faces)
+        number = np.full(len(self.skin_mm), -1, np.int32)
+        number[used] = np.arange(len(used), dtype=np.int32)
+        faces = number[self.faces]
+        count = len(used)
+        low = self.skin_mm[used] + low_mm[used, None] * self.normals[used]
+        high = self.skin_mm[used] + high_mm[used, None] * self.normals[used]
+        edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+        key = edges.astype(np.int64) @ np.array([count, 1])
+        rim = edges[~np.isin(key, edges[:, ::-1].astype(np.int64) @ np.array([count, 1]))]
+        a, b = rim[:, 0], rim[:, 1]
+        walls = np.concatenate(
+            [np.stack([a, b, b + count], 1), np.stack([a, b + count, a + count], 1)]
+        )
+        return Solid(
+            vertices_mm=np.concatenate([low, high]),
+            faces=np.concatenate([faces[:, ::-1], faces + count, walls]).astype(np.int32),
+        )
+
+    def part(self, keep: NDArray[np.bool_]) -> "Patch":
+        """Return the patch of the faces whose corners are all kept; `keep` is (n,)."""
+        return Patch(
+            skin_mm=self.skin_mm,
+            normals=self.normals,
+            faces=self.faces[keep[self.faces].all(axis=1)],
+            first=self.first,
+            second=self.second,
+        )
+
+    def reshape(
+        self, height_mm: Floats, pocket: NDArray[np.bool_] | None, margin_mm: float
+    ) -> Cutter:
+        """Give the skin another surface.
+
+        What lies above the wanted surface goes, and a lid with the wanted surface on top comes,
+        so that removed and added faces never nearly coincide: the pocket is cut `margin_mm`
+        deeper than wanted and the lid is twice that thick. The wanted surface must cross the skin
+        at an angle and end below it.
+
+        Parameters
+        ----------
+        height_mm
+            (n,) wanted surface above the skin along the local normal.
+        pocket
+            (n,) which points the pocket spans: those where the wanted surface lies below the
+            skin and some way on, but less than the lid; None: nothing is removed.
+        margin_mm
+            See above.
+        """
+        low = np.minimum(height_mm, 0.0) - 2 * margin_mm
+        # The lid's floor runs below the pocket's; its top is the wanted surface.
+        lid = self.solid(low, height_mm)
+        removed, above = None, self.skin_mm[:0]
+        if pocket is not None:
+            rise = float(max(height_mm.max(), 0.0)) + 2 * margin_mm
+            high = np.full(len(height_mm), rise)
+            inner = self.part(pocket)
+            removed = inner.solid(np.minimum(height_mm, 0.0) - margin_mm, high)
+            above = (self.skin_mm + rise * self.normals)[np.unique(inner.faces)]
+        top = height_mm > 0.2 * max(float(height_mm.max()), 1e-9)
+        above = np.concatenate([above, (self.skin_mm + height_mm[:, None] * self.normals)[top]])
+        return Cutter(
+            removed=removed,
+            added=lid,
+            skin_mm=self.skin_mm,
+            normals=self.normals,
+            height_mm=height_mm,
+            above_mm=above,
+        )
+
+    def _check(self) -> None:
+        a, b, c = (self.skin_mm[self.faces[:, i]] for i in range(3))
+        cross = np.cross(b - a, c - a)
+        mean = self.normals[self.faces].sum(axis=1)
+        size = np.linalg.norm(cross, axis=1) * np.linalg.norm(mean, axis=1)
+        if not (np.einsum("ij,ij->i", cross, mean) > 0.2 * size).all():
+            raise SiteError("the surface bends too strongly for a flaw of this size")
+
+
+def tangent_frame(site: Site) -> tuple[Floats, Floats]:
+    """Return the site's heading and the direction to the left of it, unit vectors (3,)."""
+    return site.direction(), site.direction(np.pi / 2)
+
+
+def merge(cutters: list[Cutter]) -> Cutter:
+    """Return one cutter that does what several do, which may overlap."""
+    removed = tuple(cutter.removed for cutter in cutters if cutter.removed is not None)
+    added = tuple(cutter.added for cutter in cutters if cutter.added is not None)
+    return Cutter(
+        removed=Solid.union(removed) if removed else None,
+        added=Solid.union(added) if added else None,
+        skin_mm=np.concatenate([cutter.skin_mm for cutter in cutters]),
+        normals=np.concatenate([cutter.normals for cutter in cutters]),
+        height_mm=np.concatenate([cutter.height_mm for cutter in cutters]),
+        above_mm=np.concatenate([cutter.above_mm for cutter in cutters]),
+    )
+
+
+def _quads(here: Ints, there: Ints) -> Ints:
+    """Join two rows (k, r) of node numbers, the second to the left of the first, by triangles."""
+    a, b = here[:, :-1].ravel(), here[:, 1:].ravel()
+    c, d = there[:, 1:].ravel(), there[:, :-1].ravel()
+    return np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])

@@ -1,0 +1,115 @@
+"""Pit: an irregular hole with steep walls, alone or in a cluster, as corrosion makes it."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from defects.kind import Kind, size
+from defects.patch import Patch, merge
+from defects.solid import Cutter
+from defects.surface import Site, SiteError, Surface
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Pit(Kind):
+    """One pit or a cluster of them.
+
+    Each pit has an outline `radius(angle)` of low harmonics and the floor
+
+        w(rho) = -depth (1 - rho^steepness) (1 + waves),
+
+    where the waves, smooth over the floor, leave the outline as it is. In a cluster the first
+    pit has the full size; the others are smaller, and shallower in proportion.
+
+    Parameters
+    ----------
+    diameter_mm
+        Mean diameter of the largest pit.
+    depth_mm
+        Depth of the largest pit, about; the recorded depth is the one that came out.
+    irregularity
+        Standard deviation of the outline's radius, relative.
+    steepness
+        2: a bowl; 4 and more: a flat floor with steep walls.
+    pits
+        How many.
+    spread_mm
+        Standard deviation of the others' distance from the first.
+    """
+
+    name: ClassVar[str] = "pit"
+    class_id: ClassVar[int] = 3
+
+    diameter_mm: float = size("mm", 0.05, 30.0, (0.4, 3.0))
+    depth_mm: float = size("mm", 0.005, 10.0, (0.1, 0.8))
+    irregularity: float = size("1", 0.0, 0.3, (0.08, 0.2))
+    steepness: float = size("1", 1.5, 8.0, (2.0, 4.0))
+    pits: float = size("1", 1, 40, (1, 6), whole=True)
+    spread_mm: float = size("mm", 0.1, 50.0, (1.0, 4.0))
+
+    def cutter(
+        self, surface: Surface, site: Site, rng: np.random.Generator, sagitta_mm: float = 0.001
+    ) -> Cutter:
+        """Build the pits' solids and join them."""
+        cutters = [self._one(surface, site, 1.0, rng, sagitta_mm)]
+        for _ in range(int(self.pits) - 1):
+            share = float(rng.uniform(0.25, 0.8))
+            # Rayleigh: a normal scatter in the plane; never so near that it vanishes in the first.
+            apart = float(rng.rayleigh(self.spread_mm)) + 0.35 * self.diameter_mm
+            angle = float(rng.uniform(0, 2 * np.pi))
+            heading = float(rng.uniform(0, 2 * np.pi))
+            walk = surface.walk(
+                site.position_mm[None], site.direction(angle)[None], np.array([[apart]])
+            )
+            if not walk.complete.all():
+                raise SiteError("the cluster would cross an edge of the part")
+            there = Site(
+                position_mm=walk.points_mm[0, 0],
+                normal=walk.normals[0, 0],
+                heading_rad=heading,
+                triangle=int(walk.triangles[0, 0]),
+            )
+            cutters.append(self._one(surface, there, share, rng, sagitta_mm))
+        return merge(cutters)
+
+    def _one(
+        self, surface: Surface, site: Site, share: float, rng: np.random.Generator, sagitta: float
+    ) -> Cutter:
+        radius, depth = share * self.diameter_mm / 2, share * self.depth_mm
+        sectors = int(np.clip(4 * np.ceil(np.pi / 2 * np.sqrt(radius / (8 * sagitta))), 32, 160))
+        rings = int(np.clip(np.ceil(np.sqrt(depth * self.steepness**2 / (4 * sagitta))), 8, 48))
+        angles = np.linspace(0, 2 * np.pi, sectors, endpoint=False)
+        outline = radius * _outline(angles, self.irregularity, rng)
+        rho = np.concatenate([np.linspace(0, 1, rings + 1)[1:], [1.06, 1.12]])
+        patch = Patch.disk(surface, site, outline, rho)
+        wave, phase = rng.normal(size=(4, 2)) * 1.8, rng.uniform(0, 2 * np.pi, 4)
+        x, y = patch.first * np.cos(patch.second), patch.first * np.sin(patch.second)
+        waves = np.cos(x[:, None] * wave[:, 0] + y[:, None] * wave[:, 1] + phase).mean(axis=1)
+        fall = 1.0 - patch.first**self.steepness
+        height = -depth * fall * (1 + 2.0 * self.irregularity * waves)
+        rise = float(height.max()) + max(0.02, 0.25 * depth)
+        high = np.full(len(height), rise)
+        under = patch.first <= 1.0
+        return Cutter(
+            removed=patch.solid(height, high),
+            added=None,
+            skin_mm=patch.skin_mm[under],
+            normals=patch.normals[under],
+            height_mm=np.minimum(height[under], 0.0),
+            above_mm=patch.skin_mm + rise * patch.normals,
+        )
+
+
+def _outline(angles: Floats, spread: float, rng: np.random.Generator) -> Floats:
+    """Return a closed outline about 1 whose radius has the standard deviation `spread`."""
+    order = np.arange(2, 8)
+    size_of = 1.0 / (order - 0.5)
+    size_of *= spread / np.sqrt(np.sum(size_of**2))
+    strength = rng.normal(size=len(order)) * size_of
+    phase = rng.uniform(0, 2 * np.pi, len(order))
+    bumps = np.cos(angles[:, None] * order + phase) @ (np.sqrt(2) * strength)
+    return np.asarray(np.clip(1.0 + bumps, 0.5, 1.6))

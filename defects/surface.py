@@ -1,0 +1,381 @@
+"""The surface that a flaw follows: nearest points, smooth normals, random points, walks on it."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from defects.nearest import build_tree, nearest
+
+CREASE_RAD = np.deg2rad(40.0)
+"""Faces that meet at a greater angle are an edge of the part: normals aren't blended over it."""
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+
+class SiteError(ValueError):
+    """The flaw doesn't fit here: it would cross an edge of the part, fold, or meet a wall."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Site:
+    """Where a flaw sits.
+
+    Parameters
+    ----------
+    position_mm
+        (3,) on the surface, part frame.
+    normal
+        (3,) outward smooth unit normal there.
+    heading_rad
+        Direction in the tangent plane, from the first axis of `tangent_axes(normal)`.
+    triangle
+        The face it lies on.
+    """
+
+    position_mm: Floats
+    normal: Floats
+    heading_rad: float
+    triangle: int
+
+    def direction(self, angle_rad: float = 0.0) -> Floats:
+        """Return the unit tangent (3,) at `angle_rad` from the heading, about the normal."""
+        first, second = tangent_axes(self.normal)
+        angle = self.heading_rad + angle_rad
+        return np.asarray(np.cos(angle) * first + np.sin(angle) * second)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Walk:
+    """Points reached by walking on the surface, k walks of n steps.
+
+    Parameters
+    ----------
+    points_mm, normals, directions
+        (k, n, 3): where each step ends, the smooth normal there, the direction of travel there.
+    triangles
+        (k, n).
+    complete
+        (k,): False where an edge of the part stopped the walk.
+    """
+
+    points_mm: Floats
+    normals: Floats
+    directions: Floats
+    triangles: Ints
+    complete: NDArray[np.bool_]
+
+
+def tangent_axes(normal: Floats) -> tuple[Floats, Floats]:
+    """Return two unit vectors that make a right-handed frame with the unit `normal` (3,)."""
+    away = np.zeros(3)
+    away[int(np.argmin(np.abs(normal)))] = 1.0
+    first = np.cross(normal, away)
+    first /= np.linalg.norm(first)
+    return first, np.cross(normal, first)
+
+
+@njit(cache=True)
+def _corner_normals(
+    vertices: Floats, faces: Ints, unit: Floats, area: Floats, start: Ints, corner: Ints
+) -> Floats:
+    """Blend at each corner the normals of the faces around it that make no crease with its own.
+
+    Weighted by area times angle, so that the narrow facets of a fillet don't tilt the wide flat
+    face beside it.
+    """
+    angle = np.zeros((len(faces), 3))
+    for f in range(len(faces)):
+        for v in range(3):
+            a = vertices[faces[f, (v + 1) % 3]] - vertices[faces[f, v]]
+            b = vertices[faces[f, (v + 2) % 3]] - vertices[faces[f, v]]
+            length = np.sqrt(np.dot(a, a) * np.dot(b, b))
+            if length > 0.0:
+                angle[f, v] = np.arccos(min(1.0, max(-1.0, np.dot(a, b) / length)))
+    limit = np.cos(CREASE_RAD)
+    blended = np.empty((len(faces), 3, 3))
+    for f in range(len(faces)):
+        for v in range(3):
+            total = np.zeros(3)
+            vertex = faces[f, v]
+            for i in range(start[vertex], start[vertex + 1]):
+                g, w = corner[i] // 3, corner[i] % 3
+                if np.dot(unit[f], unit[g]) >= limit:
+                    total += area[g] * angle[g, w] * unit[g]
+            length = np.sqrt(np.dot(total, total))
+            blended[f, v] = total / length if length > 0.0 else unit[f]
+    return blended
+
+
+@njit(cache=True)
+def _smooth(corner_normals: Floats, triangle: int, weight: Floats) -> Floats:
+    n = (
+        weight[0] * corner_normals[triangle, 0]
+        + weight[1] * corner_normals[triangle, 1]
+        + weight[2] * corner_normals[triangle, 2]
+    )
+    return np.asarray(n / np.sqrt(np.dot(n, n)))
+
+
+@njit(cache=True)
+def _project(
+    points: Floats,
+    vertices: Floats,
+    faces: Ints,
+    corner_normals: Floats,
+    order: Ints,
+    box: Floats,
+    node: Ints,
+) -> tuple[Floats, Floats, Ints]:
+    weight = np.empty(3)
+    onto = np.empty(points.shape)
+    normals = np.empty(points.shape)
+    triangles = np.empty(len(points), np.int32)
+    for i in range(len(points)):
+        f = nearest(points[i], -1, vertices, faces, order, box, node, weight)
+        triangles[i] = f
+        for c in range(3):
+            onto[i, c] = (
+                weight[0] * vertices[faces[f, 0], c]
+                + weight[1] * vertices[faces[f, 1], c]
+                + weight[2] * vertices[faces[f, 2], c]
+            )
+        normals[i] = _smooth(corner_normals, f, weight)
+    return onto, normals, triangles
+
+
+@njit(cache=True)
+def _walk(
+    start: Floats,
+    start_normal: Floats,
+    start_triangle: Ints,
+    direction: Floats,
+    steps: Floats,
+    turns: Floats,
+    max_step: float,
+    vertices: Floats,
+    faces: Ints,
+    corner_normals: Floats,
+    order: Ints,
+    box: Floats,
+    node: Ints,
+) -> tuple[Floats, Floats, Floats, Ints, NDArray[np.bool_]]:
+    """March: step along the tangent, drop onto the mesh, carry the direction along."""
+    walks, count = steps.shape
+    points = np.empty((walks, count, 3))
+    normals = np.empty((walks, count, 3))
+    directions = np.empty((walks, count, 3))
+    triangles = np.empty((walks, count), np.int32)
+    complete = np.ones(walks, np.bool_)
+    weight = np.empty(3)
+    limit = np.cos(CREASE_RAD)
+    for k in range(walks):
+        p, n, t = start[k].copy(), start_normal[k].copy(), direction[k].copy()
+        f = start_triangle[k]
+        for i in range(count):
+            turn = turns[k, i]
+            if turn != 0.0:
+                t = np.cos(turn) * t + np.sin(turn) * np.cross(n, t)
+            parts = max(1, int(np.ceil(steps[k, i] / max_step)))
+            h = steps[k, i] / parts
+            for _ in range(parts):
+                if not complete[k] or h == 0.0:
+                    break
+                aim = p + h * t
+                f = nearest(aim, f, vertices, faces, order, box, node, weight)
+                reached = (
+                    weight[0] * vertices[faces[f, 0]]
+                    + weight[1] * vertices[faces[f, 1]]
+                    + weight[2] * vertices[faces[f, 2]]
+                )
+                new = _smooth(corner_normals, f, weight)
+                moved = reached - p
+                if np.dot(moved, moved) < (0.85 * h) ** 2 or np.dot(new, n) < limit:
+                    complete[k] = False
+                p, n = reached, new
+                t = t - np.dot(t, n) * n
+                t = t / np.sqrt(np.dot(t, t))
+            points[k, i], normals[k, i], directions[k, i] = p, n, t
+            triangles[k, i] = f
+    return points, normals, directions, triangles, complete
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Surface:
+    """A part's skin with what is needed to place and bend flaws onto it; build by `Surface.of`.
+
+    Parameters
+    ----------
+    vertices_mm, faces
+        (V, 3) float64 and (F, 3) int32, part frame, closed, wound outwards.
+    normals
+        (F, 3) outward unit normals of the facets.
+    area_mm2
+        (F,).
+    corner_normals
+        (F, 3, 3) blended normals of each facet's corners.
+    order, box, node
+        The tree of boxes of `defects.nearest`.
+    """
+
+    vertices_mm: Floats
+    faces: Ints
+    normals: Floats
+    area_mm2: Floats
+    corner_normals: Floats
+    order: Ints
+    box: Floats
+    node: Ints
+
+    @classmethod
+    def of(cls, vertices_mm: Floats, faces: Ints) -> Self:
+        """Prepare the surface of a closed mesh.
+
+        Raises
+        ------
+        ValueError
+            When the arrays aren't a triangle mesh.
+        """
+        vertices = np.array(vertices_mm, dtype=np.float64, order="C")  # writable: one compilation
+        triangles = np.array(faces, dtype=np.int32, order="C")
+        if vertices.ndim != 2 or vertices.shape[1] != 3 or triangles.shape[1:] != (3,):
+            raise ValueError("a surface needs vertices (V, 3) and faces (F, 3)")
+        if not len(triangles):
+            raise ValueError("a surface needs at least one face")
+        a, b, c = (vertices[triangles[:, i]] for i in range(3))
+        cross = np.cross(b - a, c - a)
+        length = np.linalg.norm(cross, axis=1)
+        unit = cross / np.where(length > 0, length, 1.0)[:, None]
+        corner = np.argsort(triangles.ravel(), kind="stable").astype(np.int32)
+        counts = np.bincount(triangles.ravel(), minlength=len(vertices))
+        start = np.concatenate(([0], np.cumsum(counts))).astype(np.int32)
+        area = 0.5 * length
+        blended = _corner_normals(vertices, triangles, unit, area, start, corner)
+        order, box, node = build_tree(vertices, triangles)
+        return cls(
+            vertices_mm=vertices,
+            faces=triangles,
+            normals=unit,
+            area_mm2=area,
+            corner_normals=blended,
+            order=order,
+            box=box,
+            node=node,
+        )
+
+    def project(self, points_mm: Floats) -> tuple[Floats, Floats, Ints]:
+        """Drop points onto the nearest place of the surface.
+
+        Parameters
+        ----------
+        points_mm
+            (k, 3).
+
+        Returns
+        -------
+        points_mm, normals, triangles
+            (k, 3) on the mesh, (k, 3) smooth unit normals there, (k,) faces.
+        """
+        points = np.ascontiguousarray(points_mm, np.float64)
+        onto, normals, triangles = _project(
+            points, self.vertices_mm, self.faces, self.corner_normals,
+            self.order, self.box, self.node,
+        )  # fmt: skip
+        return onto, normals, triangles
+
+    def random_sites(
+        self, rng: np.random.Generator, count: int, weight: Floats | None = None
+    ) -> list[Site]:
+        """Draw places uniformly by area, heading included.
+
+        Parameters
+        ----------
+        rng
+            Source of randomness.
+        count
+            How many.
+        weight
+            (F,) factor on each face's density: a mask, or shares; None: all alike.
+
+        Raises
+        ------
+        SiteError
+            When no face is left.
+        """
+        share = self.area_mm2 if weight is None else self.area_mm2 * weight
+        total = np.cumsum(share)
+        if not total[-1] > 0:
+            raise SiteError("no face is left to place flaws on")
+        at = np.searchsorted(total, rng.uniform(0.0, total[-1], count), side="right")
+        faces = np.minimum(at, len(share) - 1)
+        u, v = rng.uniform(size=(2, count))
+        heading = rng.uniform(0.0, 2 * np.pi, count)
+        root = np.sqrt(u)
+        corner = np.stack([1 - root, root * (1 - v), root * v], axis=1)
+        points = np.einsum("kc,kcx->kx", corner, self.vertices_mm[self.faces[faces]])
+        normals = np.einsum("kc,kcx->kx", corner, self.corner_normals[faces])
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        return [
+            Site(
+                position_mm=points[i],
+                normal=normals[i],
+                heading_rad=float(heading[i]),
+                triangle=int(faces[i]),
+            )
+            for i in range(count)
+        ]
+
+    def walk(
+        self,
+        start_mm: Floats,
+        directions: Floats,
+        steps_mm: Floats,
+        turns_rad: Floats | None = None,
+        max_step_mm: float = 0.25,
+    ) -> Walk:
+        """Walk on the surface, straight on or turning.
+
+        Parameters
+        ----------
+        start_mm
+            (k, 3) near the surface.
+        directions
+            (k, 3) first directions; their part along the normal is taken out.
+        steps_mm
+            (k, n) lengths of the steps.
+        turns_rad
+            (k, n) turn to the left (about the normal) before each step; None: straight.
+        max_step_mm
+            Longer steps are divided, so that the path stays on curved parts.
+        """
+        start, normals, triangles = self.project(start_mm)
+        along = directions - np.sum(directions * normals, axis=1, keepdims=True) * normals
+        along = along / np.linalg.norm(along, axis=1, keepdims=True)
+        steps = np.ascontiguousarray(steps_mm, np.float64)
+        turns = np.zeros_like(steps) if turns_rad is None else np.ascontiguousarray(turns_rad)
+        points, normal, heading, triangle, complete = _walk(
+            start, normals, triangles, np.ascontiguousarray(along), steps, turns,
+            float(max_step_mm), self.vertices_mm, self.faces, self.corner_normals,
+            self.order, self.box, self.node,
+        )  # fmt: skip
+        return Walk(
+            points_mm=points,
+            normals=normal,
+            directions=heading,
+            triangles=triangle,
+            complete=complete,
+        )
+
+    def curvature_per_mm(self, site: Site, radius_mm: float) -> float:
+        """Return the strongest curvature of the smooth normals within `radius_mm` of a site."""
+        count = 12
+        angles = np.arange(16) * (2 * np.pi / 16)
+        start = np.repeat(site.position_mm[None], 16, axis=0)
+        directions = np.stack([site.direction(angle) for angle in angles])
+        steps = np.full((16, count), radius_mm / count)
+        walk = self.walk(start, directions, steps)
+        turn = np.linalg.norm(np.diff(walk.normals, axis=1), axis=2)
+        return float(turn.max() / steps[0, 0])

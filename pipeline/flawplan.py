@@ -1,0 +1,260 @@
+"""Which flaws a recipe wants in each part: kinds, numbers, sizes, severity tiers and places."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from defects import KINDS
+from defects.kind import Kind
+from defects.sizes import Fixed, Size, parse_size
+
+VISIBLE = "visible"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Tier:
+    """A severity: how often, and how it changes the sizes.
+
+    Parameters
+    ----------
+    name
+        What records call it.
+    weight
+        How often, relative to the other tiers' weights.
+    scale
+        Factor on all sizes in mm that this tier doesn't set itself.
+    sizes
+        Distributions that replace the kind's.
+    """
+
+    name: str
+    weight: float
+    scale: float
+    sizes: Mapping[str, Size]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class KindPlan:
+    """One kind of flaw in the plan.
+
+    Parameters
+    ----------
+    kind
+        A name in `defects.KINDS`.
+    number
+        How many in each part, rounded to whole numbers.
+    sizes
+        A distribution for each of the kind's sizes.
+    tiers
+        Severities; at least one.
+    """
+
+    kind: str
+    number: Size
+    sizes: Mapping[str, Size]
+    tiers: tuple[Tier, ...]
+
+    def draw(self, rng: np.random.Generator) -> tuple[str, Kind]:
+        """Draw a tier and one flaw's sizes; return the tier's name and the flaw."""
+        weights = np.array([tier.weight for tier in self.tiers])
+        tier = self.tiers[int(rng.choice(len(weights), p=weights / weights.sum()))]
+        sizes = {**self.sizes, **tier.sizes}
+        scaled = KINDS[self.kind].draw(sizes, rng, scale=tier.scale, unscaled=set(tier.sizes))
+        return tier.name, scaled
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FlawPlan:
+    """All the flaws wanted in each part.
+
+    Parameters
+    ----------
+    kinds
+        The kinds wanted.
+    min_distance_mm
+        Least distance between the edges of two flaws.
+    where
+        Names of regions to place flaws on; empty: all that the scan can see.
+    keep_free
+        Names of regions that no flaw may touch.
+    keep_free_boxes_mm
+        Boxes (low, high corner, part frame) that no flaw may touch.
+    sagitta_um
+        How far a flaw's facets may stand off its smooth surface.
+    tries
+        How often a flaw whose boolean fails is drawn again before it is given up.
+    """
+
+    kinds: tuple[KindPlan, ...]
+    min_distance_mm: float = 1.0
+    where: tuple[str, ...] = ()
+    keep_free: tuple[str, ...] = ()
+    keep_free_boxes_mm: tuple[tuple[tuple[float, ...], tuple[float, ...]], ...] = ()
+    sagitta_um: float = 1.0
+    tries: int = 8
+
+    @classmethod
+    def from_mapping(cls, data: Mapping[str, Any]) -> Self:
+        """Read the `flaws:` part of a recipe.
+
+        Parameters
+        ----------
+        data
+            Kinds of flaw by name, each with `number`, sizes and `tiers`; beside them
+            `min_distance_mm`, `where` (`visible` or a list of regions), `keep_free` (a list of
+            regions and boxes `[[x, y, z], [x, y, z]]`), `sagitta_um`, `tries`.
+
+        Raises
+        ------
+        ValueError
+            One line: key path, value, and what is allowed.
+        """
+        if not isinstance(data, Mapping):
+            raise ValueError(f"{data!r} must be a mapping of kinds of flaw")
+        regions, boxes = _keep_free(data.get("keep_free", ()))
+        known = [*KINDS, "min_distance_mm", "where", "keep_free", "sagitta_um", "tries"]
+        for key in data:
+            if key not in known:
+                raise ValueError(f"{key}: unknown key, allowed are {', '.join(known)}")
+        return cls(
+            kinds=tuple(_kind_plan(name, data[name]) for name in KINDS if name in data),
+            where=_where(data.get("where", VISIBLE)),
+            keep_free=regions,
+            keep_free_boxes_mm=boxes,
+            min_distance_mm=_number(data, "min_distance_mm", 1.0, 0.0, 1e6),
+            sagitta_um=_number(data, "sagitta_um", 1.0, 0.05, 100.0),
+            tries=int(_number(data, "tries", 8, 1, 1000)),
+        )
+
+    def check_regions(self, regions: Mapping[str, NDArray[np.bool_]]) -> None:
+        """Check that a part has all the regions that the plan names.
+
+        Raises
+        ------
+        ValueError
+            One line with the name and those there are.
+        """
+        for key, names in (("where", self.where), ("keep_free", self.keep_free)):
+            for name in names:
+                if name not in regions:
+                    there = ", ".join(regions) or "none"
+                    raise ValueError(f"{key}: no region {name!r} in this part; it has: {there}")
+
+
+def _number(data: Mapping[str, Any], key: str, default: float, low: float, high: float) -> float:
+    value = data.get(key, default)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+        raise ValueError(f"{key}: {value!r} must be a number from {low} to {high}")
+    return float(value)
+
+
+def _where(value: Any) -> tuple[str, ...]:
+    if value == VISIBLE:
+        return ()
+    if isinstance(value, str):
+        return (value,)
+    if isinstance(value, Sequence) and value and all(isinstance(name, str) for name in value):
+        return tuple(value)
+    raise ValueError(f"where: {value!r} must be {VISIBLE!r} or a list of regions")
+
+
+def _keep_free(
+    value: Any,
+) -> tuple[tuple[str, ...], tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]]:
+    entries = [value] if isinstance(value, str) else value
+    if not isinstance(entries, Sequence):
+        raise ValueError(f"keep_free: {value!r} must be a list of regions and boxes")
+    regions, boxes = [], []
+    for entry in entries:
+        if isinstance(entry, str):
+            regions.append(entry)
+            continue
+        try:
+            low, high = (tuple(float(x) for x in corner) for corner in entry)
+        except (TypeError, ValueError):
+            low, high = (), ()
+        ordered = all(a < b and math.isfinite(b - a) for a, b in zip(low, high, strict=False))
+        if len(low) != 3 or len(high) != 3 or not ordered:
+            raise ValueError(
+                f"keep_free: {entry!r} must be a region or a box [[x, y, z], [x, y, z]], low first"
+            )
+        boxes.append((low, high))
+    return tuple(regions), tuple(boxes)
+
+
+def _sizes(kind: str, where: str, data: Mapping[str, Any]) -> dict[str, Size]:
+    bounds = {spec.name: spec.metadata for spec in fields(KINDS[kind])}
+    sizes: dict[str, Size] = {}
+    for key, value in data.items():
+        if key not in bounds:
+            raise ValueError(f"{where}.{key}: unknown key, allowed are {', '.join(bounds)}")
+        try:
+            sizes[key] = parse_size(value)
+        except ValueError as error:
+            raise ValueError(f"{where}.{key}: {error}") from None
+        low, high = sizes[key].limits()
+        if low < bounds[key]["low"] or high > bounds[key]["high"]:
+            raise ValueError(
+                f"{where}.{key}: {value!r} must stay within "
+                f"{bounds[key]['low']} to {bounds[key]['high']}"
+            )
+    return sizes
+
+
+def _kind_plan(kind: str, data: Any) -> KindPlan:
+    if isinstance(data, int | float) and not isinstance(data, bool):
+        data = {"number": data}
+    if not isinstance(data, Mapping):
+        raise ValueError(f"{kind}: {data!r} must be a number or a mapping")
+    rest = {key: value for key, value in data.items() if key not in ("number", "tiers")}
+    try:
+        number = parse_size(data.get("number", 1))
+    except ValueError as error:
+        raise ValueError(f"{kind}.number: {error}") from None
+    if number.limits()[0] < 0 or number.limits()[1] > 1000:
+        raise ValueError(f"{kind}.number: {data['number']!r} must stay within 0 to 1000")
+    return KindPlan(
+        kind=kind,
+        number=number,
+        sizes={**KINDS[kind].typical(), **_sizes(kind, kind, rest)},
+        tiers=_tiers(kind, data.get("tiers")),
+    )
+
+
+def _tiers(kind: str, data: Any) -> tuple[Tier, ...]:
+    if data is None:
+        return (Tier(name="", weight=1.0, scale=1.0, sizes={}),)
+    if not isinstance(data, Mapping) or not data:
+        raise ValueError(f"{kind}.tiers: {data!r} must be a mapping of names to tiers")
+    tiers = []
+    for name, tier in data.items():
+        where = f"{kind}.tiers.{name}"
+        if not isinstance(tier, Mapping):
+            raise ValueError(f"{where}: {tier!r} must be a mapping with weight, scale or sizes")
+        try:
+            weight = _number(tier, "weight", 1.0, 0.0, 1e9)
+            scale = _number(tier, "scale", 1.0, 1e-3, 1e3)
+        except ValueError as error:
+            raise ValueError(f"{where}.{error}") from None
+        rest = {key: value for key, value in tier.items() if key not in ("weight", "scale")}
+        tiers.append(
+            Tier(name=str(name), weight=weight, scale=scale, sizes=_sizes(kind, where, rest))
+        )
+    if not sum(tier.weight for tier in tiers) > 0:
+        raise ValueError(f"{kind}.tiers: at least one weight must be above 0")
+    return tuple(tiers)
+
+
+def exactly(kind: str, number: int = 1, **sizes: float) -> KindPlan:
+    """Return a plan for `number` flaws of one kind with the given sizes fixed, the rest typical."""
+    fixed = {name: Fixed(value=value) for name, value in sizes.items()}
+    return KindPlan(
+        kind=kind,
+        number=Fixed(value=number),
+        sizes={**KINDS[kind].typical(), **fixed},
+        tiers=(Tier(name="", weight=1.0, scale=1.0, sizes={}),),
+    )
