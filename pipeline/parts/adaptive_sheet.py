@@ -49,7 +49,7 @@ def close_sheet(
     low = np.arange(start) * size
     i, j = (grid.ravel() for grid in np.meshgrid(low, low, indexing="ij"))
     cells = np.stack([i, i + size, j, j + size], axis=1)
-    cells = _graded(sheet, _refined(sheet, cells, facet_mm))
+    cells = _graded(_refined(sheet, cells, facet_mm))
     lattice, faces = _triangles(sheet, cells)
     a, b = _square(lattice[:, 0]), _square(lattice[:, 1])
     outer, inner = sheet(a, b)
@@ -89,7 +89,20 @@ def _refined(sheet: Sheet, cells: NDArray[np.int64], facet_mm: float) -> NDArray
 
 
 def _halved(cells: NDArray[np.int64], across: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Both halves of each cell: cut in a where `across`, else in b."""
+    """Both halves of each cell, cut in a where `across`, else in b; quarters on the diagonals.
+
+    Sheets may be given in rings about the square's middle, whose corners then lie on smooth
+    curves; cells there stay square, so that a diagonal of theirs runs along the square's.
+    """
+    a, b = cells[:, 0] + cells[:, 1], cells[:, 2] + cells[:, 3]
+    square = (a == b) | (a + b == 2 * _LATTICE)
+    halves = _cut(cells[~square], across[~square])
+    every = np.ones(int(square.sum()), dtype=np.bool_)
+    strips = _cut(cells[square], every)
+    return np.concatenate([halves, _cut(strips, np.zeros(len(strips), dtype=np.bool_))])
+
+
+def _cut(cells: NDArray[np.int64], across: NDArray[np.bool_]) -> NDArray[np.int64]:
     one, two = cells.copy(), cells.copy()
     for column, chosen in ((0, across), (2, ~across)):
         middle = (cells[chosen, column] + cells[chosen, column + 1]) // 2
@@ -133,7 +146,7 @@ def _error(
 
 
 def _two_triangles(cloud: Points, share: NDArray[np.float64]) -> Points:
-    """The cell's triangles at the sample points, split along the shorter diagonal."""
+    """The cell's triangles at the sample points, split as `_rising` says."""
     p00, p10 = cloud[:, 0, 0], cloud[:, -1, 0]
     p01, p11 = cloud[:, 0, -1], cloud[:, -1, -1]
     s, t = share[:, None, None], share[None, :, None]
@@ -146,13 +159,22 @@ def _two_triangles(cloud: Points, share: NDArray[np.float64]) -> Points:
         p00 + s * (p10 - p00) + t * (p01 - p00),
         p11 + (1.0 - s) * (p01 - p11) + (1.0 - t) * (p10 - p11),
     )
-    short = _rising_shorter(cloud[:, 0, 0], cloud[:, -1, 0], cloud[:, 0, -1], cloud[:, -1, -1])
+    short = _rising(cloud[:, 0, 0], cloud[:, -1, 0], cloud[:, 0, -1], cloud[:, -1, -1])
     return np.where(short[:, None, None, None], rising, falling)
 
 
-def _rising_shorter(p00: Points, p10: Points, p01: Points, p11: Points) -> NDArray[np.bool_]:
-    rising, falling = np.linalg.norm(p11 - p00, axis=1), np.linalg.norm(p10 - p01, axis=1)
-    return np.asarray(rising <= falling * (1.0 + 1e-9))
+def _rising(p00: Points, p10: Points, p01: Points, p11: Points) -> NDArray[np.bool_]:
+    """Whether the diagonal from p00 to p11 gives the better worst triangle."""
+    rising = np.minimum(_quality(p00, p10, p11), _quality(p00, p11, p01))
+    falling = np.minimum(_quality(p00, p10, p01), _quality(p10, p11, p01))
+    return np.asarray(rising >= falling * (1.0 - 1e-6))
+
+
+def _quality(p: Points, q: Points, r: Points) -> NDArray[np.float64]:
+    """Area over the square of the longest edge."""
+    area = np.linalg.norm(np.cross(q - p, r - p), axis=1)
+    longest = np.max([np.sum((x - y) ** 2, axis=1) for x, y in ((p, q), (q, r), (r, p))], axis=0)
+    return np.asarray(area / longest)
 
 
 def _vertices(
@@ -180,9 +202,8 @@ def _edges(
     return found
 
 
-def _graded(sheet: Sheet, cells: NDArray[np.int64]) -> NDArray[np.int64]:
+def _graded(cells: NDArray[np.int64]) -> NDArray[np.int64]:
     """Halve cells that have too many vertices of their neighbours on an edge."""
-    del sheet
     while True:
         keys, swapped, _ = _vertices(cells)
         left, right, below, above = (
@@ -209,7 +230,7 @@ def _triangles(
     p00, p01 = edges[0][0][plain], edges[0][1][plain]
     p10, p11 = edges[1][0][plain], edges[1][1][plain]
     outer, _ = sheet(_square(lattice[:, 0]), _square(lattice[:, 1]))
-    short = _rising_shorter(outer[p00], outer[p10], outer[p01], outer[p11])
+    short = _rising(outer[p00], outer[p10], outer[p01], outer[p11])
     one = np.where(short[:, None], np.stack([p00, p10, p11], 1), np.stack([p00, p10, p01], 1))
     two = np.where(short[:, None], np.stack([p00, p11, p01], 1), np.stack([p10, p11, p01], 1))
     fans = cells[~plain]

@@ -100,7 +100,7 @@ class DoorShape:
         then bent into the outline of a door, wider at the sill, its front edge leaning.
         """
         hx, hy = self.half_x, self.half_y
-        radius = self.door.corner_radius_mm
+        radius = np.where(v > 0.0, self.door.window_corner_mm, self.door.corner_radius_mm)
         px, py = hx * u, hy * v
         # Position along the corner: its arc replaces a length of `reach` along either side.
         reach = 1.25 * radius
@@ -109,7 +109,7 @@ class DoorShape:
         along = np.where(at_x, gap_y, gap_x)
         corner = along < reach
         angle = np.where(corner, (1.0 - along / reach) * np.pi / 4.0, 0.0)
-        # A clothoid-free corner: the straight part is stretched to end where the arc begins.
+        # The straight part is stretched to end where the arc begins.
         total_x, total_y = hx - reach, hy - reach
         stretch_x, stretch_y = (hx - radius) / total_x, (hy - radius) / total_y
         straight_x = np.clip(px, -total_x, total_x) * stretch_x
@@ -128,7 +128,7 @@ class DoorShape:
     def _window(self, u: Array, v: Array) -> Array:
         """1 at the window edge (the upper side), 0 at the hem, smooth between, at the corners."""
         side = self.half_y * (1.0 - v)
-        reach = 1.25 * self.door.corner_radius_mm
+        reach = 1.25 * self.door.window_corner_mm
         along_top = self.half_x * (1.0 - np.abs(u))
         # From the end of the arc on the side (0) over the corner to its end on top (1).
         progress = np.where(
