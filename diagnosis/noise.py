@@ -43,6 +43,8 @@ class NoiseModel:
         How many readings it was measured from.
     from_reference : bool
         True where plates gave it, False where the recordings' own residuals did.
+    innovation_sd : float
+        Measured size of the whitened readings over the predicted one.
     """
 
     sd_mm: float
@@ -55,6 +57,7 @@ class NoiseModel:
     pitch_y_mm: float
     readings: int
     from_reference: bool
+    innovation_sd: float = 1.0
 
     @property
     def lags(self) -> tuple[int, int]:

@@ -60,7 +60,7 @@ class Whitener:
                     correlation[np.ix_(have, have)] + 1e-6 * np.eye(int(have.sum())), towards[have]
                 )
                 weights[code, have] = solved
-                deviation[code] = np.sqrt(max(1 - solved @ towards[have], 1e-4))
+                deviation[code] = np.sqrt(max(1 - solved @ towards[have], 1e-4)) * noise.innovation_sd
         return cls(used=used, pattern=pattern, weights=weights, deviation=deviation)
 
     def apply(self, field: Field) -> Field:
@@ -126,4 +126,42 @@ def _apply(
                 if code >> k & 1:
                     value -= weights[code, k] * field[i + neighbours[k, 0], j + neighbours[k, 1]]
             out[i, j] = value / deviation[code]
+    return out
+
+
+def transposed(whitener: Whitener, innovations: Field) -> Field:
+    """Apply the transposed operator: field (n, m) whose product with b is W b · innovations."""
+    return np.asarray(
+        _transposed(
+            innovations,
+            whitener.used,
+            whitener.pattern,
+            whitener.weights,
+            whitener.deviation,
+            NEIGHBOURS,
+        )
+    )
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _transposed(
+    innovations: Field,
+    used: Mask,
+    pattern: NDArray[np.int32],
+    weights: Field,
+    deviation: Field,
+    neighbours: NDArray[np.int64],
+) -> Field:
+    n, m = innovations.shape
+    out = np.zeros((n, m))
+    for i in range(n):
+        for j in range(m):
+            if not used[i, j]:
+                continue
+            code = pattern[i, j]
+            value = innovations[i, j] / deviation[code]
+            out[i, j] += value
+            for k in range(neighbours.shape[0]):
+                if code >> k & 1:
+                    out[i + neighbours[k, 0], j + neighbours[k, 1]] -= weights[code, k] * value
     return out

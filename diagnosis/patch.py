@@ -1,0 +1,219 @@
+"""Patches: the pieces of a recording that are compared, at its registered pose.
+
+A small recording is one patch; a large one is looked at in strips of whole profiles, so that
+nothing is resampled and neighbours stay neighbours.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import binary_dilation, median_filter
+
+from diagnosis.noise import Field, Mask
+from diagnosis.prediction import law_of
+from diagnosis.registration import PRIOR_SD, Placement, hits_normal, pose_columns
+from sensors.datasheet import Datasheet
+from sensors.laser import Laser
+from sensors.recording import Recording, repeated_rows
+from sensors.scene import Scene
+from sensors.view import View
+
+WHOLE = 450_000
+STRIP_ROWS = 40
+STRIPS = 5
+SPIKE_SD = 6.0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Patch:
+    """One recording's profiles `rows`, with what geometry says of them.
+
+    Attributes
+    ----------
+    recording : int
+        Number of the recording.
+    rows : slice
+        Which profiles.
+    depth_mm : (n, m)
+        Readings; NaN = missing.
+    dropped : (n,) bool
+        Profiles that repeat the one before: not measurements.
+    view : View
+        Geometry at the registered pose.
+    plain_mm : (n, m)
+        Mean of the plain model, NaN where it expects no return.
+    columns : (n, m, 7)
+        Derivative of depth by the placement; 0 without a hit.
+    softness : ((n, m), (n, m))
+        Further standard deviation (mm) and probability by which an edge may be misplaced.
+    edge : (n, m) bool
+        Within reach of a depth edge, a crease or the outline.
+    fit, scored : (n, m) bool
+        Which readings may be fitted and which are left for judging.
+    """
+
+    recording: int
+    name: str
+    rows: slice
+    depth_mm: Field
+    dropped: Mask
+    view: View
+    plain_mm: Field
+    columns: Field
+    softness: tuple[Field, Field]
+    edge: Mask
+    fit: Mask
+    scored: Mask
+    kept: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Profiles and points."""
+        n, m = self.depth_mm.shape
+        return n, m
+
+    @property
+    def observed(self) -> Mask:
+        """Where there is a reading."""
+        return np.asarray(np.isfinite(self.depth_mm))
+
+    @property
+    def counted(self) -> Mask:
+        """Where a reading or its absence counts: not in dropped profiles."""
+        return np.broadcast_to(~self.dropped[:, None], self.shape)
+
+
+def cut(
+    number: int,
+    recording: Recording,
+    placement: Placement,
+    scene: Scene,
+    datasheet: Datasheet,
+    laser: Laser,
+    *,
+    lateral_mm: float,
+    held_out: Mask | None = None,
+) -> list[Patch]:
+    """Cut a registered recording into patches.
+
+    Parameters
+    ----------
+    lateral_mm : float
+        How far an edge may be off for no reason of physics: registration, tessellation.
+    held_out : (n, m) bool, optional
+        Readings that must not be fitted.
+    """
+    n, m = recording.depth_mm.shape
+    repeats = repeated_rows(recording.depth_mm)
+    spans = strips(n, m)
+    patches = []
+    for rows in spans:
+        view = View(
+            scene,
+            datasheet,
+            placement.poses[rows],
+            recording.time_s[rows],
+            laser=laser,
+            intensity=None if recording.intensity is None else recording.intensity[rows],
+            start_time_s=recording.start_time_s,
+        )
+        plain = np.array(np.broadcast_to(law_of(view, (), None).mean_mm, view.shape))
+        depth = in_range(recording.depth_mm[rows], datasheet)
+        columns = pose_columns(
+            view.poses, laser, view.hits.depth_mm, hits_normal(scene, view.hits), placement.centre_mm
+        )
+        columns = np.where(np.isfinite(view.depth_mm)[..., None], columns, 0.0) * PRIOR_SD
+        softness = edge_softness(view, plain, lateral_mm)
+        held = np.zeros(view.shape, dtype=bool) if held_out is None else held_out[rows]
+        patches.append(
+            Patch(
+                recording=number,
+                name=recording.name,
+                rows=rows,
+                depth_mm=depth,
+                dropped=repeats[rows],
+                view=view,
+                plain_mm=plain,
+                columns=columns,
+                softness=softness,
+                edge=near_edges(view, plain),
+                fit=~held,
+                scored=held,
+            )
+        )
+    return patches
+
+
+def strips(profiles: int, points: int) -> list[slice]:
+    """Which profiles to look at: all, or strips spread over the recording."""
+    if profiles * points <= WHOLE:
+        return [slice(0, profiles)]
+    rows = int(np.clip(WHOLE // points // STRIPS, STRIP_ROWS, profiles))
+    count = min(STRIPS, profiles // rows)
+    if count <= 1:
+        return [slice(0, profiles)]
+    starts = np.linspace(0, profiles - rows, count).astype(int)
+    return [slice(int(s), int(s) + rows) for s in starts]
+
+
+def in_range(depth_mm: Field, datasheet: Datasheet) -> Field:
+    """Readings within the working range; others count as missing."""
+    inside = (depth_mm >= datasheet.depth_min_mm) & (depth_mm <= datasheet.depth_max_mm)
+    return np.where(inside, depth_mm, np.nan)
+
+
+def edge_softness(view: View, plain_mm: Field, lateral_mm: float) -> tuple[Field, Field]:
+    """What a sideways error of `lateral_mm` may do beyond the tangent plane's linear change."""
+    sd = np.zeros(view.shape)
+    chance = np.zeros(view.shape)
+    middle = view.depth_mm
+    for move in ({"dx_mm": lateral_mm}, {"dy_mm": lateral_mm}):
+        ahead = view.shifted(**move).depth_mm
+        back = view.shifted(**{k: -v for k, v in move.items()}).depth_mm
+        slope = view.slope_x if "dx_mm" in move else view.slope_y
+        linear = np.clip(slope, -5, 5) * lateral_mm
+        for side, sign in ((ahead, 1.0), (back, -1.0)):
+            bend = np.abs(side - middle - sign * linear)
+            sd = np.fmax(sd, np.where(np.isfinite(bend), bend, 0.0))
+            chance[np.isfinite(side) != np.isfinite(middle)] = 0.3
+    chance[sd > 1.0] = 0.1
+    return sd, chance
+
+
+def near_edges(view: View, plain_mm: Field, reach: int = 2) -> Mask:
+    """Within `reach` points of a depth edge, a sharp crease or the outline of what is seen."""
+    seen = np.isfinite(plain_mm)
+    depth = view.depth_mm
+    rough = np.zeros(view.shape, dtype=bool)
+    for axis in (0, 1):
+        second = np.abs(np.diff(depth, n=2, axis=axis))
+        first = np.abs(np.diff(depth, axis=axis))
+        typical = np.nanmedian(first) if np.isfinite(first).any() else 0.0
+        bent = np.zeros(view.shape, dtype=bool)
+        inner = (slice(1, -1), slice(None)) if axis == 0 else (slice(None), slice(1, -1))
+        with np.errstate(invalid="ignore"):
+            bent[inner] = second > max(0.15, 6 * typical)
+        rough |= bent
+        flip = np.diff(seen.astype(np.int8), axis=axis) != 0
+        ahead = (slice(0, -1), slice(None)) if axis == 0 else (slice(None), slice(0, -1))
+        behind = (slice(1, None), slice(None)) if axis == 0 else (slice(None), slice(1, None))
+        rough[ahead] |= flip
+        rough[behind] |= flip
+    return np.asarray(binary_dilation(rough, iterations=reach))
+
+
+def spikes(residual_mm: Field, used: Mask, sd_mm: Field) -> Mask:
+    """Readings that leave their neighbours: isolated, unlike a misfit, which is smooth."""
+    filled = np.where(used, residual_mm, 0.0)
+    middle = median_filter(filled, size=5, mode="nearest")
+    return np.asarray(used & (np.abs(residual_mm - middle) > SPIKE_SD * sd_mm))
+
+
+def by_recording(patches: Sequence[Patch]) -> dict[int, list[Patch]]:
+    """Group patches by their recording's number."""
+    groups: dict[int, list[Patch]] = {}
+    for patch in patches:
+        groups.setdefault(patch.recording, []).append(patch)
+    return groups

@@ -1,0 +1,125 @@
+"""Prediction: the law of each reading under a set of effects, in the arrays that scoring needs.
+
+The plain model is the sensor's file, its effects included; the size of the noise is the calibrated
+one, split into what is white and what is speckle so that effects act on either.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis.noise import Field, Mask, NoiseModel
+from sensors.effects.base import Effect, MotionEffect
+from sensors.law import Law, geometric_law, sheet_effects
+from sensors.perlin import PerlinField
+from sensors.uncertainty import sigma_mm
+from sensors.view import View
+
+FLOOR_MISSING = 2e-4
+"""Least probability that any reading is lost, or that one comes where none can."""
+FLOOR_FOUND = 0.02
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Prediction:
+    """Law of each reading of a patch, (n, m) arrays.
+
+    Attributes
+    ----------
+    mean_mm : NaN where no return is expected
+    sd_mm : size of the correlated noise
+    p_missing : probability of no return
+    p_outlier, outlier_sd_mm : second, wide Gaussian
+    """
+
+    mean_mm: Field
+    sd_mm: Field
+    p_missing: Field
+    p_outlier: Field
+    outlier_sd_mm: Field
+
+    @property
+    def seen(self) -> Mask:
+        """Where the law has a mean."""
+        return np.asarray(np.isfinite(self.mean_mm))
+
+
+def law_of(view: View, effects: Sequence[Effect], noise: NoiseModel | None) -> Law:
+    """Law under the sensor's own effects, each replaced by that of its name in `effects`."""
+    found = {effect.name: effect for effect in effects}
+    own = [found.pop(effect.name, effect) for effect in sheet_effects(view)]
+    order = [*own, *found.values()]
+    true, others = view, []
+    for effect in order:
+        if isinstance(effect, MotionEffect) and not effect.undrawn(view):
+            if not effect.is_null:
+                for key in effect.needs:
+                    view.datasheet.require(key)
+                true = effect.moved(true)
+        else:
+            others.append(effect)
+    law = geometric_law(true, None)
+    if noise is not None:
+        white = min(sigma_mm(view.datasheet), 0.9 * noise.sd_mm)
+        speckle = math.sqrt(noise.sd_mm**2 - white**2)
+        cell = PerlinField(amplitude_mm=1.0, cell_x_mm=1.0, cell_y_mm=1.0, octaves=1)
+        scale = replace(law, speckle=cell).speckle_sd_mm(true)
+        law = replace(
+            law, white_sd_mm=white, speckle=replace(cell, amplitude_mm=speckle / max(scale, 1e-12))
+        )
+    for effect in others:
+        law = effect.apply(law, true)
+    return law
+
+
+def predict(
+    view: View,
+    effects: Sequence[Effect],
+    noise: NoiseModel,
+    *,
+    softness: tuple[Field, Field] | None = None,
+) -> Prediction:
+    """Predict a patch.
+
+    Parameters
+    ----------
+    softness : (sd, probability), optional
+        What a small error of the pose may do at edges: further standard deviation (mm) and the
+        chance that the point belongs to the other side.
+    """
+    law = law_of(view, effects, noise)
+    shape = view.shape
+    mean = np.array(np.broadcast_to(law.mean_mm, shape))
+    sd = np.array(law.sd_mm(view))
+    missing = np.array(np.broadcast_to(np.asarray(law.p_missing, dtype=np.float64), shape))
+    seen = np.isfinite(mean)
+    missing[~seen] = 1.0
+    base = max(noise.missing_share, FLOOR_MISSING)
+    missing = np.clip(1 - (1 - missing) * (1 - base), FLOOR_MISSING, 1 - FLOOR_FOUND)
+    if softness is not None:
+        sd = np.hypot(sd, softness[0])
+        missing = np.clip(missing, softness[1], 1 - softness[1])
+    p_outlier = np.clip(
+        np.asarray(law.p_outlier, dtype=np.float64) + max(noise.tail_share, 2e-4), 0, 0.5
+    )
+    own = np.asarray(law.outlier_sd_mm, dtype=np.float64)
+    wide = np.where(own > 0, np.maximum(own, noise.tail_sd_mm), noise.tail_sd_mm)
+    return Prediction(
+        mean_mm=mean,
+        sd_mm=np.broadcast_to(sd, shape),
+        p_missing=missing,
+        p_outlier=np.broadcast_to(p_outlier, shape),
+        outlier_sd_mm=np.broadcast_to(wide, shape),
+    )
+
+
+def effects_for(
+    effects: Sequence[Effect], own: Mapping[str, Mapping[str, float]]
+) -> tuple[Effect, ...]:
+    """Give the effects one recording's own parameters, by effect's name."""
+    return tuple(
+        effect.with_parameters(own[effect.name]) if effect.name in own else effect
+        for effect in effects
+    )

@@ -1,0 +1,338 @@
+"""Registration: where the part really was, a nuisance of six degrees of freedom and a scale.
+
+Gauss-Newton on the depth residual with the analytic derivative of depth by pose, robust, with
+edges and creases down-weighted; directions that smooth faces leave open are then settled by the
+silhouettes, if there are any. The same columns are projected out of every later test.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
+from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
+
+from diagnosis.noise import Field, Mask
+from sensors.laser import Laser
+from sensors.recording import Recording
+from sensors.scene import Hits, Scene
+from sensors.typed_yaml import RecipeError
+
+PRIOR_SD = np.array([2.0, 2.0, 2.0, 0.02, 0.02, 0.02, 2e-3])
+"""How far a commanded pose may be off: mm, radians, share of the travel."""
+SUBSET = 120_000
+MOVE_LIMIT = 0.5
+"""Largest step of one iteration, in prior deviations."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Placement:
+    """A rigid correction of all poses of one recording.
+
+    Attributes
+    ----------
+    shift : (7,) float64
+        Translation (part frame, mm), rotation vector about `centre_mm` (part frame, rad), scale
+        of the travel.
+    centre_mm : (3,) float64
+        Centre of the hits, part frame.
+    covariance : (7, 7) float64
+        Of the shift, with readings counted as independent.
+    poses : (n, 4, 4) float64
+        The commanded poses with the correction applied.
+    """
+
+    shift: Field
+    centre_mm: Field
+    covariance: Field
+    poses: Field
+
+
+def move(poses: Field, shift: Field, centre_mm: Field) -> Field:
+    """Apply a correction (7,) to commanded poses (n, 4, 4)."""
+    moved = poses.copy()
+    travel = travel_vector(poses)
+    moved[:, :3, 3] += shift[6] * travel
+    turn = Rotation.from_rotvec(shift[3:6]).as_matrix()
+    moved[:, :3, :3] = turn @ moved[:, :3, :3]
+    moved[:, :3, 3] = (moved[:, :3, 3] - centre_mm) @ turn.T + centre_mm + shift[:3]
+    return moved
+
+
+def travel_vector(poses: Field) -> Field:
+    """Each profile's way from the mean position, (n, 3), part frame, mm."""
+    position = poses[:, :3, 3]
+    return np.asarray(position - position.mean(axis=0))
+
+
+def pose_columns(
+    poses: Field, laser: Laser, depth_mm: Field, normal: Field, centre_mm: Field
+) -> Field:
+    """Derivative of depth by the seven parameters of a placement, (n, m, 7).
+
+    The point of a ray at fixed depth moves with the sensor by δ; the tangent plane at the hit
+    with normal n then cuts the ray with direction v deeper by -n·δ / n·v.
+
+    Parameters
+    ----------
+    normal : (n, m, 3)
+        Outward normals at the hits, part frame.
+    """
+    axis = poses[:, None, :3, 2] + laser.slope_x[None, :, None] * poses[:, None, :3, 0]
+    depth = np.nan_to_num(depth_mm)
+    hit = (
+        poses[:, None, :3, 3]
+        + laser.x_mm[None, :, None] * poses[:, None, :3, 0]
+        + depth[..., None] * axis
+    )
+    facing = np.einsum("nmk,nmk->nm", normal, axis)
+    facing = np.where(np.abs(facing) < 1e-3, -1e-3, facing)
+    lever = -normal / facing[..., None]
+    arm = np.cross(hit - centre_mm, lever)
+    scale = np.einsum("nmk,nk->nm", lever, travel_vector(poses))
+    return np.concatenate([lever, arm, scale[..., None]], axis=-1)
+
+
+def smooth_weight(depth_mm: Field, normal: Field, pitch_mm: float) -> Field:
+    """Weight 1 on smooth faces, 0 at depth edges, 0.2 by creases and corners; (n, m).
+
+    Works on a grid whose neighbours lie `pitch_mm` apart or more.
+    """
+    finite = np.isfinite(depth_mm)
+    size = (3, 3)
+    gap = ~minimum_filter(finite, size, mode="nearest")
+    high = maximum_filter(np.where(finite, depth_mm, -np.inf), size, mode="nearest")
+    low = minimum_filter(np.where(finite, depth_mm, np.inf), size, mode="nearest")
+    jump = np.where(finite, high - low, 0.0) > 6 * pitch_mm
+    turned = np.zeros(depth_mm.shape, dtype=bool)
+    for axis in (0, 1):
+        dot = np.einsum(
+            "nmk,nmk->nm", normal, np.roll(normal, 1, axis=axis)
+        )
+        bent = dot < np.cos(np.radians(12))
+        bent[0 if axis == 0 else slice(None), 0 if axis == 1 else slice(None)] = False
+        turned |= bent | np.roll(bent, -1, axis=axis)
+    weight = np.ones(depth_mm.shape)
+    weight[binary_dilation(turned, iterations=2)] = 0.2
+    weight[binary_dilation(gap | jump, iterations=1) | ~finite] = 0.0
+    return weight
+
+
+def register(
+    scene: Scene,
+    recording: Recording,
+    laser: Laser,
+    *,
+    valid: Mask,
+    offset_mm: Field | None = None,
+    sd_mm: float = 0.0,
+) -> Placement:
+    """Fit the placement of one recording.
+
+    Parameters
+    ----------
+    valid : (n, m) bool
+        Readings to use.
+    offset_mm : (n, m), optional
+        What the model expects beyond the geometric depth, mm.
+    sd_mm : float
+        Noise of a reading where known; guards the robust scale against zero.
+
+    Raises
+    ------
+    RecipeError
+        Where the recording and the part don't overlap or are of different units.
+    """
+    rows, columns = _subset(recording.depth_mm.shape, valid)
+    pick = np.ix_(rows, columns)
+    poses = recording.poses[rows]
+    rays = Laser(x_mm=laser.x_mm[columns], slope_x=laser.slope_x[columns])
+    expected = np.zeros((rows.size, columns.size)) if offset_mm is None else offset_mm[pick]
+    depth = np.where(valid[pick], recording.depth_mm[pick], np.nan) - np.nan_to_num(expected)
+    first = scene.cast(rays, poses)
+    together = np.isfinite(first.depth_mm) & np.isfinite(depth)
+    if together.sum() < max(50, 0.02 * np.isfinite(depth).sum()):
+        raise RecipeError(overlap_fault(scene, recording, rays, poses, depth), where=recording.name)
+    points = _points(poses, rays, first.depth_mm)[together]
+    centre = points.mean(axis=0)
+    pitch = _pitch(points, together.shape)
+    shift, covariance = _smooth_fit(scene, rays, poses, depth, centre, pitch, sd_mm)
+    shift = _settle_by_edges(scene, rays, poses, depth, centre, shift, covariance, pitch, sd_mm)
+    return Placement(
+        shift=shift,
+        centre_mm=centre,
+        covariance=covariance,
+        poses=_move_all(recording.poses, poses, shift, centre),
+    )
+
+
+def _smooth_fit(
+    scene: Scene,
+    rays: Laser,
+    poses: Field,
+    depth: Field,
+    centre: Field,
+    pitch: float,
+    sd_mm: float,
+) -> tuple[Field, Field]:
+    shift = np.zeros(7)
+    inverse_prior = np.diag(PRIOR_SD**-2.0)
+    covariance = np.diag(PRIOR_SD**2)
+    tune = 6.0
+    for step in range(25):
+        moved = move(poses, shift, centre)
+        hits = scene.cast(rays, moved)
+        normal = scene.normals[hits.triangle]
+        weight = smooth_weight(hits.depth_mm, normal, pitch)
+        use = (weight > 0) & np.isfinite(depth)
+        if use.sum() < 30:
+            break
+        residual = (depth - hits.depth_mm)[use]
+        scale = max(1.4826 * np.median(np.abs(residual - np.median(residual))), sd_mm, 1e-5)
+        if step < 3:
+            scale = max(scale, 1.4826 * np.median(np.abs(residual)))
+        tune = max(3.5, tune * 0.8)
+        robust = (1 - np.clip(residual / (tune * scale), -1, 1) ** 2) ** 2
+        columns = pose_columns(moved, rays, hits.depth_mm, normal, centre)[use]
+        factor = weight[use] * robust / scale**2
+        normal_matrix = (columns * factor[:, None]).T @ columns
+        # neighbours share noise: fifty readings count as one against the prior
+        hessian = normal_matrix / 50 + inverse_prior
+        gradient = (columns * factor[:, None]).T @ residual / 50 - inverse_prior @ shift
+        change = np.linalg.solve(hessian, gradient)
+        covariance = np.linalg.inv(hessian)
+        largest = np.max(np.abs(change) / PRIOR_SD)
+        shift = shift + change * min(1.0, MOVE_LIMIT / max(largest, 1e-12))
+        if largest < 1e-6 and step > 6:
+            break
+    return shift, covariance
+
+
+def _settle_by_edges(
+    scene: Scene,
+    rays: Laser,
+    poses: Field,
+    depth: Field,
+    centre: Field,
+    start: Field,
+    covariance: Field,
+    pitch: float,
+    sd_mm: float,
+) -> Field:
+    """Let silhouettes settle what smooth faces leave open, where they say something clear."""
+    sizes = np.array([1.0, 1.0, 1.0, *(1 / _reach(poses, rays, depth),) * 3, 1 / _length(poses)])
+    values, vectors = np.linalg.eigh(covariance / np.outer(sizes, sizes))
+    open_axes = [k for k in range(7) if np.sqrt(values[k]) > 0.1 * pitch]
+    if not open_axes:
+        return start
+    directions = (vectors[:, open_axes] * sizes[:, None]).T
+    known = np.isfinite(depth)
+
+    def cost(steps: Field) -> float:
+        shift = start + steps @ directions
+        hits = scene.cast(rays, move(poses, shift, centre))
+        seen = np.isfinite(hits.depth_mm)
+        both = known & seen
+        cap = max(10 * sd_mm, 0.3 * pitch)
+        gap = np.clip((depth - hits.depth_mm)[both] / cap, -1, 1)
+        wrong = float((gap**2).sum() + (known & ~seen).sum())
+        prior = float((shift / PRIOR_SD) @ (shift / PRIOR_SD))
+        return wrong + 0.5 * prior
+
+    before = cost(np.zeros(len(open_axes)))
+    best, best_cost = np.zeros(len(open_axes)), before
+    # coarse to fine along each open direction; silhouettes make the cost piecewise
+    for reach in (8 * pitch, 3 * pitch, pitch, 0.4 * pitch, 0.15 * pitch, 0.05 * pitch):
+        for k in range(len(open_axes)):
+            for sign in (-1.0, 1.0):
+                for _ in range(4):
+                    trial = best.copy()
+                    trial[k] += sign * reach
+                    value = cost(trial)
+                    if value >= best_cost - 1e-9:
+                        break
+                    best, best_cost = trial, value
+    if before - best_cost < 5:
+        return start
+    polished = minimize(
+        cost,
+        best,
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": best
+            + 0.05 * pitch * np.vstack([np.zeros(len(best)), np.eye(len(best))]),
+            "maxfev": 30 * len(best),
+            "xatol": 1e-3 * pitch,
+            "fatol": 0.01,
+        },
+    )
+    return np.asarray(start + polished.x @ directions)
+
+
+def overlap_fault(
+    scene: Scene, recording: Recording, rays: Laser, poses: Field, depth: Field
+) -> str:
+    """Say why a recording and a part don't meet: elsewhere, or in other units."""
+    seen = np.isfinite(depth)
+    points = _points(poses, rays, depth)[seen]
+    low, high = scene.vertices_mm.min(axis=0), scene.vertices_mm.max(axis=0)
+    part = float(np.linalg.norm(high - low))
+    scan = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
+    for factor, unit in ((1000.0, "m"), (25.4, "inch"), (10.0, "cm"), (1e-3, "µm")):
+        fits = 0.2 < scan / (part * factor) < 1.5
+        doesnt = not 0.2 < scan / part < 1.5
+        reach = np.all((points.mean(axis=0) > factor * low - 0.1 * part * factor)) and np.all(
+            points.mean(axis=0) < factor * high + 0.1 * part * factor
+        )
+        if fits and doesnt and reach:
+            return (
+                f"doesn't meet the part, which would fit {factor:g} times as large: is the part "
+                f"in {unit}? (try --part-unit {unit})"
+            )
+    centre = np.round(points.mean(axis=0), 1)
+    extent = f"{np.round(low, 1).tolist()} to {np.round(high, 1).tolist()}"
+    return (
+        f"doesn't overlap the part: readings centre on {centre.tolist()} mm in the part's frame, "
+        f"the part spans {extent} mm (wrong pose, part or unit?)"
+    )
+
+
+def _subset(shape: tuple[int, ...], valid: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    share = np.sqrt(max(shape[0] * shape[1] / SUBSET, 1.0))
+    row_step = int(np.clip(np.ceil(share), 1, max(shape[0] // 40, 1)))
+    column_step = int(np.clip(np.ceil(shape[0] * shape[1] / SUBSET / row_step), 1, shape[1] // 2))
+    return np.arange(0, shape[0], row_step), np.arange(0, shape[1], column_step)
+
+
+def _points(poses: Field, rays: Laser, depth_mm: Field) -> Field:
+    local = rays.points_mm(depth_mm)
+    turned = np.einsum("nij,nmj->nmi", poses[:, :3, :3], local)
+    return np.asarray(turned + poses[:, None, :3, 3])
+
+
+def _pitch(points: Field, shape: tuple[int, ...]) -> float:
+    spread = points.max(axis=0) - points.min(axis=0)
+    sides = np.sort(spread)[::-1][:2]
+    return float(max(sides[0] / max(shape), sides[1] / max(shape), 1e-6))
+
+
+def _reach(poses: Field, rays: Laser, depth: Field) -> float:
+    points = _points(poses, rays, depth)[np.isfinite(depth)]
+    return float(max(np.linalg.norm(points.max(axis=0) - points.min(axis=0)) / 2, 1e-3))
+
+
+def _length(poses: Field) -> float:
+    return float(max(np.linalg.norm(travel_vector(poses), axis=1).max(), 1e-3))
+
+
+def _move_all(poses: Field, subset: Field, shift: Field, centre: Field) -> Field:
+    """Apply a correction found on a subset of profiles: its travel counts from their mean."""
+    moved = move(poses, np.concatenate([np.zeros(6), shift[6:]]), centre)
+    moved[:, :3, 3] += shift[6] * (poses[:, :3, 3].mean(axis=0) - subset[:, :3, 3].mean(axis=0))
+    return move(moved, np.concatenate([shift[:6], [0.0]]), centre)
+
+
+def hits_normal(scene: Scene, hits: Hits) -> Field:
+    """Outward normals at the hits, part frame, (n, m, 3)."""
+    return np.asarray(scene.normals[hits.triangle])

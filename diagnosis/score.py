@@ -1,0 +1,150 @@
+"""The log predictive density of a patch, with the pose as a nuisance.
+
+Each reading scores given its neighbours (whitening.py); spikes come from a second, wide Gaussian;
+a missing return scores the log probability of missing. The placement is profiled out by
+generalised least squares on the readings that may be fitted, the same for every model.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+
+from diagnosis.noise import Field, Mask, NoiseModel
+from diagnosis.patch import SPIKE_SD, Patch, spikes
+from diagnosis.prediction import Prediction
+from diagnosis.whitening import Whitener
+
+LOG_ROOT_2PI = 0.5 * np.log(2 * np.pi)
+CLIP = 4.0
+KEPT = 3
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Whitened:
+    """A patch's residual under one prediction, whitened; the pose's columns with it.
+
+    Attributes
+    ----------
+    used : (n, m) bool
+        Readings that take part: seen by both, no spike.
+    whitener : Whitener
+    residual_mm : (n, m)
+        Reading minus mean, 0 where not used.
+    sd_mm : (n, m)
+    innovations : (n, m)
+        Whitened residual, clipped at ±4; 0 where not used.
+    columns : (n, m, 7)
+        Whitened derivative by the placement (in prior deviations).
+    """
+
+    used: Mask
+    whitener: Whitener
+    residual_mm: Field
+    sd_mm: Field
+    innovations: Field
+    columns: Field
+
+    def whiten(self, field_mm: Field) -> Field:
+        """Whiten a change of the mean (n, m), mm."""
+        return self.whitener.apply(np.where(self.used, np.nan_to_num(field_mm) / self.sd_mm, 0.0))
+
+
+def whitened(patch: Patch, prediction: Prediction, noise: NoiseModel) -> Whitened:
+    """Whiten a patch's residual under a prediction; expensive parts are kept for the next call."""
+    seen = prediction.seen & patch.observed & patch.counted
+    residual = np.where(seen, patch.depth_mm - np.nan_to_num(prediction.mean_mm), 0.0)
+    used = seen & ~spikes(residual, seen, prediction.sd_mm)
+    whitener = _whitener(patch, used, noise)
+    columns = _columns(patch, whitener, prediction.sd_mm, noise)
+    innovations = np.clip(whitener.apply(residual / prediction.sd_mm), -CLIP * 3, CLIP * 3)
+    return Whitened(
+        used=used,
+        whitener=whitener,
+        residual_mm=np.where(used, residual, 0.0),
+        sd_mm=prediction.sd_mm,
+        innovations=innovations,
+        columns=columns,
+    )
+
+
+def _whitener(patch: Patch, used: Mask, noise: NoiseModel) -> Whitener:
+    key = ("whitener", id(noise), hash(np.packbits(used).tobytes()))
+    return _keep(patch, key, lambda: Whitener.build(noise, used))
+
+
+def _columns(patch: Patch, whitener: Whitener, sd_mm: Field, noise: NoiseModel) -> Field:
+    used = whitener.used
+    key = ("columns", id(noise), hash(np.packbits(used).tobytes()), hash(sd_mm.tobytes()))
+
+    def whiten_all() -> Field:
+        count = patch.columns.shape[-1]
+        return np.stack(
+            [
+                whitener.apply(np.where(used, patch.columns[..., k] / sd_mm, 0.0))
+                for k in range(count)
+            ],
+            axis=-1,
+        )
+
+    return _keep(patch, key, whiten_all)
+
+
+def _keep(patch: Patch, key: tuple[Any, ...], make: Callable[[], T]) -> T:
+    """Make a value once; the last few of a kind are kept with the patch."""
+    kept: dict[tuple[Any, ...], T] = patch.kept.setdefault(key[0], {})
+    if key not in kept:
+        if len(kept) >= KEPT:
+            del kept[next(iter(kept))]
+        kept[key] = make()
+    return kept[key]
+
+
+def placements(
+    patches: Sequence[Patch], states: Sequence[Whitened], masks: Sequence[Mask]
+) -> dict[int, Field]:
+    """Best placement (7,) of each recording given whitened residuals, in prior deviations."""
+    normal: dict[int, Field] = {}
+    right: dict[int, Field] = {}
+    for patch, state, mask in zip(patches, states, masks, strict=True):
+        pick = mask & state.used & (np.abs(state.innovations) < CLIP)
+        columns = state.columns[pick]
+        normal[patch.recording] = normal.get(patch.recording, np.eye(7)) + columns.T @ columns
+        right[patch.recording] = right.get(patch.recording, np.zeros(7)) + (
+            columns.T @ state.innovations[pick]
+        )
+    return {k: np.linalg.solve(normal[k], right[k]) for k in normal}
+
+
+def log_density(
+    patch: Patch,
+    prediction: Prediction,
+    noise: NoiseModel,
+    placement: Field,
+) -> Field:
+    """Log predictive density of each reading, or of its absence, (n, m) nats; depth in mm.
+
+    0 in profiles that aren't measurements.
+    """
+    missing = prediction.p_missing
+    seen = prediction.seen & patch.observed & patch.counted
+    mean = np.nan_to_num(prediction.mean_mm) + patch.columns @ placement
+    residual = np.where(seen, patch.depth_mm - mean, 0.0)
+    used = seen & (np.abs(residual) < SPIKE_SD * prediction.sd_mm)
+    whitener = _whitener(patch, used, noise)
+    innovation = whitener.apply(np.where(used, residual / prediction.sd_mm, 0.0))
+    spread = np.where(used, whitener.conditional_sd(), 1.0) * prediction.sd_mm
+    standard = np.where(used, innovation, residual / prediction.sd_mm)
+    inner = np.log1p(-prediction.p_outlier) - 0.5 * standard**2 - np.log(spread)
+    wide = prediction.outlier_sd_mm
+    outer = np.log(prediction.p_outlier) - 0.5 * (residual / wide) ** 2 - np.log(wide)
+    found = np.logaddexp(inner, outer) - LOG_ROOT_2PI
+    nowhere = -np.log(patch.view.datasheet.z_range_mm)
+    value = np.where(
+        patch.observed,
+        np.log1p(-missing) + np.where(seen, found, nowhere),
+        np.log(missing),
+    )
+    return np.where(patch.counted, value, 0.0)
