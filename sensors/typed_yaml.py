@@ -195,6 +195,8 @@ def _records_in(annotation: Any) -> list[type]:
 
 def plain(value: Any) -> Any:
     """Turn a record (or any nest of records and numpy scalars) into plain data for YAML or JSON."""
+    if hasattr(value, "to_recipe"):
+        return value.to_recipe()
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
     if isinstance(value, Mapping):

@@ -1,0 +1,218 @@
+"""The batch: parts are prepared, shards are made in parallel, the manifest is written last.
+
+The one place that knows joblib. A shard is a unit of work: it depends on the recipe and the plan
+alone, so the bytes are the same for any number of workers and after any restart.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import joblib
+
+from pipeline.folder import drop_parts, held
+from pipeline.manifest import versions, write_manifest
+from pipeline.part import PartError, find_parts
+from pipeline.plan import Plan, PlannedPart, make_plan
+from pipeline.recipe import PartEntry, Recipe, resolve
+from pipeline.specimen import check_plan, load_entry, store_part
+from pipeline.work import Workplace, is_whole, make_shard, read_journal
+
+Event = Callable[[str, Mapping[str, Any]], None]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Wanted:
+    """A part that the recipe names, before anyone has looked at it."""
+
+    name: str
+    entry: PartEntry
+    path: Path | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Backend:
+    """Where shards are made: `jobs` processes here, or the workers of a Dask scheduler."""
+
+    jobs: int = 1
+    scheduler: str | None = None
+
+    def parallel(self) -> joblib.Parallel:
+        """Return joblib's pool, results as they come."""
+        return joblib.Parallel(
+            n_jobs=-1 if self.scheduler else self.jobs,
+            return_as="generator_unordered",
+            batch_size=1,
+            pre_dispatch="all" if self.scheduler else "2*n_jobs",
+        )
+
+    def chosen(self) -> AbstractContextManager[Any]:
+        """Return the context in which joblib uses this backend."""
+        if self.scheduler:
+            return joblib.parallel_config("dask", scheduler_host=self.scheduler)
+        if self.jobs == 1:
+            return nullcontext()
+        # each worker is one thread: cores are shared out among processes
+        return joblib.parallel_config("loky", inner_max_num_threads=1)
+
+
+def generate(
+    recipe: Recipe,
+    out: Path,
+    *,
+    backend: Backend | None = None,
+    event: Event = lambda name, facts: None,
+) -> dict[str, Any]:
+    """Make the dataset of a recipe in the folder `out`; return what dataset.json says.
+
+    Calls `event` with "plan", "part", "shard", "done" and their facts. What was made before and
+    is whole stays.
+
+    Raises
+    ------
+    RecipeError
+        Where the folder is in use or holds something else.
+    PartError
+        Where not one part can be used.
+    """
+    backend = backend or Backend()
+    used, made_by = recipe.as_used(), versions()
+    wanted, failed = find_wanted(recipe)
+    identity = {"recipe": used, "versions": made_by, "files": _checksums(wanted)}
+    fingerprint = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
+    out = out.absolute()
+    with held(out, fingerprint) as hidden, backend.chosen():
+        parts, facts, failed_parts = prepare(recipe, wanted, hidden / "parts", backend, event)
+        failed += failed_parts
+        if not parts:
+            raise PartError(
+                recipe.file.name, f"no part can be used: {failed[0]['why']}", "see each part"
+            )
+        plan = make_plan(recipe, parts)
+        event("plan", {"scans": plan.scans, "shards": len(plan.shards), "parts": len(parts)})
+        attributes = {"name": recipe.file.name, "recipe": used, "versions": made_by}
+        place = Workplace(recipe=recipe, out=out, attributes=attributes)
+        _make_shards(place, plan, backend, event)
+        dataset = write_manifest(
+            out,
+            journals=(read_journal(place, shard.name) for shard in plan.shards),
+            facts={
+                "name": recipe.file.name,
+                "seed": recipe.file.seed,
+                "split_by": plan.split_by,
+                "parts": facts,
+                "recipe": used,
+                "versions": made_by,
+                "files": identity["files"],
+                "failed": failed,
+            },
+        )
+        drop_parts(hidden)
+        event("done", {"scans": dataset["scans"], "failed": len(dataset["failed"])})
+        return dataset
+
+
+def find_wanted(recipe: Recipe) -> tuple[list[Wanted], list[dict[str, str]]]:
+    """List every part that the recipe names, each under a name of its own; and what isn't there."""
+    wanted: list[Wanted] = []
+    failed: list[dict[str, str]] = []
+    taken: set[str] = set()
+    for index, entry in enumerate(recipe.file.parts):
+        if entry.builtin is not None:
+            found: list[tuple[str, Path | None]] = [(entry.builtin, None)]
+        else:
+            where = recipe.document.where(("parts", index, "path"))
+            place = resolve(str(entry.path), recipe.roots, where)
+            try:
+                paths = find_parts(place)
+            except PartError as error:
+                failed.append({"part": str(entry.path), "why": str(error)})
+                continue
+            found = [(path.stem, path) for path in paths]
+        for stem, path in found:
+            wish = entry.name or stem
+            if entry.name and len(found) > 1:
+                wish = f"{entry.name}-{stem}"
+            name = _free_name(wish, taken)
+            taken.add(name)
+            wanted.append(Wanted(name=name, entry=entry, path=path))
+    return wanted, failed
+
+
+def _free_name(wish: str, taken: set[str]) -> str:
+    clean = "".join(c if c.isalnum() and c.isascii() or c in "._-" else "_" for c in wish) or "part"
+    name, number = clean, 2
+    while name in taken:
+        name, number = f"{clean}-{number}", number + 1
+    return name
+
+
+def _checksums(wanted: list[Wanted]) -> dict[str, str | None]:
+    sums: dict[str, str | None] = {}
+    for want in wanted:
+        if want.path is not None:
+            try:
+                sums[want.name] = hashlib.sha256(want.path.read_bytes()).hexdigest()
+            except OSError:
+                sums[want.name] = None
+    return sums
+
+
+def prepare(
+    recipe: Recipe, wanted: list[Wanted], folder: Path, backend: Backend, event: Event
+) -> tuple[list[PlannedPart], list[dict[str, Any]], list[dict[str, str]]]:
+    """Load, mend and keep every part, in parallel; one that fails doesn't stop the others."""
+    folder.mkdir(exist_ok=True)
+    results: dict[str, tuple[str | None, dict[str, Any]]] = {}
+    work = (joblib.delayed(_prepare_one)(recipe, want, folder) for want in wanted)
+    for name, stored, facts in backend.parallel()(work):
+        results[name] = stored, facts
+        event("part", facts)
+    planned, facts_kept, failed = [], [], []
+    for want in wanted:
+        stored, facts = results[want.name]
+        if stored is None:
+            failed.append({"part": want.name, "why": facts["why"]})
+            continue
+        planned.append(
+            PlannedPart(name=want.name, entry=want.entry, stored=f"parts/{stored}")
+        )
+        facts_kept.append(facts)
+    return planned, facts_kept, failed
+
+
+def _prepare_one(
+    recipe: Recipe, want: Wanted, folder: Path
+) -> tuple[str, str | None, dict[str, Any]]:
+    facts: dict[str, Any] = {"part": want.name}
+    try:
+        part = load_entry(want.entry, want.path, want.name)
+        if want.path is not None:
+            part = replace(part, source=want.path.name)
+        check_plan(recipe, want.entry, part)
+        facts |= {
+            "triangles": len(part.faces),
+            "volume_mm3": part.volume_mm3,
+            "bounds_mm": part.bounds_mm.tolist(),
+            "source": part.source,
+            "mended": list(part.mended),
+        }
+        return want.name, store_part(part, folder), facts
+    except PartError as error:
+        return want.name, None, facts | {"why": str(error)}
+
+
+def _make_shards(place: Workplace, plan: Plan, backend: Backend, event: Event) -> None:
+    todo = []
+    for shard in plan.shards:
+        if is_whole(place, shard.name):
+            event("shard", {"shard": shard.name, "scans": shard.scans, "kept": True})
+        else:
+            todo.append(shard)
+    work = (joblib.delayed(make_shard)(place, shard) for shard in todo)
+    for name, scans in backend.parallel()(work):
+        event("shard", {"shard": name, "scans": scans, "kept": False})

@@ -1,0 +1,184 @@
+"""The recipe: what a user asks for, read from YAML and checked before anything is made."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from annotated_types import Ge, Gt, Le, Len
+from pydantic import PlainValidator
+
+from pipeline.flawplan import FlawPlan
+from pipeline.motion import Motion
+from sensors.datasheet import Datasheet
+from sensors.surface import Surface
+from sensors.typed_yaml import Document, RecipeError, load_yaml, parse, plain, record
+
+Count = Annotated[int, Ge(1)]
+Flaws = Annotated[FlawPlan, PlainValidator(FlawPlan.from_mapping)]
+
+
+@record
+class PartEntry:
+    """One line of `parts:`: a built-in by name, or mesh files by path or glob."""
+
+    builtin: Literal["bearing_cap", "car_door", "steel_plate"] | None = None
+    path: str | None = None
+    name: str | None = None
+    parameters: dict[str, float] = field(default_factory=dict)
+    facet_um: Annotated[float, Gt(0)] | None = None
+    unit: Literal["mm", "cm", "m", "um", "inch"] = "mm"
+    thicken_mm: float | None = None
+    specimens: Count | None = None
+    scans: Count | None = None
+    surface: str | None = None
+    flaws: Flaws | None = None
+    motion: Motion | None = None
+
+    def __post_init__(self) -> None:
+        if (self.builtin is None) == (self.path is None):
+            raise ValueError("either 'builtin' or 'path'")
+        if self.path is not None and (self.parameters or self.facet_um is not None):
+            raise ValueError("'parameters' and 'facet_um' only with 'builtin'")
+        if self.builtin is not None and (self.unit != "mm" or self.thicken_mm is not None):
+            raise ValueError("'unit' and 'thicken_mm' only with 'path'")
+
+
+@record
+class RecipeFile:
+    """A recipe as its YAML file spells it; see the README for each key by example."""
+
+    name: str
+    seed: Annotated[int, Ge(0)]
+    sensor: str
+    parts: Annotated[tuple[PartEntry, ...], Len(1)]
+    profiles: Annotated[int, Ge(2), Le(1_000_000)]
+    points: Annotated[int, Ge(2), Le(100_000)] | None = None
+    surface: str | None = None
+    flaws: Flaws | None = None
+    motion: Motion = field(default_factory=Motion)
+    specimens: Count = 1
+    scans: Count = 1
+    splits: dict[str, Annotated[float, Gt(0)]] = field(default_factory=lambda: {"train": 1.0})
+    visible_at: Annotated[float, Ge(0)] = 3.0
+    scans_per_shard: Count | None = None
+    points_on_disk: bool = False
+
+    def __post_init__(self) -> None:
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", self.name):
+            raise ValueError("a 'name' of letters, digits, '.', '_' and '-'")
+        if not self.splits or abs(sum(self.splits.values()) - 1) > 1e-6:
+            raise ValueError("'splits' whose shares add up to 1")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Recipe:
+    """A checked recipe with the files that it names read in.
+
+    Attributes
+    ----------
+    file : RecipeFile
+        The recipe's own keys.
+    datasheet : Datasheet
+        The sensor.
+    surfaces : mapping
+        Every surface that the recipe names, by that name.
+    document : Document
+        Where each key stands, for messages.
+    roots : tuple of Path
+        Folders that mesh files may come from: the recipe's own first.
+    """
+
+    file: RecipeFile
+    datasheet: Datasheet
+    surfaces: Mapping[str, Surface]
+    document: Document
+    roots: tuple[Path, ...]
+
+    @classmethod
+    def load(cls, path: str | Path, *, roots: tuple[Path, ...] = ()) -> "Recipe":
+        """Read a recipe and the sensor and surfaces that it names.
+
+        Parameters
+        ----------
+        path
+            The YAML file.
+        roots
+            Further folders that the recipe may read from; without them, its own alone.
+
+        Raises
+        ------
+        RecipeError
+            For the first thing that is wrong, with its line.
+        """
+        document = load_yaml(path)
+        file = parse(RecipeFile, document)
+        folders = (Path(path).resolve().parent, *(root.resolve() for root in roots))
+        where = document.where(("sensor",))
+        datasheet = Datasheet.load(_inside(file.sensor, folders, where))
+        named = {file.surface, *(entry.surface for entry in file.parts)} - {None}
+        surfaces = {
+            str(name): Surface.load(_inside(str(name), folders, document.where(("surface",))))
+            for name in sorted(str(name) for name in named)
+        }
+        return cls(
+            file=file, datasheet=datasheet, surfaces=surfaces, document=document, roots=folders
+        )
+
+    @property
+    def points(self) -> int:
+        """Points in a profile."""
+        return self.file.points or self.datasheet.points_per_profile
+
+    def as_used(self) -> dict[str, Any]:
+        """Return plain data that says all that the recipe and the files it names said."""
+        used: dict[str, Any] = plain(self.file)
+        used["sensor"] = plain(self.datasheet)
+        used["surfaces"] = {name: plain(surface) for name, surface in self.surfaces.items()}
+        used["points"] = self.points
+        # flaws as the recipe spells them, so that what is kept can be run again
+        given = self.document.data
+        used["flaws"] = given.get("flaws")
+        for entry, said in zip(used["parts"], given["parts"], strict=True):
+            entry["flaws"] = said.get("flaws")
+        return used
+
+
+def _inside(name: str, roots: tuple[Path, ...], where: str) -> str:
+    """Resolve a preset's name (kept) or a file's path against the folders that may be read."""
+    if Path(name).suffix not in (".yaml", ".yml"):
+        return name
+    return str(resolve(name, roots, where))
+
+
+def resolve(name: str, roots: tuple[Path, ...], where: str) -> Path:
+    """Return where a path or glob of the recipe leads: inside one of `roots`.
+
+    Raises
+    ------
+    RecipeError
+        Where it leads outside all of them.
+    """
+    inside = [root / name for root in roots if _is_below(root / name, root)]
+    if not inside and Path(name).is_absolute():
+        inside = [Path(name) for root in roots if _is_below(Path(name), root)]
+    if not inside:
+        raise RecipeError(
+            "the path leads outside the recipe's folder",
+            where=where,
+            value=name,
+            allowed="paths below " + " or ".join(str(root) for root in roots)
+            + "; name further folders with --parts",
+        )
+    return next((path for path in inside if _matches(path)), inside[0])
+
+
+def _is_below(path: Path, root: Path) -> bool:
+    return path.resolve().is_relative_to(root)
+
+
+def _matches(path: Path) -> bool:
+    import glob
+
+    return bool(glob.glob(str(path), recursive=True))

@@ -1,0 +1,176 @@
+"""A labelled scan: the reading, its noise-free twins with and without flaws, and exact labels."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from defects import KINDS
+from pipeline.injection import FlawedPart
+from pipeline.seeds import RngOf
+from pipeline.trajectory import Trajectory
+from sensors.datasheet import Datasheet
+from sensors.laser import Laser
+from sensors.law import plain_law, true_view
+from sensors.scene import Scene
+from sensors.surface import Surface
+from sensors.view import Reason, Reflectance, View
+
+Floats = NDArray[np.float64]
+
+HIDDEN_BY_FLAW: Final = 5  # the clean part would be seen by the camera here
+REASON_NAMES: Final = {int(r): r.name.lower() for r in Reason} | {HIDDEN_BY_FLAW: "hidden_by_flaw"}
+CLASS_NAMES: Final = {0: "background"} | {kind.class_id: name for name, kind in KINDS.items()}
+SAME_MM: Final = 1e-6  # 1 nm: closer depths come from the same untouched surface
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Scan:
+    """One scan with its labels; arrays are (n, m) profiles by points unless said.
+
+    Attributes
+    ----------
+    depth_mm : float64
+        The reading, mm; NaN = missing.
+    depth_ideal_mm, depth_clean_mm : float64
+        Noise-free depth of the flawed and of the unflawed part from the true poses, mm.
+    mask : uint8
+        Class of the flaw whose face is hit, or that removed the surface hit on the clean part.
+    mask_visible : uint8
+        The same where the flaw's deviation exceeds the noise by the recipe's factor.
+    instance : uint16
+        Number of the flaw on its specimen, 0 = none.
+    invalid_reason : uint8
+        0 where the reading is valid; see `REASON_NAMES`.
+    noise_mm : float64
+        Claimed standard deviation of the reading, mm.
+    poses, poses_true : (n, 4, 4) float64
+        Commanded and true poses, sensor -> part.
+    time_s : (n,) float64
+    laser : Laser
+    """
+
+    depth_mm: Floats
+    depth_ideal_mm: Floats
+    depth_clean_mm: Floats
+    mask: NDArray[np.uint8]
+    mask_visible: NDArray[np.uint8]
+    instance: NDArray[np.uint16]
+    invalid_reason: NDArray[np.uint8]
+    noise_mm: Floats
+    poses: Floats
+    poses_true: Floats
+    time_s: Floats
+    laser: Laser
+
+    def points_part_mm(self) -> Floats:
+        """Readings as points (n, m, 3) in the part frame by the commanded poses, mm."""
+        points = self.laser.points_mm(self.depth_mm)
+        turned = points @ self.poses[:, :3, :3].transpose(0, 2, 1)
+        return np.asarray(turned + self.poses[:, None, :3, 3])
+
+
+def take_scan(
+    *,
+    flawed: FlawedPart,
+    scenes: tuple[Scene, Scene],
+    trajectory: Trajectory,
+    datasheet: Datasheet,
+    laser: Laser,
+    surface: Surface | None,
+    reflectance: Reflectance | None,
+    visible_at: float,
+    rng_of: RngOf,
+) -> Scan:
+    """Scan a specimen and label what is seen.
+
+    Parameters
+    ----------
+    flawed
+        The specimen.
+    scenes
+        The flawed and the clean solid, ready for casting.
+    trajectory
+        Commanded poses.
+    datasheet, laser, surface, reflectance
+        The instrument and what it looks at.
+    visible_at
+        A flaw is visible where its deviation exceeds this many standard deviations of the noise.
+    rng_of
+        Named streams of this scan.
+    """
+    scene, clean_scene = scenes
+    commanded = View(
+        scene,
+        datasheet,
+        trajectory.poses,
+        trajectory.time_s,
+        laser=laser,
+        reflectance=reflectance,
+    )
+    law = plain_law(commanded, surface, rng_of)
+    view = true_view(commanded, rng_of)
+    clean = View(
+        clean_scene, datasheet, view.poses, view.time_s, laser=laser, reflectance=reflectance
+    )
+    depth, reason = law.sample(rng_of, view)
+    instance = _instances(flawed, view, clean)
+    mask = flawed.classes[instance]
+    _name_flaw_shadows(reason, view, clean)
+    noise = law.sd_mm(view)
+    deviation = np.abs(view.depth_mm - clean.depth_mm)
+    gone = np.isnan(view.depth_mm) != np.isnan(clean.depth_mm)
+    seen = np.where(np.isnan(depth), gone, (deviation > visible_at * noise) | gone)
+    return Scan(
+        depth_mm=depth,
+        depth_ideal_mm=view.depth_mm,
+        depth_clean_mm=clean.depth_mm,
+        mask=mask,
+        mask_visible=np.where(seen, mask, np.uint8(0)),
+        instance=instance,
+        invalid_reason=reason,
+        noise_mm=noise,
+        poses=trajectory.poses,
+        poses_true=view.poses,
+        time_s=trajectory.time_s,
+        laser=laser,
+    )
+
+
+def _instances(flawed: FlawedPart, view: View, clean: View) -> NDArray[np.uint16]:
+    """Flaw at each pixel: of the face hit first, else of the cut that took the clean hit away."""
+    instance = flawed.instance[view.triangle]
+    instance[view.triangle < 0] = 0
+    with np.errstate(invalid="ignore"):
+        moved = ~(np.abs(view.hits.depth_mm - clean.hits.depth_mm) <= SAME_MM)
+    moved &= (instance == 0) & clean.in_range
+    if moved.any():
+        instance[moved] = flawed.removed_at(_points(clean, moved))
+    return instance
+
+
+def _points(view: View, where: NDArray[np.bool_]) -> Floats:
+    """Points (k, 3) of the pixels `where`, part frame, mm."""
+    rows, columns = np.nonzero(where)
+    depth = view.depth_mm[rows, columns]
+    local = np.stack(
+        [view.laser.x_mm[columns] + depth * view.laser.slope_x[columns], 0 * depth, depth], axis=-1
+    )
+    poses = view.poses[rows]
+    return np.asarray(np.einsum("kij,kj->ki", poses[:, :3, :3], local) + poses[:, :3, 3])
+
+
+def _name_flaw_shadows(reason: NDArray[np.uint8], view: View, clean: View) -> None:
+    """Tell points that a flaw hides from the camera from those that the part itself hides."""
+    hidden = (reason == Reason.HIDDEN_FROM_CAMERA) & clean.in_range
+    rows, columns = np.nonzero(hidden)
+    if rows.size == 0:
+        return
+    points = _points(clean, hidden)
+    poses = clean.poses[rows]
+    cameras = poses[:, :3, 1] * clean.datasheet.camera_offset_mm + poses[:, :3, 3]
+    triangle = clean.triangle[rows, columns]
+    facing = np.einsum("ik,ik->i", clean.scene.normals[triangle], cameras - points) > 0
+    seen = facing & ~clean.scene.blocked(points, cameras, triangle)
+    reason[rows[seen], columns[seen]] = HIDDEN_BY_FLAW

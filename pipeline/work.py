@@ -1,0 +1,212 @@
+"""One unit of work: make one shard, alone, from the recipe and the plan."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.folder import write_whole
+from pipeline.injection import Flaw
+from pipeline.part import PartError
+from pipeline.plan import PlannedScans, PlannedShard
+from pipeline.recipe import Recipe
+from pipeline.scan import HIDDEN_BY_FLAW, Scan, take_scan
+from pipeline.seeds import seed_of, streams
+from pipeline.shards import ShardWriter, file_sha256
+from pipeline.specimen import Specimen, make_specimen
+from sensors.typed_yaml import plain
+from sensors.view import Reason
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Workplace:
+    """What every worker of a dataset shares."""
+
+    recipe: Recipe
+    out: Path
+    attributes: dict[str, Any]
+
+    @property
+    def hidden(self) -> Path:
+        """Folder of the journals and the kept parts."""
+        return self.out / ".flawforge"
+
+    def journal(self, shard: str) -> Path:
+        """Where it is written down that a shard is whole, and what is in it."""
+        return self.hidden / f"{shard}.json"
+
+
+def read_journal(place: Workplace, shard: str) -> dict[str, Any]:
+    """Return what was written down of a shard."""
+    journal: dict[str, Any] = json.loads(place.journal(shard).read_text())
+    return journal
+
+
+def is_whole(place: Workplace, shard: str) -> bool:
+    """Whether a shard's file is there with the checksum that its journal names."""
+    try:
+        return file_sha256(place.out / shard) == read_journal(place, shard)["sha256"]
+    except (OSError, ValueError, KeyError):
+        return False
+
+
+def make_shard(place: Workplace, shard: PlannedShard) -> tuple[str, int]:
+    """Make a shard and its journal (rows of the manifest, what failed); return name and scans."""
+    recipe = place.recipe
+    scans: list[dict[str, Any]] = []
+    flaws: list[dict[str, Any]] = []
+    failed: list[dict[str, Any]] = []
+    dropped: list[dict[str, Any]] = []
+    redrawn = 0
+    with ShardWriter(
+        place.out / shard.name,
+        datasheet=recipe.datasheet,
+        shape=(shard.scans, recipe.file.profiles, recipe.points),
+        attributes=place.attributes,
+        with_points=recipe.file.points_on_disk,
+    ) as writer:
+        for work in shard.work:
+            try:
+                specimen = _specimen(place, work.part.name, work.specimen, work)
+            except PartError as error:
+                failed.append(
+                    {"part": work.part.name, "specimen": work.specimen_id, "why": str(error)}
+                )
+                continue
+            if work.first == 0:
+                redrawn += specimen.flawed.redrawn
+                dropped += [
+                    {"specimen": work.specimen_id, "why": why} for why in specimen.flawed.dropped
+                ]
+            for number in range(work.first, work.last):
+                scan_id = f"{work.specimen_id}-{number:04d}"
+                try:
+                    scan, facts = _scan(recipe, work, specimen, number)
+                except PartError as error:
+                    failed.append({"part": work.part.name, "scan": scan_id, "why": str(error)})
+                    continue
+                row = {
+                    "scan_id": scan_id,
+                    "part": work.part.name,
+                    "specimen": work.specimen_id,
+                    "split": work.split,
+                    "shard": shard.name,
+                    "row": len(scans),
+                    "checksum": writer.add(scan_id, scan),
+                    **facts,
+                }
+                scans.append(row)
+                flaws.extend(_flaw_rows(scan_id, work.part.name, scan, specimen))
+    journal = {
+        "shard": shard.name,
+        "sha256": file_sha256(place.out / shard.name),
+        "scans": plain(scans),
+        "flaws": plain(flaws),
+        "failed": failed,
+        "redrawn": redrawn,
+        "dropped": dropped,
+    }
+    write_whole(place.journal(shard.name), json.dumps(journal))
+    return shard.name, len(scans)
+
+
+# A specimen with more scans than a shard holds comes back for the next shard: keep the last one.
+_SPECIMENS: dict[tuple[str, str, int], Specimen] = {}
+
+
+def _specimen(place: Workplace, part: str, number: int, work: PlannedScans) -> Specimen:
+    key = (str(place.out), part, number)
+    if key not in _SPECIMENS:
+        _SPECIMENS.clear()
+        _SPECIMENS[key] = make_specimen(place.recipe, work.part, number, place.hidden)
+    return _SPECIMENS[key]
+
+
+def _scan(
+    recipe: Recipe, work: PlannedScans, specimen: Specimen, number: int
+) -> tuple[Scan, dict[str, Any]]:
+    file = recipe.file
+    names = (work.part.name, work.specimen, "scan", number)
+    rng_of = streams(file.seed, *names)
+    path, drawn = specimen.aimer.path(rng_of)
+    surface_name = work.part.entry.surface or file.surface
+    scan = take_scan(
+        flawed=specimen.flawed,
+        scenes=specimen.scenes,
+        trajectory=path,
+        datasheet=recipe.datasheet,
+        laser=specimen.laser,
+        surface=recipe.surfaces[surface_name] if surface_name is not None else None,
+        reflectance=None,
+        visible_at=file.visible_at,
+        rng_of=rng_of,
+    )
+    valid = scan.invalid_reason == Reason.VALID
+    seed = "".join(f"{word:08x}" for word in seed_of(file.seed, *names).generate_state(4))
+    start = path.poses[0, :3, 3]
+    facts: dict[str, Any] = {
+        "seed": seed,
+        "sensor": recipe.datasheet.name,
+        "surface": surface_name,
+        "flaws": len(specimen.flawed.flaws),
+        "flaws_seen": len(np.unique(scan.instance[scan.instance > 0])),
+        "flaws_visible": len(np.unique(scan.instance[scan.mask_visible > 0])),
+        "share_valid": float(valid.mean()),
+        "share_flaw": float((scan.mask > 0).mean()),
+        "depth_mean_mm": float(scan.depth_mm[valid].mean()) if valid.any() else None,
+        "paths_drawn": drawn,
+        "start_x_mm": start[0],
+        "start_y_mm": start[1],
+        "start_z_mm": start[2],
+        **path.facts,
+    }
+    return scan, facts
+
+
+def _flaw_rows(
+    scan_id: str, part: str, scan: Scan, specimen: Specimen
+) -> list[dict[str, Any]]:
+    """One row for each flaw of the specimen, seen in this scan or not."""
+    hidden = np.isin(scan.invalid_reason, (Reason.HIDDEN_FROM_CAMERA, HIDDEN_BY_FLAW))
+    ratio = np.abs(scan.depth_ideal_mm - scan.depth_clean_mm) / np.maximum(scan.noise_mm, 1e-9)
+    labelled = np.flatnonzero(scan.instance)
+    rows = []
+    for flaw in specimen.flawed.flaws:
+        on = labelled[scan.instance.ravel()[labelled] == flaw.instance]
+        off = ratio.ravel()[on]
+        off = off[np.isfinite(off)]
+        rows.append(
+            {
+                "scan_id": scan_id,
+                "part": part,
+                **_facts(flaw),
+                "pixels": int(on.size),
+                "pixels_visible": int((scan.mask_visible.ravel()[on] > 0).sum()),
+                "share_hidden": float(hidden.ravel()[on].mean()) if on.size else None,
+                "deviation_over_noise": float(np.sqrt(np.mean(off**2))) if off.size else None,
+            }
+        )
+    return rows
+
+
+
+def _facts(flaw: Flaw) -> dict[str, Any]:
+    """What a flaw is and where it sits, as a row's columns; lengths mm, part frame."""
+    position = dict(zip(("x", "y", "z"), flaw.position_mm.tolist(), strict=True))
+    normal = dict(zip(("x", "y", "z"), flaw.normal.tolist(), strict=True))
+    return {
+        "instance": flaw.instance,
+        "kind": flaw.kind,
+        "class_id": flaw.class_id,
+        "tier": flaw.tier,
+        "parameters": json.dumps(flaw.parameters),
+        "seed": str(flaw.seed),
+        **{f"position_{axis}_mm": value for axis, value in position.items()},
+        **{f"normal_{axis}": value for axis, value in normal.items()},
+        "removed_mm3": flaw.removed_mm3,
+        "added_mm3": flaw.added_mm3,
+        "opening_mm2": flaw.opening_mm2,
+        "depth_mm": flaw.depth_mm,
+    }
