@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from defects.kind import Kind, size
+from defects.outline import outline
 from defects.patch import Patch, merge
 from defects.solid import Cutter
-from defects.surface import Site, SiteError, Surface
+from defects.surface import Site, Surface
 
 Floats = NDArray[np.float64]
 
@@ -60,19 +61,7 @@ class Pit(Kind):
             share = float(rng.uniform(0.25, 0.8))
             # Rayleigh: a normal scatter in the plane; never so near that it vanishes in the first.
             apart = float(rng.rayleigh(self.spread_mm)) + 0.35 * self.diameter_mm
-            angle = float(rng.uniform(0, 2 * np.pi))
-            heading = float(rng.uniform(0, 2 * np.pi))
-            walk = surface.walk(
-                site.position_mm[None], site.direction(angle)[None], np.array([[apart]])
-            )
-            if not walk.complete.all():
-                raise SiteError("the cluster would cross an edge of the part")
-            there = Site(
-                position_mm=walk.points_mm[0, 0],
-                normal=walk.normals[0, 0],
-                heading_rad=heading,
-                triangle=int(walk.triangles[0, 0]),
-            )
+            there = surface.site_at(site, apart, rng)
             cutters.append(self._one(surface, there, share, rng, sagitta_mm))
         return merge(cutters)
 
@@ -83,9 +72,9 @@ class Pit(Kind):
         sectors = int(np.clip(4 * np.ceil(np.pi / 2 * np.sqrt(radius / (8 * sagitta))), 32, 160))
         rings = int(np.clip(np.ceil(np.sqrt(depth * self.steepness**2 / (4 * sagitta))), 8, 48))
         angles = np.linspace(0, 2 * np.pi, sectors, endpoint=False)
-        outline = radius * _outline(angles, self.irregularity, rng)
+        ring = radius * outline(angles, self.irregularity, rng)
         rho = np.concatenate([np.linspace(0, 1, rings + 1)[1:], [1.06, 1.12]])
-        patch = Patch.disk(surface, site, outline, rho)
+        patch = Patch.disk(surface, site, ring, rho)
         wave, phase = rng.normal(size=(4, 2)) * 1.8, rng.uniform(0, 2 * np.pi, 4)
         x, y = patch.first * np.cos(patch.second), patch.first * np.sin(patch.second)
         waves = np.cos(x[:, None] * wave[:, 0] + y[:, None] * wave[:, 1] + phase).mean(axis=1)
@@ -102,14 +91,3 @@ class Pit(Kind):
             height_mm=np.minimum(height[under], 0.0),
             above_mm=patch.skin_mm + rise * patch.normals,
         )
-
-
-def _outline(angles: Floats, spread: float, rng: np.random.Generator) -> Floats:
-    """Return a closed outline about 1 whose radius has the standard deviation `spread`."""
-    order = np.arange(2, 8)
-    size_of = 1.0 / (order - 0.5)
-    size_of *= spread / np.sqrt(np.sum(size_of**2))
-    strength = rng.normal(size=len(order)) * size_of
-    phase = rng.uniform(0, 2 * np.pi, len(order))
-    bumps = np.cos(angles[:, None] * order + phase) @ (np.sqrt(2) * strength)
-    return np.asarray(np.clip(1.0 + bumps, 0.5, 1.6))

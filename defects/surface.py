@@ -369,6 +369,27 @@ class Surface:
             complete=complete,
         )
 
+    def site_at(self, site: Site, distance_mm: float, rng: np.random.Generator) -> Site:
+        """Walk from a site in a random direction and return where it ends, with a new heading.
+
+        Raises
+        ------
+        SiteError
+            When an edge of the part stops the walk.
+        """
+        angle, heading = rng.uniform(0.0, 2 * np.pi, 2)
+        walk = self.walk(
+            site.position_mm[None], site.direction(float(angle))[None], np.array([[distance_mm]])
+        )
+        if not walk.complete.all():
+            raise SiteError("the flaw would cross an edge of the part")
+        return Site(
+            position_mm=walk.points_mm[0, 0],
+            normal=walk.normals[0, 0],
+            heading_rad=float(heading),
+            triangle=int(walk.triangles[0, 0]),
+        )
+
     def curvature_per_mm(self, site: Site, radius_mm: float) -> float:
         """Return the strongest curvature of the smooth normals within `radius_mm` of a site."""
         count = 12

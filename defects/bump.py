@@ -1,0 +1,82 @@
+"""Bump: material on the surface, a weld spatter with droplets around it or a burr."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from defects.kind import Kind, size
+from defects.outline import outline
+from defects.patch import Patch, merge
+from defects.solid import Cutter
+from defects.surface import Site, SiteError, Surface
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Bump(Kind):
+    """A drop of solidified material, alone or with smaller ones around it.
+
+    Its surface stands `height (1 - rho^fullness)` over the skin, rho being the radius ratio to
+    an uneven outline, and meets the skin at an angle.
+
+    Parameters
+    ----------
+    length_mm
+        Mean axis along the heading.
+    aspect
+        Other axis over `length_mm`; small values make a burr.
+    height_mm
+        Height at the middle.
+    fullness
+        2: a paraboloid; more: flatter on top with steeper flanks.
+    irregularity
+        Standard deviation of the outline's radius, relative.
+    droplets
+        How many smaller drops lie around.
+    spread_mm
+        Standard deviation of their distance.
+    """
+
+    name: ClassVar[str] = "bump"
+    class_id: ClassVar[int] = 5
+
+    length_mm: float = size("mm", 0.05, 50.0, (0.5, 3.0))
+    aspect: float = size("1", 0.05, 1.0, (0.6, 1.0))
+    height_mm: float = size("mm", 0.005, 10.0, (0.15, 0.8))
+    fullness: float = size("1", 1.5, 8.0, (2.2, 3.5))
+    irregularity: float = size("1", 0.0, 0.3, (0.02, 0.1))
+    droplets: float = size("1", 0, 40, (0, 5), whole=True)
+    spread_mm: float = size("mm", 0.1, 50.0, (1.0, 4.0))
+
+    def cutter(
+        self, surface: Surface, site: Site, rng: np.random.Generator, sagitta_mm: float = 0.001
+    ) -> Cutter:
+        """Build the drops' lids and join them."""
+        if self.height_mm > 2 * self.length_mm * self.aspect:
+            raise SiteError("bump: more than twice as high as wide")
+        cutters = [self._one(surface, site, 1.0, rng, sagitta_mm)]
+        for _ in range(int(self.droplets)):
+            share = float(rng.uniform(0.12, 0.45))
+            apart = float(rng.rayleigh(self.spread_mm)) + 0.6 * self.length_mm
+            there = surface.site_at(site, apart, rng)
+            cutters.append(self._one(surface, there, share, rng, sagitta_mm))
+        return merge(cutters)
+
+    def _one(
+        self, surface: Surface, site: Site, share: float, rng: np.random.Generator, sagitta: float
+    ) -> Cutter:
+        a = share * self.length_mm / 2
+        b, height = a * self.aspect, share * self.height_mm
+        sectors = int(np.clip(4 * np.ceil(np.pi / 2 * np.sqrt(height / (2 * sagitta))), 24, 200))
+        rings = int(np.clip(np.ceil(self.fullness * np.sqrt(height / (8 * sagitta))), 6, 64))
+        angles = np.linspace(0, 2 * np.pi, sectors, endpoint=False)
+        radius = outline(angles, self.irregularity, rng) / np.hypot(
+            np.cos(angles) / a, np.sin(angles) / b
+        )
+        rho = np.concatenate([np.linspace(0, 1, rings + 1)[1:], [1.05, 1.1]])
+        patch = Patch.disk(surface, site, radius, rho)
+        margin = float(np.clip(0.2 * height, 0.003, 0.05))
+        return patch.reshape(height * (1 - patch.first**self.fullness), None, margin)

@@ -1,0 +1,113 @@
+"""Scratch: a long groove whose material stands as a burr at its sides and ends."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from defects.kind import Kind, size
+from defects.patch import Patch
+from defects.solid import Cutter
+from defects.surface import Site, SiteError, Surface
+from defects.track import Track, smooth_noise
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Scratch(Kind):
+    """A groove along a nearly straight path.
+
+    With the distance ratio rho (1 at the groove's edge: across the path over half the width;
+    at the ends over the run-out, which is up to four widths long) the surface stands at
+
+        w(rho) = -depth(s) (1 - rho^k) (1 - rho^k/Q)
+
+    over the skin, the dent's profile, with k = `section` (1: V, 2: parabola) and Q set by
+    `burr_ratio`. The depth varies along the path and the burr differs between the sides.
+
+    Parameters
+    ----------
+    length_mm
+        Length of the groove along the path.
+    width_mm
+        Width of the groove at the level of the skin.
+    depth_mm
+        Greatest depth, about; the recorded depth is the one that came out.
+    burr_ratio
+        Mean height of the burr over the depth.
+    burr_side
+        -1: all burr to the right of the heading, 0: even, 1: all to the left.
+    section
+        Exponent k of the section.
+    bow_deg
+        Angle by which the path turns over its length.
+    """
+
+    name: ClassVar[str] = "scratch"
+    class_id: ClassVar[int] = 4
+
+    length_mm: float = size("mm", 0.5, 500.0, (8.0, 50.0))
+    width_mm: float = size("mm", 0.02, 10.0, (0.2, 0.8))
+    depth_mm: float = size("mm", 0.002, 3.0, (0.03, 0.15))
+    burr_ratio: float = size("1", 0.02, 0.8, (0.15, 0.45))
+    burr_side: float = size("1", -0.95, 0.95, (-0.7, 0.7))
+    section: float = size("1", 1.0, 3.0, (1.3, 2.2))
+    bow_deg: float = size("1", -90.0, 90.0, (-12.0, 12.0))
+
+    @property
+    def outer(self) -> float:
+        """Return Q, where rho^section is when the burr ends."""
+        s = np.sqrt(self.burr_ratio)
+        return float((s + np.sqrt(s * s + 1.0)) ** 2)
+
+    def cutter(
+        self, surface: Surface, site: Site, rng: np.random.Generator, sagitta_mm: float = 0.001
+    ) -> Cutter:
+        """Walk the path, spread a strip over it, and build the pocket and its lid."""
+        a, half = self.width_mm / 2, self.length_mm / 2
+        if self.depth_mm > self.width_mm or self.width_mm > self.length_mm / 2:
+            raise SiteError("scratch: deeper than wide, or wider than half its length")
+        end = self.outer ** (1 / self.section)
+        out = min(2 * self.width_mm, half / 2)
+        bend = max(surface.curvature_per_mm(site, half), 1e-9)
+        edge = float(np.sqrt(8 * sagitta_mm / bend))
+        fine = float(np.clip(np.sqrt(0.8 * sagitta_mm / self.depth_mm), 0.02, 0.12))
+        across = np.concatenate([_ramp(1.0, fine), 1.0 + _ramp(end - 1.0, fine)])
+        across = a * np.concatenate([across, end + 0.08 * np.array([1.0, 2.0])])
+        coarse = min(edge, self.length_mm / 40, 3 * self.width_mm)
+        run = half - out + out * np.concatenate(
+            [_ramp(1.0, fine), 1.0 + _ramp(end - 1.0, fine), end + 0.08 * np.array([1.0, 2.0])]
+        )
+        way = np.concatenate([(half - out) * _ramp(1.0, coarse / (half - out)), run])
+        steps = np.diff(way, prepend=0.0)
+        turn = np.deg2rad(self.bow_deg) * steps / self.length_mm
+        track = Track.walked(
+            surface, site.position_mm, site.direction(), (steps, turn), (steps, -turn)
+        )
+        patch = Patch.strip(surface, track.points_mm, track.directions, track.along_mm, across)
+        u = patch.second / a
+        rho = np.hypot(u, np.maximum(np.abs(patch.first) - (half - out), 0.0) / out)
+        height = self._height(rho, u, patch.first, rng)
+        margin = float(np.clip(0.3 * self.depth_mm, 0.003, 0.05))
+        middle = 0.5 * (1.0 + end)
+        return patch.reshape(height, rho < middle, margin)
+
+    def _height(self, rho: Floats, u: Floats, along: Floats, rng: np.random.Generator) -> Floats:
+        x = rho**self.section
+        v = along / (self.length_mm / 2)
+        depth = (1 - 0.5 * np.minimum(v * v, 1.0)) * (
+            1 + 0.08 * np.clip(smooth_noise(along, 5 * self.width_mm, rng), -2.5, 2.5)
+        )
+        height = -self.depth_mm * depth * (1 - x) * (1 - x / self.outer)
+        uneven = np.clip(1 + 0.3 * smooth_noise(along, 2 * self.width_mm, rng), 0.3, 2.0)
+        burr = (1 + self.burr_side * np.tanh(2 * u)) * uneven
+        # Past the burr the lid stays shallow under the skin.
+        under = np.where(rho > 1, np.maximum(height, -0.3 * self.depth_mm), height)
+        return np.where(height > 0, height * burr, under)
+
+
+def _ramp(length: float, step: float) -> Floats:
+    """Return evenly spaced positions up to `length`, about `step` apart, without 0."""
+    return np.linspace(0.0, length, max(2, int(np.ceil(length / step))) + 1)[1:]
