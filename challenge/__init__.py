@@ -1,0 +1,1 @@
+"""The sealed proof: an independent image-level instrument, sealed cases and their judge."""

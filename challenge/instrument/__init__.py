@@ -1,0 +1,1 @@
+"""A virtual laser profilometer at image level: effects emerge from optics, motion and readout."""

@@ -1,0 +1,205 @@
+"""Where the sheet's sub-lines meet the part: first hits, sight lines and outgoing light.
+
+A straight scan of constant orientation passes every place several times with the sheet's
+width, so that the part is cast once on lines a fraction of the width apart, and every frame
+takes the lines that its sheet covers at that instant.
+"""
+
+from dataclasses import dataclass
+from math import ceil, cos
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from challenge.instrument.camera import Camera
+from challenge.instrument.finish import Finish
+from challenge.instrument.rays import Tree, nearest
+from challenge.instrument.sheet import LaserSheet
+from challenge.instrument.speckle import phases
+
+_REFRACTION = 1.5
+_EDGE_CASTS = 2  # casts in a column; between them the surface goes on along its facet
+_MARGIN = 4  # columns beyond the chip that are cast too, for a sensor that strays sideways
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Stripes:
+    """Scatterers of a scan, in the sensor frame at the path's start (mm).
+
+    Attributes
+    ----------
+    y_mm : (G,)
+        The sub-lines' positions along the travel.
+    x_mm, z_mm : (G, M)
+        Scatterers; `power` is 0 where nothing is hit or the camera is blocked.
+    power : (G, M)
+        Light sent to the camera relative to a matt plate at the working distance.
+    cosine, sine : (G, M)
+        Scattering phase.
+    below : (G, M, 3) or (1, 1, 3)
+        Apparent displacement of light that travelled a millimetre below the surface.
+    spacing_mm : float
+        Distance of the sub-lines.
+    samples : int
+        Scatterers in a column.
+    """
+
+    y_mm: NDArray[np.float64]
+    x_mm: NDArray[np.float64]
+    z_mm: NDArray[np.float64]
+    power: NDArray[np.float32]
+    cosine: NDArray[np.float32]
+    sine: NDArray[np.float32]
+    below: NDArray[np.float32]
+    spacing_mm: float
+    samples: int
+
+
+@njit(cache=True)
+def _cast(
+    corner: NDArray[np.float64],
+    edge_1: NDArray[np.float64],
+    edge_2: NDArray[np.float64],
+    box: NDArray[np.float64],
+    child: NDArray[np.int64],
+    y_mm: NDArray[np.float64],
+    slope_x: NDArray[np.float64],
+    camera_y_mm: float,
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.bool_]]:
+    """Cast every laser ray, then from its hit the sight line to the camera."""
+    lines, rays = y_mm.size, slope_x.size
+    depth = np.full((lines, rays), np.nan)
+    triangle = np.full((lines, rays), -1)
+    visible = np.zeros((lines, rays), np.bool_)
+    for g in range(lines):
+        for m in range(rays):
+            t, which = nearest(
+                corner, edge_1, edge_2, box, child,
+                0.0, y_mm[g], 0.0, slope_x[m], 0.0, 1.0, 1e-3, 1e9, False,
+            )  # fmt: skip
+            if which < 0:
+                continue
+            depth[g, m] = t
+            triangle[g, m] = which
+            _, blocker = nearest(
+                corner, edge_1, edge_2, box, child,
+                slope_x[m] * t, y_mm[g], t, -slope_x[m] * t, camera_y_mm, -t,
+                1e-6, 1.0, True,
+            )  # fmt: skip
+            visible[g, m] = blocker < 0
+    return depth, triangle, visible
+
+
+def spacings(sheet: LaserSheet, camera: Camera, pitch_mm: float) -> tuple[float, int]:
+    """Distance of sub-lines and scatterers in a column that resolve speckle and sheet."""
+    grain = camera.amplitude_spread_mm(sheet.wavelength_mm)
+    widest = min(1.3 * grain / cos(camera.triangulation_rad), 0.6 * sheet.waist_mm)
+    return pitch_mm / ceil(pitch_mm / widest), ceil(camera.column_pitch_mm / (1.3 * grain))
+
+
+def lay_out(
+    tree: Tree,
+    to_part: NDArray[np.float64],
+    sheet: LaserSheet,
+    camera: Camera,
+    finish: Finish,
+    *,
+    first_mm: float,
+    last_mm: float,
+    pitch_mm: float,
+    specimen: int,
+) -> Stripes:
+    """Cast the sub-lines between two positions along the travel.
+
+    Parameters
+    ----------
+    tree : Tree
+        The part in the sensor frame at the path's start.
+    to_part : (4, 4)
+        From that frame to the part's, for what is fixed to the part.
+    first_mm, last_mm
+        Extent along y; the caller adds the sheet's width.
+    pitch_mm
+        Profile pitch; sub-lines divide it evenly.
+    specimen
+        Seed of the scattering phases.
+
+    Returns
+    -------
+    Stripes
+    """
+    spacing, samples = spacings(sheet, camera, pitch_mm)
+    y = first_mm + spacing * np.arange(ceil((last_mm - first_mm) / spacing) + 1, dtype=np.float64)
+    step = camera.step_rad
+    first = -camera.fov_rad / 2 - (_MARGIN + 0.5) * step
+    wide = camera.columns + 2 * _MARGIN
+    coarse = first + step * (np.arange(wide * _EDGE_CASTS) + 0.5) / _EDGE_CASTS
+    slope = np.asarray(np.tan(coarse), np.float64)
+    camera_y = camera.side * camera.base_mm
+    z, triangle, visible = _cast(
+        tree.corner, tree.edge_1, tree.edge_2, tree.box, tree.child, y, slope, camera_y
+    )
+    normal = tree.normal[triangle]
+    light = np.stack([slope, np.zeros_like(slope), np.ones_like(slope)], -1)
+    light = -light / np.linalg.norm(light, axis=1)[:, None]
+    view = np.stack([-slope * z, np.full_like(z, camera_y), -z], -1)
+    distance = np.linalg.norm(view, axis=-1)
+    view /= distance[..., None]
+    half = view + light
+    half /= np.linalg.norm(half, axis=-1)[..., None]
+    cos_in = np.einsum("gmi,mi->gm", normal, light)
+    sent = finish.towards(
+        cos_in, np.einsum("gmi,gmi->gm", normal, view), np.einsum("gmi,gmi->gm", normal, half)
+    )
+    matt = 0.6 * cos(camera.triangulation_rad) / np.pi  # a white plate, reference of exposure
+    range_0 = camera.working_distance_mm / cos(camera.triangulation_rad)
+    sent = np.where(visible, sent / matt * (range_0 / distance) ** 2, 0.0)
+
+    # scatterers: on the facet of the nearest cast
+    angle = first + step * (np.arange(wide * samples) + 0.5) / samples
+    owner = np.minimum((np.arange(angle.size) * _EDGE_CASTS) // samples, wide * _EDGE_CASTS - 1)
+    fine_slope = np.tan(angle)
+    offset = normal[..., 0] * slope * z + normal[..., 2] * z  # n·(hit - origin)
+    fine_normal_x, fine_normal_z = normal[:, owner, 0], normal[:, owner, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        z_fine = offset[:, owner] / (fine_normal_x * fine_slope + fine_normal_z)
+    z_near = z[:, owner]
+    # a facet seen edge-on: stay at the cast's own depth rather than run along it
+    run = 4 * camera.column_pitch_mm
+    z_fine = np.where(np.abs(z_fine - z_near) < run, z_fine, z_near)
+    x_fine = z_fine * fine_slope
+    power = np.nan_to_num(sent[:, owner])
+    z_fine = np.nan_to_num(z_fine, nan=camera.working_distance_mm)
+    x_fine = np.nan_to_num(x_fine)
+
+    points = np.stack([x_fine, np.broadcast_to(y[:, None], x_fine.shape), z_fine], -1)
+    part = points @ to_part[:3, :3].T + to_part[:3, 3]
+    power = power * finish.brightness(part)
+    cosine, sine = phases(part.reshape(-1, 3), specimen)
+    if finish.relief_mm > 0:
+        rise = finish.relief(part)  # along the part's z, towards the sensor
+        up = to_part[2, :3]  # the part's z in the sensor frame
+        x_fine = x_fine + rise * up[0]
+        z_fine = z_fine + rise * up[2]
+    below = np.zeros((1, 1, 3), np.float32)
+    if finish.depth_mm > 0:
+        ratio = 1 / _REFRACTION
+        sine_2 = ratio**2 * (1 - np.clip(cos_in, 0, 1) ** 2)
+        inward = (ratio * np.clip(cos_in, 0, 1) - np.sqrt(1 - sine_2))[..., None] * normal
+        path = -ratio * light[None] + inward
+        # seen through the surface: the normal part of the path looks shorter
+        sunk = np.einsum("gmi,gmi->gm", path, normal)[..., None] * normal
+        below = (path - sunk * (1 - 1 / _REFRACTION)).astype(np.float32)[:, owner]
+        below = np.ascontiguousarray(below)
+    return Stripes(
+        y_mm=y,
+        x_mm=np.ascontiguousarray(x_fine),
+        z_mm=np.ascontiguousarray(z_fine),
+        power=np.ascontiguousarray(power, np.float32),
+        cosine=cosine.reshape(power.shape),
+        sine=sine.reshape(power.shape),
+        below=below,
+        spacing_mm=spacing,
+        samples=samples,
+    )
