@@ -52,7 +52,7 @@ def sweep(
         x_mm, slope_x = x_mm[::-1].copy(), slope_x[::-1].copy()
     order = np.argsort(place[:, 1], kind="stable")
     sorted_place = place[order]
-    x, y, z = _turned(vertices_mm, frame)
+    x, y, z = turned(vertices_mm, frame)
     rows, row_origin, row_scale = _lookup(sorted_place[:, 1])
     low, high = _runs(
         x, y, z, faces, slope_x[0], slope_x[-1],
@@ -86,7 +86,7 @@ def _lookup(values: Floats) -> tuple[Ints, float, float]:
 
 
 @njit(cache=True)
-def _turned(vertices: Floats, frame: Floats) -> tuple[Floats, Floats, Floats]:
+def turned(vertices: Floats, frame: Floats) -> tuple[Floats, Floats, Floats]:
     """Vertices in the leg's axes, in the order of operations of `section.turn`."""
     count = len(vertices)
     x, y, z = np.empty(count), np.empty(count), np.empty(count)
