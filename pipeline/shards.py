@@ -24,6 +24,10 @@ from sensors.datasheet import Datasheet
 FORMAT, VERSION = "flawforge-shard", 1
 FINE_MM = 5e-5  # ideal and clean depths: counts of 0.05 µm
 CHUNK_BYTES = 1 << 20
+CHECKED = (  # what a scan's checksum is made of, in this order
+    "depth", "depth_ideal", "depth_clean", "mask", "mask_visible", "invalid_reason", "instance",
+    "pose", "pose_true", "time", "ray_x_mm", "ray_slope", "points_part",
+)  # fmt: skip
 
 
 class DepthCode:
@@ -146,11 +150,12 @@ class ShardWriter:
         if "points_part" in self._file:
             arrays["points_part"] = scan.points_part_mm().astype(np.float32)
         digest = hashlib.sha256()
-        for name, values in arrays.items():
-            dataset = self._file[name]
-            values = np.ascontiguousarray(values, dtype=dataset.dtype)
-            dataset[self._count] = values
-            digest.update(values)
+        for name in CHECKED:
+            if name in arrays:
+                dataset = self._file[name]
+                values = np.ascontiguousarray(arrays[name], dtype=dataset.dtype)
+                dataset[self._count] = values
+                digest.update(values)
         self._ids.append(scan_id)
         self._count += 1
         return digest.hexdigest()
@@ -195,24 +200,17 @@ def read_scan(path: Path, row: int) -> dict[str, Any]:
         return found
 
 
-def compare_shards(path: Path, other: Path) -> dict[str, float]:
-    """Largest difference of each dataset of two shards (mm, counts or labels); inf for shapes."""
-    largest: dict[str, float] = {}
-    with h5py.File(path, "r") as a, h5py.File(other, "r") as b:
-        for name in sorted(set(a) | set(b)):
-            if name not in a or name not in b or a[name].shape != b[name].shape:
-                largest[name] = math.inf
-                continue
-            if a[name].dtype.kind == "S":
-                largest[name] = 0.0 if (a[name][:] == b[name][:]).all() else math.inf
-                continue
-            scale = float(a[name].attrs.get("scale_mm", 1.0))
-            worst = 0.0
-            for row in range(a[name].shape[0]):
-                gap = np.abs(a[name][row].astype(np.float64) - b[name][row].astype(np.float64))
-                worst = max(worst, float(np.nanmax(gap, initial=0.0)) * scale)
-            largest[name] = worst
-    return largest
+def scan_checksums(path: Path) -> dict[str, str]:
+    """SHA-256 of the arrays of each scan in a shard, by scan id, as `ShardWriter.add` gave it."""
+    sums = {}
+    with h5py.File(path, "r") as file:
+        for row, scan_id in enumerate(file["scan_id"][:]):
+            digest = hashlib.sha256()
+            for name in CHECKED:
+                if name in file:
+                    digest.update(np.ascontiguousarray(file[name][row]))
+            sums[scan_id.decode()] = digest.hexdigest()
+    return sums
 
 
 def file_sha256(path: Path) -> str:

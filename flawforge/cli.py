@@ -1,0 +1,112 @@
+"""The command line: finds the command, runs it, and turns errors into one line."""
+
+import argparse
+import importlib
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from typing import Any, Final
+
+COMMANDS: Final = {
+    "generate": "make a labelled dataset from a recipe",
+    "preview": "draw a scan of a dataset, or a recipe before anything is generated",
+    "verify": "check a dataset's files, also against the lock of a release",
+    "export": "turn scans into recordings, point clouds or images",
+    "import": "turn an instrument's file into recording.h5",
+    "roughness": "measure a surface's roughness and write its surface.yaml",
+    "diagnose": "say where recordings differ from their simulation, and why",
+    "challenge": "prove the diagnosis on sealed recordings of an independent instrument",
+}
+EXAMPLES: Final = """\
+examples:
+  flawforge generate manifests/quickstart.yaml --out out/quickstart --jobs 2
+  flawforge preview out/quickstart --out scan.png
+  flawforge diagnose a.h5 b.h5 c.h5 --part part.stl --sensor sensor.yaml --out diagnosis
+  flawforge COMMAND --help      what a command does, with its options
+"""
+
+
+class Terminated(BaseException):
+    """SIGTERM came: leave in good order."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run `flawforge` with the given words; return the exit code.
+
+    0: done. 1: done in part, or a check failed. 2: bad input. 130, 143: interrupted, terminated.
+    """
+    words = list(sys.argv[1:] if argv is None else argv)
+    parser = argparse.ArgumentParser(
+        prog="flawforge",
+        description="Labelled laser-profilometer scans of flawed CAD parts, and a diagnosis of"
+        " what the simulation leaves out.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="store_true", help="print the version and stop")
+    parser.add_argument("--debug", action="store_true", help="show where an error came from")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
+    chosen = next((word for word in words if not word.startswith("-")), None)
+    for name, summary in COMMANDS.items():
+        command = commands.add_parser(
+            name,
+            help=summary,
+            description=summary[0].upper() + summary[1:] + ".",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        if name == chosen:  # the others are not even loaded
+            _module(name).add_arguments(command)
+    arguments = parser.parse_args(words)
+    if arguments.version:
+        from importlib.metadata import version
+
+        print(f"flawforge {version('flawforge')}")
+        return 0
+    if arguments.command is None:
+        parser.print_help()
+        return 0
+    return _run(arguments)
+
+
+def _module(name: str) -> Any:
+    return importlib.import_module(f"flawforge.{name}_command")
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    def terminate(number: int, frame: object) -> None:
+        raise Terminated
+
+    before = signal.signal(signal.SIGTERM, terminate)
+    try:
+        code: int = _module(arguments.command).run(arguments)
+        return code
+    except (ValueError, OSError) as error:
+        if arguments.debug or not _is_users(error):
+            raise
+        print(f"flawforge: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("flawforge: interrupted; what is finished stays, start again to go on", file=sys.stderr)
+        return 130
+    except Terminated:
+        print("flawforge: terminated; what is finished stays, start again to go on", file=sys.stderr)
+        return 143
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _is_users(error: Exception) -> bool:
+    """Whether an error is about what the user gave (and not a fault of ours)."""
+    from flawforge.dataset import ShardError
+    from pipeline.part import PartError
+    from sensors.typed_yaml import RecipeError
+
+    return isinstance(error, RecipeError | PartError | ShardError)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

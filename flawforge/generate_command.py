@@ -1,0 +1,147 @@
+"""`flawforge generate`: make a labelled dataset from a recipe."""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+EPILOG = """\
+The recipe is a YAML file: see manifests/quickstart.yaml and the README. The same recipe and seed
+give the same bytes for any --jobs. Started again after it was stopped, the command goes on where
+it was. Exit code: 0 all made, 1 some parts or scans failed (see dataset.json), 2 bad recipe.
+
+example:
+  flawforge generate manifests/quickstart.yaml --out out/quickstart --jobs 2
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's words."""
+    parser.epilog = EPILOG
+    parser.add_argument("recipe", type=Path, metavar="RECIPE", help="the recipe's YAML file")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="folder of the dataset"
+    )
+    parser.add_argument(
+        "--jobs", type=_jobs, default=1, metavar="N", help="processes (default 1; 0 = all cores)"
+    )
+    parser.add_argument(
+        "--parts",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="DIR",
+        help="a further folder that the recipe may read parts and sensors from",
+    )
+    parser.add_argument(
+        "--backend",
+        choices=("processes", "dask"),
+        default="processes",
+        help="where shards are made (default: processes on this machine)",
+    )
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", help="with --backend dask: its scheduler, tcp://host:port"
+    )
+    parser.add_argument("--log-json", action="store_true", help="progress as one JSON object a line")
+
+
+def _jobs(text: str) -> int:
+    jobs = int(text)
+    if jobs < 0:
+        raise argparse.ArgumentTypeError(f"{jobs} is below 0")
+    return jobs
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Make the dataset; say on standard output what came out."""
+    import os
+
+    from pipeline.batch import Backend, generate
+    from pipeline.recipe import Recipe
+    from sensors.typed_yaml import RecipeError
+
+    if (arguments.backend == "dask") != (arguments.scheduler is not None):
+        raise RecipeError("--scheduler and --backend dask go together")
+    recipe = Recipe.load(arguments.recipe, roots=tuple(arguments.parts))
+    progress = Progress(json_lines=arguments.log_json)
+    jobs = arguments.jobs or os.cpu_count() or 1
+    try:
+        dataset = generate(
+            recipe,
+            arguments.out,
+            backend=Backend(jobs=jobs, scheduler=arguments.scheduler),
+            event=progress.event,
+        )
+    finally:
+        progress.close()
+    if not arguments.log_json:
+        print(summary(dataset, arguments.out))
+    return 1 if dataset["failed"] else 0
+
+
+def summary(dataset: Mapping[str, Any], out: Path) -> str:
+    """Say in a few lines what a dataset holds."""
+    statistics = dataset["statistics"]
+    lines = [
+        f"{dataset['scans']} scans in {len(dataset['shards'])} shards in {out}",
+        "splits (by "
+        + dataset["split_by"]
+        + "): "
+        + ", ".join(f"{name} {count}" for name, count in statistics["scans_by_split"].items()),
+    ]
+    for kind, counts in statistics["by_class"].items():
+        lines.append(
+            f"  {kind:8} seen in {counts['seen']} scans, visible above the noise in"
+            f" {counts['visible']} ({counts['pixels']} pixels)"
+        )
+    for part in dataset["parts"]:
+        if part["mended"]:
+            lines.append(f"mended: {part['part']}: " + "; ".join(part["mended"]))
+    for dropped in dataset["flaws_dropped"]:
+        lines.append(f"no place for a flaw: {dropped['specimen']}: {dropped['why']}")
+    for failed in dataset["failed"]:
+        lines.append(f"failed: {failed['part']}: {failed['why']}")
+    return "\n".join(lines)
+
+
+class Progress:
+    """Progress as a bar on a terminal, a line for each part elsewhere, or JSON for machines."""
+
+    def __init__(self, *, json_lines: bool) -> None:
+        self._json = json_lines
+        self._bar: Any = None
+        self._start = time.monotonic()
+        self._done = self._total = self._said = 0
+
+    def event(self, name: str, facts: Mapping[str, Any]) -> None:
+        """Take note of an event of the batch."""
+        if self._json:
+            seconds = round(time.monotonic() - self._start, 3)
+            print(json.dumps({"event": name, "seconds": seconds, **facts}), flush=True)
+            return
+        if name == "part":
+            state = facts.get("why") or f"{facts['triangles']} triangles"
+            for mend in facts.get("mended", ()):
+                state += f"; {mend}"
+            print(f"part {facts['part']}: {state}", file=sys.stderr)
+        elif name == "plan":
+            self._total = facts["scans"]
+            if sys.stderr.isatty():
+                from tqdm import tqdm
+
+                self._bar = tqdm(total=self._total, unit="scan", smoothing=0.1)
+        elif name == "shard":
+            self._done += facts["scans"]
+            if self._bar is not None:
+                self._bar.update(facts["scans"])
+            elif self._done * 10 // max(self._total, 1) > self._said:
+                self._said = self._done * 10 // max(self._total, 1)
+                print(f"{self._done} of {self._total} scans", file=sys.stderr)
+
+    def close(self) -> None:
+        """Leave the terminal tidy."""
+        if self._bar is not None:
+            self._bar.close()
