@@ -27,6 +27,9 @@ examples:
 """
 
 
+GO_ON: Final = "what is finished stays; the same command goes on from there"
+
+
 class Terminated(BaseException):
     """SIGTERM came: leave in good order."""
 
@@ -87,10 +90,10 @@ def _run(arguments: argparse.Namespace) -> int:
         print(f"flawforge: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("flawforge: interrupted; what is finished stays, start again to go on", file=sys.stderr)
+        print(f"flawforge: interrupted; {GO_ON}", file=sys.stderr)
         return 130
     except Terminated:
-        print("flawforge: terminated; what is finished stays, start again to go on", file=sys.stderr)
+        print(f"flawforge: terminated; {GO_ON}", file=sys.stderr)
         return 143
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -45,7 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scheduler", metavar="ADDRESS", help="with --backend dask: its scheduler, tcp://host:port"
     )
-    parser.add_argument("--log-json", action="store_true", help="progress as one JSON object a line")
+    parser.add_argument(
+        "--log-json", action="store_true", help="progress on standard output, JSON line by line"
+    )
 
 
 def _jobs(text: str) -> int:

@@ -52,12 +52,13 @@ class Backend:
 
     def chosen(self) -> AbstractContextManager[Any]:
         """Return the context in which joblib uses this backend."""
+        chosen: AbstractContextManager[Any] = nullcontext()
         if self.scheduler:
-            return joblib.parallel_config("dask", scheduler_host=self.scheduler)
-        if self.jobs == 1:
-            return nullcontext()
-        # each worker is one thread: cores are shared out among processes
-        return joblib.parallel_config("loky", inner_max_num_threads=1)
+            chosen = joblib.parallel_config("dask", scheduler_host=self.scheduler)
+        elif self.jobs > 1:
+            # each worker is one thread: cores are shared out among processes
+            chosen = joblib.parallel_config("loky", inner_max_num_threads=1)
+        return chosen
 
 
 def generate(

@@ -116,7 +116,7 @@ def write_manifest(
 
 
 def _shard_statistics(journal: Mapping[str, Any]) -> dict[str, Any]:
-    """What a rebuild with other versions is held against, within a tolerance."""
+    """Return what a rebuild with other versions is held against, within a tolerance."""
     rows, flaws = journal["scans"], journal["flaws"]
     depths = [row["depth_mean_mm"] for row in rows if row["depth_mean_mm"] is not None]
     return {

@@ -65,7 +65,7 @@ class Scan:
     laser: Laser
 
     def points_part_mm(self) -> Floats:
-        """Readings as points (n, m, 3) in the part frame by the commanded poses, mm."""
+        """Return the readings as points (n, m, 3) in the part frame by the commanded poses, mm."""
         points = self.laser.points_mm(self.depth_mm)
         turned = points @ self.poses[:, :3, :3].transpose(0, 2, 1)
         return np.asarray(turned + self.poses[:, None, :3, 3])

@@ -45,8 +45,9 @@ class DepthCode:
         self.scale_mm = scale_mm
         self.first = math.ceil(depth_min_mm / scale_mm - 1e-9)
         span = (depth_max_mm - depth_min_mm) / scale_mm
-        self.dtype = np.dtype(np.uint16 if span < np.iinfo(np.uint16).max else np.uint32)
-        self.missing = int(np.iinfo(self.dtype).max)
+        kind = np.uint16 if span < np.iinfo(np.uint16).max else np.uint32
+        self.dtype: np.dtype[Any] = np.dtype(kind)
+        self.missing = int(np.iinfo(kind).max)
 
     @property
     def offset_mm(self) -> float:
@@ -90,7 +91,7 @@ class ShardWriter:
         self._file.attrs["version"] = VERSION
         self._file.attrs["classes"] = json.dumps(CLASS_NAMES)
         self._file.attrs["invalid_reasons"] = json.dumps(REASON_NAMES)
-        self._file.attrs["units"] = "lengths mm, times s; point = (ray_x + depth ray_slope, 0, depth)"
+        self._file.attrs["units"] = "mm, s; point = (ray_x_mm + depth * ray_slope, 0, depth)"
         scans, profiles, points = shape
         grid = (profiles, points)
         self._make("depth", scans, grid, self._reading.dtype if self._reading else np.float32)
@@ -155,7 +156,7 @@ class ShardWriter:
                 dataset = self._file[name]
                 values = np.ascontiguousarray(arrays[name], dtype=dataset.dtype)
                 dataset[self._count] = values
-                digest.update(values)
+                digest.update(values.data)
         self._ids.append(scan_id)
         self._count += 1
         return digest.hexdigest()
@@ -208,7 +209,7 @@ def scan_checksums(path: Path) -> dict[str, str]:
             digest = hashlib.sha256()
             for name in CHECKED:
                 if name in file:
-                    digest.update(np.ascontiguousarray(file[name][row]))
+                    digest.update(np.ascontiguousarray(file[name][row]).data)
             sums[scan_id.decode()] = digest.hexdigest()
     return sums
 

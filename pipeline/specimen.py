@@ -96,7 +96,12 @@ def store_part(part: Part, folder: Path) -> str:
         ),
         text=np.array(
             json.dumps(
-                {"name": part.name, "regions": regions, "mended": part.mended, "source": part.source}
+                {
+                    "name": part.name,
+                    "regions": regions,
+                    "mended": part.mended,
+                    "source": part.source,
+                }
             )
         ),
     )

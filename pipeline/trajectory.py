@@ -191,7 +191,9 @@ def draw(
     )
     turned = tilted(base, roll, pitch, yaw)
     rate_hz = rate_of(motion, datasheet)
-    speed = datasheet.travel_speed_mm_s if motion.speed_mm_s is None else motion.speed_mm_s.draw(rng)
+    speed = datasheet.travel_speed_mm_s
+    if motion.speed_mm_s is not None:
+        speed = float(motion.speed_mm_s.draw(rng))
     if motion.length_mm is not None:
         length = float(motion.length_mm.draw(rng))
         if motion.speed_mm_s is None:

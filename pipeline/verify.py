@@ -119,9 +119,8 @@ def compare_with_lock(folder: Path, lock: Path) -> Report:
         raise RecipeError("isn't a lock", where=lock, allowed="a file made by verify --write")
     for key in ("recipe", "files"):
         if kept[key] != said[key]:
-            differ = sorted(
-                k for k in kept[key].keys() | said[key].keys() if kept[key].get(k) != said[key].get(k)
-            )
+            was, now = kept[key], said[key]
+            differ = sorted(k for k in was.keys() | now.keys() if was.get(k) != now.get(k))
             raise RecipeError(
                 f"the dataset was made from other {key}: {', '.join(differ)} differ", where=lock
             )
@@ -132,13 +131,14 @@ def compare_with_lock(folder: Path, lock: Path) -> Report:
         for name in sorted(kept["versions"].keys() | said["versions"].keys())
         if kept["versions"].get(name) != said["versions"].get(name)
     ]
-    unlike = [n for n, facts in said["shards"].items() if kept["shards"][n]["sha256"] != facts["sha256"]]
+    released = kept["shards"]
+    unlike = [n for n, facts in said["shards"].items() if released[n]["sha256"] != facts["sha256"]]
     if not unlike:
         return Report(lines=(f"{folder}: the same bytes as {lock}", *others), wrong=0)
     if not others:
         lines = [f"{name}: other bytes with the same versions" for name in unlike]
         return Report(lines=tuple(lines), wrong=len(lines))
-    wrong = [line for name in unlike for line in _beyond(name, kept["shards"][name], said["shards"][name])]
+    wrong = [f for name in unlike for f in _beyond(name, released[name], said["shards"][name])]
     lines = [f"versions differ: {', '.join(others)}", f"{len(unlike)} shards with other bytes"]
     lines += wrong or ["all within the tolerance"]
     return Report(lines=tuple(lines), wrong=len(wrong))

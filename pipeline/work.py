@@ -47,7 +47,8 @@ def read_journal(place: Workplace, shard: str) -> dict[str, Any]:
 def is_whole(place: Workplace, shard: str) -> bool:
     """Whether a shard's file is there with the checksum that its journal names."""
     try:
-        return file_sha256(place.out / shard) == read_journal(place, shard)["sha256"]
+        written: str = read_journal(place, shard)["sha256"]
+        return file_sha256(place.out / shard) == written
     except (OSError, ValueError, KeyError):
         return False
 
@@ -193,7 +194,7 @@ def _flaw_rows(
 
 
 def _facts(flaw: Flaw) -> dict[str, Any]:
-    """What a flaw is and where it sits, as a row's columns; lengths mm, part frame."""
+    """Say what a flaw is and where it sits, as a row's columns; lengths mm, part frame."""
     position = dict(zip(("x", "y", "z"), flaw.position_mm.tolist(), strict=True))
     normal = dict(zip(("x", "y", "z"), flaw.normal.tolist(), strict=True))
     return {
