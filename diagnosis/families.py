@@ -1,0 +1,224 @@
+"""Families of signatures that a mismatch of the mean may follow: free-form and of each effect.
+
+A family is a handful of fields (mm) whose span is tested at once: hat functions of a covariate,
+coarse maps of the scan or the part, or the signature of an effect at one point of its grid.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.noise import Field, NoiseModel
+from diagnosis.patch import Patch
+from diagnosis.prediction import Prediction, predict
+from sensors.covariates import COVARIATES
+from sensors.effects import CATALOGUE, AdditiveEffect
+from sensors.effects.base import Effect
+from sensors.typed_yaml import RecipeError
+from sensors.view import View
+
+SKIPPED = {"roughness_level", "anisotropic_lay", "form_error", "pose_error", "empirical"}
+"""Effects that other steps judge: by the noise's spectrum, the free-form map, the placements."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Family:
+    """Fields that are tested together.
+
+    Attributes
+    ----------
+    name : str
+        "free:<covariate>" or "effect:<name>".
+    words : what they depend on, for a report
+    frame : sensor, time, travel or part
+    fields : for each patch (k, n, m) in mm, or None where the family has nothing there
+    effect : the effect and its parameters, where it is one's signature
+    """
+
+    name: str
+    words: str
+    frame: str
+    fields: tuple[Field | None, ...]
+    effect: Effect | None = None
+
+
+def free_families(patches: Sequence[Patch]) -> list[Family]:
+    """Smooth dependence on each covariate, maps of sensor, scan and part."""
+    families: list[Family] = []
+    for name, count in (
+        ("x", 9), ("depth", 8), ("slope_x", 6), ("slope_y", 6), ("incidence", 6),
+        ("half_vector", 6), ("brightness", 6), ("brightness_slope", 5), ("clock", 9),
+    ):  # fmt: skip
+        if name == "clock" and any(p.view.start_time_s is None for p in patches):
+            continue
+        values = covariate_values(name, patches)
+        if values is None:
+            continue
+        covariate = COVARIATES[name]
+        families.append(
+            Family(
+                name=f"free:{name}",
+                words=covariate.words,
+                frame=covariate.frame,
+                fields=tuple(hats(values, count)),
+            )
+        )
+    x, depth = covariate_values("x", patches), covariate_values("depth", patches)
+    if x is not None and depth is not None:
+        families.append(
+            Family(
+                name="free:x_depth",
+                words="place in the field of view",
+                frame="sensor",
+                fields=tuple(products(hats(x, 5), hats(depth, 4))),
+            )
+        )
+    part = [p.view.part_mm for p in patches]
+    spread = [np.ptp(np.concatenate([c[..., k][np.isfinite(c[..., k])] for c in part])) for k in range(3)]
+    first, second = np.argsort(spread)[::-1][:2]
+    families.append(
+        Family(
+            name="free:part",
+            words="place on the part",
+            frame="part",
+            fields=tuple(
+                products(hats([c[..., first] for c in part], 6), hats([c[..., second] for c in part], 6))
+            ),
+        )
+    )
+    for number in sorted({p.recording for p in patches}):
+        rows = [
+            np.broadcast_to(np.arange(p.rows.start, p.rows.stop, dtype=float)[:, None], p.shape)
+            if p.recording == number else None
+            for p in patches
+        ]  # fmt: skip
+        columns = [
+            np.broadcast_to(np.arange(p.shape[1], dtype=float)[None, :], p.shape)
+            if p.recording == number else None
+            for p in patches
+        ]  # fmt: skip
+        families.append(
+            Family(
+                name=f"free:scan:{number}",
+                words="place in the scan",
+                frame="part",
+                fields=tuple(products(hats(rows, 6), hats(columns, 6))),
+            )
+        )
+    return families
+
+
+def effect_families(
+    patches: Sequence[Patch],
+    base: Sequence[Prediction],
+    noise: NoiseModel,
+    *,
+    accepted: Sequence[Effect] = (),
+    withheld: Iterable[str] = (),
+) -> list[Family]:
+    """Signature in the mean of every catalogued effect over its coarse grid."""
+    families: list[Family] = []
+    names = {effect.name for effect in accepted} | set(withheld) | SKIPPED
+    for name, kind in CATALOGUE.items():
+        if name in names or "mean" not in kind.channels:
+            continue
+        for effect in grid_of(kind, patches[0].view):
+            fields = mean_signature(effect, patches, base, noise, accepted)
+            if fields is None:
+                break
+            families.append(
+                Family(
+                    name=f"effect:{name}",
+                    words=COVARIATES[effect.covariate].words,
+                    frame=effect.frame,
+                    fields=tuple(fields),
+                    effect=effect,
+                )
+            )
+    return families
+
+
+def grid_of(kind: type[Effect], view: View) -> tuple[Effect, ...]:
+    """Points of an effect's coarse grid, at most 12; an effect that can't be made has none."""
+    try:
+        points = kind().grid(view)
+    except (RecipeError, TypeError):
+        return ()
+    step = max(1, int(np.ceil(len(points) / 12)))
+    return points[::step]
+
+
+def mean_signature(
+    effect: Effect,
+    patches: Sequence[Patch],
+    base: Sequence[Prediction],
+    noise: NoiseModel,
+    accepted: Sequence[Effect],
+) -> list[Field] | None:
+    """Fields (k, n, m) by which an effect changes the mean; None where it can't be computed."""
+    out: list[Field] = []
+    try:
+        for patch, plain in zip(patches, base, strict=True):
+            if isinstance(effect, AdditiveEffect):
+                fields = effect.basis(patch.view).fields
+                out.append(
+                    np.stack([np.nan_to_num(np.broadcast_to(f, patch.shape)) for f in fields])
+                )
+            else:
+                changed = predict(patch.view, (*accepted, effect), noise)
+                out.append(np.nan_to_num(changed.mean_mm - plain.mean_mm)[None])
+    except RecipeError:
+        return None
+    return out if any(np.any(f) for f in out) else None
+
+
+def covariate_values(name: str, patches: Sequence[Patch]) -> list[Field] | None:
+    """Values of a covariate on each patch, or None where it isn't known."""
+    covariate = COVARIATES[name]
+    try:
+        for key in covariate.needs:
+            patches[0].view.datasheet.require(key)
+        values = [np.broadcast_to(covariate.values(p.view), p.shape) for p in patches]
+    except RecipeError:
+        return None
+    known = np.concatenate([v[np.isfinite(v)][:1000] for v in values])
+    return values if known.size and np.ptp(known) > 0 else None
+
+
+def hats(values: Sequence[Field | None], count: int) -> list[Field | None]:
+    """Piecewise linear hat functions with knots spread between quantiles and even steps."""
+    known = np.concatenate([v[np.isfinite(v)].ravel()[:: max(1, v.size // 20000)] for v in values if v is not None])
+    if known.size == 0:
+        return [None if v is None else np.zeros((1, *v.shape)) for v in values]
+    by_rank = np.quantile(known, np.linspace(0, 1, count))
+    knots = 0.5 * by_rank + 0.5 * np.linspace(known.min(), known.max(), count)
+    knots = np.unique(knots)
+    return [None if v is None else hat_fields(v, knots) for v in values]
+
+
+def hat_fields(values: Field, knots: Field) -> Field:
+    """Hat functions (k, n, m) of a covariate; their sum is 1 within the knots, 0 where NaN."""
+    if knots.size < 2:
+        return np.isfinite(values).astype(np.float64)[None]
+    inside = np.clip(np.nan_to_num(values, nan=knots[0]), knots[0], knots[-1])
+    left = np.clip(np.searchsorted(knots, inside, side="right") - 1, 0, knots.size - 2)
+    share = (inside - knots[left]) / (knots[left + 1] - knots[left])
+    known = np.isfinite(values)
+    out = np.zeros((knots.size, *values.shape))
+    rows, columns = np.indices(values.shape)
+    out[left, rows, columns] = np.where(known, 1 - share, 0.0)
+    out[left + 1, rows, columns] = np.where(known, share, 0.0)
+    return out
+
+
+def products(first: Sequence[Field | None], second: Sequence[Field | None]) -> list[Field | None]:
+    """Tensor products of two sets of hats, patch by patch."""
+    return [
+        None if a is None or b is None
+        else (a[:, None] * b[None]).reshape(-1, *a.shape[1:])
+        for a, b in zip(first, second, strict=True)
+    ]  # fmt: skip
+
+
+Fields = Callable[[Patch], Field]

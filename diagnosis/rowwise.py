@@ -1,0 +1,243 @@
+"""Whole profiles: offsets and slips of each row, smooth or periodic in time.
+
+What the motion does moves whole rows: an offset of the row in depth (a vibration, a drift) or a
+slip along the travel, which shows in proportion to the slope (a ripple, lost encoder counts).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from diagnosis.noise import Field
+from diagnosis.patch import Patch
+from diagnosis.score import Whitened
+
+COMB = 4
+KNOTS = 12
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class RowFinding:
+    """One statistic on rows; see `screen.Finding`."""
+
+    name: str
+    words: str
+    frame: str
+    z: float
+    size: float
+    gain: float
+    coefficients: Field
+    detail: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class RowTests:
+    """Row sums of one recording, ready for any pattern over its rows.
+
+    Attributes
+    ----------
+    kinds : names of what moves: "row_offset", "row_slip"
+    sums : for each kind, (rows, N) sparse-like product: row sums of weights times innovations
+    gram : for each kind (rows, rows), the pose projected out
+    time_s : (rows,)
+    """
+
+    kinds: tuple[str, ...]
+    weights: tuple[list[tuple[Field, Field]], ...]
+    gram: tuple[Field, ...]
+    overlap: tuple[Field, ...]
+    basis: Field
+    time_s: Field
+    strength: tuple[float, ...]
+    period_rows: Field
+
+    @classmethod
+    def build(
+        cls,
+        patches: Sequence[Patch],
+        states: Sequence[Whitened],
+        picks: Sequence[Field],
+        basis: Field,
+    ) -> "RowTests":
+        """Whiten every row's indicator: rows COMB apart don't touch and share one field."""
+        time = np.concatenate([p.view.time_s for p in patches])
+        kinds, weights, grams, overlaps, strengths = [], [], [], [], []
+        for kind in ("row_offset", "row_slip"):
+            entries: list[tuple[Field, Field]] = []
+            gram = np.zeros((time.size, time.size))
+            start = 0
+            level = []
+            for patch, state, pick in zip(patches, states, picks, strict=True):
+                n = patch.shape[0]
+                lever = np.ones(patch.shape)
+                if kind == "row_slip":
+                    lever = np.clip(np.nan_to_num(patch.view.slope_y), -3, 3)
+                level.append(np.abs(lever / state.sd_mm)[pick])
+                combs = []
+                for phase in range(COMB):
+                    teeth = np.arange(n) % COMB == phase
+                    combs.append(np.where(pick, state.whiten(lever * teeth[:, None]), 0.0))
+                rows, columns = np.nonzero(pick)
+                values = np.stack([c[rows, columns] for c in combs], axis=1)
+                owner = rows[:, None] - (rows[:, None] - np.arange(COMB)[None]) % COMB
+                values[owner < 0] = 0.0
+                owner = np.where(owner < 0, 0, owner)
+                for a in range(COMB):
+                    for b in range(COMB):
+                        np.add.at(
+                            gram, (start + owner[:, a], start + owner[:, b]), values[:, a] * values[:, b]
+                        )
+                entries.append((start + owner, values))
+                start += n
+            owners = np.concatenate([e[0] for e in entries])
+            value = np.concatenate([e[1] for e in entries])
+            overlap = np.stack(
+                [_row_sums(owners, value, basis[:, k], time.size) for k in range(basis.shape[1])], axis=1
+            )
+            kinds.append(kind)
+            weights.append([(owners, value)])
+            grams.append(gram - overlap @ overlap.T)
+            overlaps.append(overlap)
+            typical = np.concatenate(level)
+            strengths.append(float(np.sqrt(np.mean(typical**2))) if typical.size else 0.0)
+        return cls(
+            kinds=tuple(kinds),
+            weights=tuple(weights),
+            gram=tuple(grams),
+            overlap=tuple(overlaps),
+            basis=basis,
+            time_s=time,
+            strength=tuple(strengths),
+            period_rows=np.arange(time.size, dtype=np.float64),
+        )
+
+    def sums(self, kind: int, innovations: Field) -> Field:
+        """Row sums (rows,) or (rows, draws), the pose projected out."""
+        owners, value = self.weights[kind][0]
+        two = innovations.reshape(len(innovations), -1)
+        plain = np.stack([_row_sums(owners, value, two[:, d], self.time_s.size) for d in range(two.shape[1])], axis=1)
+        plain -= self.overlap[kind] @ (self.basis.T @ two)
+        return plain.reshape(self.time_s.size, *innovations.shape[1:])
+
+    def run(self, actual: Field, null: Field) -> tuple[list[RowFinding], Field]:
+        """Test smooth and periodic patterns; return findings and the nulls' largest deviate."""
+        findings: list[RowFinding] = []
+        largest = np.full(null.shape[1], -np.inf)
+        for kind, name in enumerate(self.kinds):
+            real, drawn = self.sums(kind, actual), self.sums(kind, null)
+            gram = self.gram[kind]
+            if np.trace(gram) <= 1e-9 * max(self.strength[kind] ** 2, 1e-30):
+                continue
+            what = "offset of whole profiles" if kind == 0 else "slip along the travel"
+            smooth = row_hats(self.time_s, min(KNOTS, self.time_s.size // 4))
+            z, t, beta, dof, z_null = _test(smooth, gram, real, drawn)
+            largest = np.maximum(largest, z_null)
+            curve = smooth @ beta
+            shrunk = np.sqrt(max(0.0, 1 - dof / max(t, 1e-9)))
+            findings.append(
+                RowFinding(
+                    name=name, words="time since the first profile", frame="time", z=z,
+                    size=float(np.quantile(np.abs(curve - curve.mean()), 0.95) * self.strength[kind] * shrunk),
+                    gain=0.5 * (t - dof), coefficients=curve,
+                    detail=f"{what}, slowly varying",
+                )
+            )  # fmt: skip
+            best = self._periodic(kind, real, drawn, what)
+            if best is not None:
+                finding, z_null = best
+                findings.append(finding)
+                largest = np.maximum(largest, z_null)
+        return findings, largest
+
+    def _periodic(
+        self, kind: int, real: Field, drawn: Field, what: str
+    ) -> tuple[RowFinding, Field] | None:
+        step = float(np.median(np.diff(self.time_s)))
+        if step <= 0 or self.time_s.size < 24:
+            return None
+        span = self.time_s[-1] - self.time_s[0]
+        count = int(min(span / step, 3000))
+        frequencies = np.arange(2, count + 1) / (2 * count * step)
+        gram = self.gram[kind]
+        wave = 2 * np.pi * np.outer(self.time_s, frequencies)
+        cosine, sine = np.cos(wave), np.sin(wave)
+        a = np.einsum("rf,rs,sf->f", cosine, gram, cosine, optimize=True)
+        b = np.einsum("rf,rs,sf->f", sine, gram, sine, optimize=True)
+        c = np.einsum("rf,rs,sf->f", cosine, gram, sine, optimize=True)
+        ridge = 1e-3 * np.median(a + b)
+        det = (a + ridge) * (b + ridge) - c**2
+
+        def power(sums: Field) -> Field:
+            u, v = cosine.T @ sums, sine.T @ sums
+            shape = (slice(None),) + (None,) * (sums.ndim - 1)
+            aa, bb, cc, dd = a[shape] + ridge, b[shape] + ridge, c[shape], det[shape]
+            return np.asarray((bb * u**2 - 2 * cc * u * v + aa * v**2) / dd)
+
+        p_real, p_null = power(real), power(drawn)
+        level = np.maximum(_running_mean(p_null.mean(axis=1) / 2, 9), 1.0)
+        z_real = _pairs(p_real / level)
+        z_null = _pairs(p_null / level[:, None]).max(axis=0)
+        k = int(np.argmax(z_real))
+        u, v = float(cosine[:, k] @ real), float(sine[:, k] @ real)
+        amplitude = np.hypot(
+            ((b[k] + ridge) * u - c[k] * v) / det[k], ((a[k] + ridge) * v - c[k] * u) / det[k]
+        )
+        rate = float(frequencies[k])
+        return (
+            RowFinding(
+                name=f"{self.kinds[kind]}_period", words="time since the first profile", frame="time",
+                z=float(z_real[k]), size=float(amplitude * self.strength[kind]),
+                gain=0.5 * (float(p_real[k]) - 2), coefficients=np.array([rate, amplitude]),
+                detail=f"{what}, periodic at {rate:.4g} Hz, every {1 / (rate * step):.3g} profiles",
+            ),
+            z_null,
+        )  # fmt: skip
+
+
+def row_hats(time_s: Field, count: int) -> Field:
+    """Hat functions over time, (rows, count)."""
+    knots = np.linspace(time_s[0], time_s[-1], max(count, 2))
+    return np.stack([np.interp(time_s, knots, row) for row in np.eye(knots.size)], axis=1)
+
+
+def _test(
+    pattern: Field, gram: Field, real: Field, drawn: Field
+) -> tuple[float, float, Field, int, Field]:
+    from diagnosis.screen import as_deviate
+
+    inner = pattern.T @ gram @ pattern
+    values, vectors = np.linalg.eigh(inner)
+    kept = values > 1e-3 * max(values.max(), 1e-30)
+    solver = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
+    dof = int(kept.sum())
+    c_real, c_null = pattern.T @ real, pattern.T @ drawn
+    t_null = np.einsum("kd,kl,ld->d", c_null, solver, c_null)
+    scale = max(float(t_null.mean()) / dof, 1.0)
+    t = float(c_real @ solver @ c_real) / scale
+    return (
+        float(as_deviate(np.array([t]), dof)[0]),
+        t,
+        solver @ c_real,
+        dof,
+        as_deviate(t_null / scale, dof),
+    )
+
+
+def _pairs(chi_square: Field) -> Field:
+    """Deviate of a chi-square of two degrees of freedom."""
+    tail = np.exp(-np.minimum(chi_square, 1200) / 2)
+    return np.asarray(np.where(chi_square < 1200, stats.norm.isf(tail), np.sqrt(chi_square)))
+
+
+def _running_mean(values: Field, width: int) -> Field:
+    from scipy.ndimage import uniform_filter1d
+
+    return np.asarray(uniform_filter1d(values, width, mode="nearest"))
+
+
+def _row_sums(owners: Field, values: Field, innovations: Field, rows: int) -> Field:
+    return np.asarray(
+        np.bincount(owners.ravel(), weights=(values * innovations[:, None]).ravel(), minlength=rows)
+    )
