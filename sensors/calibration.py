@@ -1,0 +1,432 @@
+"""Perlin noise solved so that what is *measured* on the simulated scan is what was wanted.
+
+The paper sets the noise's parameters equal to figures of the surface (section 2.2.2) and measures
+what comes out. Here the parameters (height map, control points along and across, persistence) are
+solved: fields are drawn with fixed seeds, the sensor's uncertainty is added and rounded (equation
+10), the figures are taken as a user would take them, and a damped Gauss-Newton iteration with the
+same random numbers throughout moves the parameters until they agree.
+
+The height map has 18 free slopes, many more than there are figures; of all maps that reach the
+figures the straightest is taken. Every step is deterministic: same inputs, same parameters.
+"""
+
+import hashlib
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensors.form import remove_form
+from sensors.heights import HeightMap
+from sensors.perlin import GRID_LIMIT, PerlinField
+from sensors.roughness import FIGURES, Roughness, roughness
+from sensors.spectrum import band_edges, band_power, power_spectrum
+from sensors.uncertainty import gaussian_sd_mm, quantise
+
+Floats = NDArray[np.float64]
+
+METHOD = 1
+"""Raised whenever the same inputs would give other parameters."""
+
+SIDE = (0.0, 0.5, 1.0, 1.4, 1.8, 2.1, 2.4, 2.7, 3.0, 3.4)
+KNOTS = np.array([-k for k in SIDE[:0:-1]] + list(SIDE))
+MIDDLE = len(SIDE) - 1
+SLOPES = KNOTS.size - 1
+
+FIRST_SEED = 7_624_2023
+"""Seeds of the calibration's own fields; a dataset's never start there."""
+
+QUANTILES = np.array([0.01, 0.03, 0.1, 0.25, 0.5, 0.75, 0.9, 0.97, 0.99])
+SPECTRUM_WEIGHT = 0.05
+QUANTILE_WEIGHT = 0.3
+GOOD_ENOUGH = 0.006
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """What is wanted of a scan: figures, and for a recording its spectra and heights as well.
+
+    Parameters
+    ----------
+    figures : dict
+        Wanted figures by name (`sensors.roughness.FIGURES`), lengths in mm; any part of them.
+    pitch_x_mm, pitch_y_mm : float
+        Distance of points and profiles, mm.
+    profiles, points : int
+        Size of the window in which the figures hold.
+    resolution_mm, repeatability_mm : float
+        The sensor's ΔZ and σ_rep.
+    cutoff_mm : float, optional
+        Cut-off of the Gaussian filter with which the figures were taken.
+    quantiles_mm, spectrum_along, spectrum_across : arrays, optional
+        Of a recording: heights at `QUANTILES` and mean densities in the bands of `bands`.
+    """
+
+    figures: dict[str, float]
+    pitch_x_mm: float
+    pitch_y_mm: float
+    profiles: int = 100
+    points: int = 501
+    resolution_mm: float = 0.0038
+    repeatability_mm: float = 0.0
+    cutoff_mm: float | None = None
+    quantiles_mm: Floats | None = field(default=None, repr=False)
+    spectrum_along: Floats | None = field(default=None, repr=False)
+    spectrum_across: Floats | None = field(default=None, repr=False)
+
+    def key(self) -> str:
+        """Return a short name of these inputs and the method."""
+        inputs = {
+            "method": METHOD,
+            **{name: float(f"{value:.9g}") for name, value in sorted(self.figures.items())},
+            "window": [self.profiles, self.points],
+            "pitch": [float(f"{p:.9g}") for p in (self.pitch_x_mm, self.pitch_y_mm)],
+            "sensor": [self.resolution_mm, self.repeatability_mm, self.cutoff_mm],
+        }
+        for name in ("quantiles_mm", "spectrum_along", "spectrum_across"):
+            values = getattr(self, name)
+            if values is not None:
+                inputs[name] = [float(f"{v:.6g}") for v in values]
+        text = json.dumps(inputs, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    def bands(self) -> tuple[Floats, Floats]:
+        """Return edges of the bands along and across, from form cut-off to resolution limit."""
+        return tuple(
+            band_edges(
+                max(1.0 / self.cutoff_mm if self.cutoff_mm else 0.0, 3.0 / (size * pitch)),
+                0.5 / pitch,
+                size // 2,
+            )
+            for size, pitch in (
+                (self.points, self.pitch_x_mm),
+                (self.profiles, self.pitch_y_mm),
+            )
+        )  # type: ignore[return-value]  # two of them
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solution:
+    """The noise found, what it measures in the calibration's own fields, and its worst error."""
+
+    field: PerlinField
+    reached: Roughness
+    worst_error: float
+
+
+def measure(
+    heights_mm: Floats,
+    pitch_x_mm: float,
+    pitch_y_mm: float,
+    *,
+    resolution_mm: float,
+    repeatability_mm: float = 0.0,
+    cutoff_mm: float | None = None,
+) -> Measured:
+    """Take from a recording (form still in it) all that `calibrate` can aim at.
+
+    Parameters
+    ----------
+    heights_mm : (n, m) array
+        Readings, one row a profile, NaN where missing.
+
+    Raises
+    ------
+    ValueError
+        Where no profile has enough points.
+    """
+    flat = remove_form(heights_mm, pitch_x_mm, cutoff_mm)
+    figures = roughness(flat, pitch_x_mm)
+    wanted = Measured(
+        figures={name: getattr(figures, name) for name in FIGURES},
+        pitch_x_mm=pitch_x_mm,
+        pitch_y_mm=pitch_y_mm,
+        profiles=flat.shape[0],
+        points=flat.shape[1],
+        resolution_mm=resolution_mm,
+        repeatability_mm=repeatability_mm,
+        cutoff_mm=cutoff_mm,
+    )
+    quantiles, along, across = _distribution(wanted, flat)
+    return replace(
+        wanted,
+        quantiles_mm=quantiles,
+        spectrum_along=along,
+        spectrum_across=across if flat.shape[0] >= 16 else None,
+    )
+
+
+def _distribution(wanted: Measured, flat: Floats) -> tuple[Floats, Floats, Floats]:
+    along, across = wanted.bands()
+    valid = flat[np.isfinite(flat)]
+    quantiles = np.quantile(valid - valid.mean(), QUANTILES)
+    frequency, density = power_spectrum(flat, wanted.pitch_x_mm, 1)
+    power_along = band_power(frequency, density, along)
+    if flat.shape[0] < 16:
+        return quantiles, power_along, np.empty(0)
+    frequency, density = power_spectrum(flat, wanted.pitch_y_mm, 0)
+    return quantiles, power_along, band_power(frequency, density, across)
+
+
+def simulate(
+    noise: PerlinField,
+    wanted: Measured,
+    rng_field: np.random.Generator,
+    rng_sensor: np.random.Generator,
+    depth_mm: float = 0.0,
+) -> Floats:
+    """Draw one window as the sensor would deliver it of a flat part: noise, equation 10, rounding.
+
+    Parameters
+    ----------
+    noise : PerlinField
+        The surface's speckle.
+    wanted : Measured
+        Window, pitch and sensor.
+    rng_field, rng_sensor : Generator
+        Sources of the speckle and of the sensor's own uncertainty.
+    depth_mm : float
+        Depth of the part.
+
+    Returns
+    -------
+    (profiles, points) array
+        Readings in mm, relative to the part.
+    """
+    x_mm = np.arange(wanted.points) * wanted.pitch_x_mm
+    y_mm = np.arange(wanted.profiles) * wanted.pitch_y_mm
+    readings = noise.sample(x_mm, y_mm, rng_field) + depth_mm
+    sigma = gaussian_sd_mm(wanted.resolution_mm, wanted.repeatability_mm)
+    return quantise(readings + rng_sensor.normal(0.0, sigma, readings.shape), wanted.resolution_mm)
+
+
+class _Bench:
+    """Simulated windows with fixed random numbers, and the residuals of parameters on them.
+
+    Parameters are the logarithms of the map's slopes, then log cell_x, log cell_y, logit of the
+    persistence.
+    """
+
+    def __init__(self, wanted: Measured, octaves: int) -> None:
+        self.wanted = wanted
+        self.octaves = octaves
+        self.windows = int(np.clip(400_000 // (wanted.profiles * wanted.points), 1, 40))
+        self.both = wanted.spectrum_across is not None
+        self.targets = np.log([wanted.figures[name] for name in FIGURES if name in wanted.figures])
+        self.columns = [i for i, name in enumerate(FIGURES) if name in wanted.figures]
+        sigma = gaussian_sd_mm(wanted.resolution_mm, wanted.repeatability_mm)
+        shape = (wanted.profiles, wanted.points)
+        self.gaussian = []
+        for w in range(self.windows):
+            rng = np.random.default_rng([FIRST_SEED, w, 1])
+            # a part's depth falls anywhere between two multiples of the resolution
+            depth = rng.random((shape[0], 1)) * wanted.resolution_mm
+            self.gaussian.append(rng.normal(0.0, sigma, shape) + depth)
+        self._fields: dict[tuple[float, ...], list[Floats]] = {}
+
+    def noise(self, p: Floats, offset_mm: float = 0.0) -> PerlinField:
+        """Return the field of these parameters."""
+        heights = np.concatenate(([0.0], np.cumsum(np.exp(p[:SLOPES]) * np.diff(KNOTS))))
+        heights -= heights[MIDDLE] + offset_mm
+        cell_x, cell_y, persistence = self._lattice(p)
+        return PerlinField(
+            amplitude_mm=1.0,
+            cell_x_mm=cell_x,
+            cell_y_mm=cell_y,
+            octaves=self.octaves,
+            persistence=persistence,
+            heights=HeightMap(
+                knots=tuple(float(k) for k in KNOTS), values=tuple(float(h) for h in heights)
+            ),
+        )
+
+    def _lattice(self, p: Floats) -> tuple[float, float, float]:
+        cell_x = math.exp(p[SLOPES])
+        cell_y = math.exp(p[SLOPES + 1]) if self.both else cell_x
+        return cell_x, cell_y, 1.0 / (1.0 + math.exp(-p[SLOPES + 2]))
+
+    def _standardised(self, p: Floats) -> list[Floats]:
+        """Fields before the height map; kept for the last lattice, which the map doesn't touch."""
+        key = self._lattice(p)
+        if key not in self._fields:
+            identity = HeightMap(knots=(-1.0, 1.0), values=(-1.0, 1.0))
+            noise = replace(self.noise(p), heights=identity)
+            x_mm = np.arange(self.wanted.points) * self.wanted.pitch_x_mm
+            y_mm = np.arange(self.wanted.profiles) * self.wanted.pitch_y_mm
+            if len(self._fields) > 1:
+                self._fields.pop(next(iter(self._fields)))
+            self._fields[key] = [
+                noise.sample(x_mm, y_mm, np.random.default_rng([FIRST_SEED, w, 0]))
+                for w in range(self.windows)
+            ]
+        return self._fields[key]
+
+    def figures(self, p: Floats) -> tuple[Floats, list[Floats]]:
+        """Measure the seven figures on all windows; also return the windows without form."""
+        heights = self.noise(p).heights
+        assert heights is not None
+        rows, flats = [], []
+        for u, gaussian in zip(self._standardised(p), self.gaussian, strict=True):
+            readings = quantise(heights(u) + gaussian, self.wanted.resolution_mm)
+            flat = remove_form(readings, self.wanted.pitch_x_mm, self.wanted.cutoff_mm)
+            rows.append(roughness(flat, self.wanted.pitch_x_mm).values())
+            flats.append(flat)
+        return np.mean(rows, axis=0), flats
+
+    def residuals(self, p: Floats) -> Floats:
+        """Return log errors of the figures, then of quantiles and spectra where they are wanted."""
+        figures, flats = self.figures(p)
+        parts = [np.log(figures[self.columns]) - self.targets]
+        wanted = self.wanted
+        if wanted.quantiles_mm is not None:
+            found = [_distribution(wanted, flat) for flat in flats]
+            scale = QUANTILE_WEIGHT / max(float(np.ptp(wanted.quantiles_mm)), 1e-12)
+            parts.append(scale * (np.mean([f[0] for f in found], axis=0) - wanted.quantiles_mm))
+            for k, target in ((1, wanted.spectrum_along), (2, wanted.spectrum_across)):
+                if target is not None:
+                    ratio = np.log(np.mean([f[k] for f in found], axis=0) / target)
+                    parts.append(SPECTRUM_WEIGHT * np.nan_to_num(ratio) / math.sqrt(ratio.size / 4))
+        return np.concatenate(parts)
+
+    def centred(self, p: Floats) -> PerlinField:
+        """Return the field with its mean taken out, so that it shifts no depth."""
+        heights = self.noise(p).heights
+        assert heights is not None
+        mean = float(np.mean([heights(u).mean() for u in self._standardised(p)]))
+        return self.noise(p, mean)
+
+
+def calibrate(wanted: Measured, *, octaves: int = 4) -> Solution:
+    """Solve the noise for what is wanted of the scan; the same inputs are solved once a process.
+
+    Raises
+    ------
+    ValueError
+        Where a figure isn't positive, or more peaks are wanted than there is room for.
+    """
+    for name, value in wanted.figures.items():
+        if name not in FIGURES or not (value > 0.0 and math.isfinite(value)):
+            raise ValueError(f"{name} must be a positive figure of {', '.join(FIGURES)}")
+    if wanted.figures.get("pc_per_mm", 0.0) * wanted.pitch_x_mm > 1.0 / 3.0:
+        raise ValueError(
+            f"pc_per_mm {wanted.figures['pc_per_mm']:g} is more than white noise has at a pitch of "
+            f"{wanted.pitch_x_mm:g} mm (one peak in three points)"
+        )
+    key = wanted.key(), octaves
+    _PENDING[key] = wanted
+    try:
+        return _solve(*key)
+    finally:
+        _PENDING.pop(key, None)
+
+
+_PENDING: dict[tuple[str, int], Measured] = {}
+
+
+@lru_cache(maxsize=32)
+def _solve(key: str, octaves: int) -> Solution:
+    wanted = _PENDING[key, octaves]
+    bench = _Bench(wanted, octaves)
+    best: Floats | None = None
+    lowest = math.inf
+    free = wanted.spectrum_along is not None
+    # persistence as in the paper first; freed, from both sides, only where that isn't enough
+    for persistence, is_free in ((0.5, free), (0.2, True), (0.8, True)):
+        p = _first_guess(wanted, persistence)
+        for stiffness in (0.02, 0.003):
+            p = _iterate(bench, p, stiffness, is_free)
+        cost = float(np.max(np.abs(bench.residuals(p))))
+        if cost < lowest:
+            best, lowest = p, cost
+        if lowest < GOOD_ENOUGH or free:
+            break
+    assert best is not None
+    figures, _ = bench.figures(best)
+    errors = np.abs(figures[bench.columns] / np.exp(bench.targets) - 1.0)
+    return Solution(
+        field=bench.centred(best),
+        reached=Roughness(**{n: float(v) for n, v in zip(FIGURES, figures, strict=True)}),
+        worst_error=float(errors.max()),
+    )
+
+
+def _first_guess(wanted: Measured, persistence: float) -> Floats:
+    figures = wanted.figures
+    rq_mm = figures.get("rq_mm")
+    if rq_mm is None:
+        high = [figures[n] for n in ("rpm_mm", "rvm_mm", "rp_mm", "rv_mm") if n in figures]
+        rq_mm = float(np.mean(high)) / 2.4 if high else figures.get("ra_mm", 0.01) / 0.8
+    peaks = figures.get("pc_per_mm", 0.25 / wanted.pitch_x_mm)
+    cell_x = float(np.clip(0.8 / peaks, 1.5 * wanted.pitch_x_mm, 40.0 * wanted.pitch_x_mm))
+    cell_y = max(cell_x, 1.5 * wanted.pitch_y_mm)
+    logit = math.log(persistence / (1.0 - persistence))
+    slopes = np.full(SLOPES, math.log(rq_mm))
+    return np.concatenate((slopes, [math.log(cell_x), math.log(cell_y), logit]))
+
+
+def _iterate(bench: _Bench, p: Floats, stiffness: float, persistence_free: bool) -> Floats:
+    """Damped Gauss-Newton on the residuals and the map's bends (second differences of slopes)."""
+    moving = list(range(SLOPES + 1))
+    if bench.both:
+        moving.append(SLOPES + 1)
+    if persistence_free:
+        moving.append(SLOPES + 2)
+    bends = np.zeros((SLOPES - 2, p.size))
+    bends[:, :SLOPES] = stiffness * np.diff(np.eye(SLOPES), n=2, axis=0)
+    held = np.zeros((2, p.size))
+    held[0, SLOPES + 1], held[1, SLOPES + 2] = 1e-4, 1e-3
+    extra = np.vstack((bends, held))
+    low = np.full(p.size, -np.inf)
+    low[SLOPES] = math.log(GRID_LIMIT * bench.wanted.pitch_x_mm)
+    low[SLOPES + 1] = math.log(GRID_LIMIT * bench.wanted.pitch_y_mm)
+    low[SLOPES + 2] = -4.0
+    high = np.full(p.size, np.inf)
+    high[SLOPES] = math.log(0.5 * bench.wanted.points * bench.wanted.pitch_x_mm)
+    high[SLOPES + 1] = math.log(0.5 * max(bench.wanted.profiles, 3) * bench.wanted.pitch_y_mm)
+    high[SLOPES + 2] = 4.0
+    p = np.clip(p, low, high)
+
+    def cost_of(q: Floats) -> tuple[Floats, float]:
+        r = np.concatenate((bench.residuals(q), extra @ q))
+        return r, float(r @ r)
+
+    r, cost = cost_of(p)
+    damping = 1e-3
+    for _ in range(15):
+        jacobian = _jacobian(lambda q: cost_of(q)[0], p, r, moving, high)
+        normal = jacobian.T @ jacobian
+        gradient = jacobian.T @ r
+        scale = np.maximum(np.diag(normal), 1e-3 * float(np.diag(normal).max()))
+        gained = 0.0
+        for _ in range(5):
+            step = -np.linalg.solve(normal + damping * np.diag(scale), gradient)
+            step *= min(1.0, 1.0 / float(np.abs(step).max()))
+            trial = p.copy()
+            trial[moving] += step
+            trial = np.clip(trial, low, high)
+            r_trial, cost_trial = cost_of(trial)
+            if cost_trial < cost:
+                gained = cost - cost_trial
+                p, r, cost = trial, r_trial, cost_trial
+                damping = max(damping / 4.0, 1e-9)
+                break
+            damping *= 5.0
+        if gained < 0.01 * cost:
+            break
+    return p
+
+
+def _jacobian(
+    residuals: Callable[[Floats], Floats], p: Floats, r: Floats, moving: list[int], high: Floats
+) -> Floats:
+    columns = []
+    for k in moving:
+        step = 0.05 if p[k] + 0.05 <= high[k] else -0.05
+        moved = p.copy()
+        moved[k] += step
+        columns.append((residuals(moved) - r) / step)
+    return np.stack(columns, axis=1)
