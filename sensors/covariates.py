@@ -6,6 +6,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from sensors.camera import row_of_depth
+from sensors.edges import edge_height_mm, edge_offset_mm
 from sensors.view import View, ViewFunction
 
 Floats = NDArray[np.float64]
@@ -51,6 +53,21 @@ def _brightness_slope(view: View) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         log = np.log(view.brightness)
         return np.asarray(np.gradient(log, axis=0) / step[:, None])
+
+
+def _curvature_y(view: View) -> Floats:
+    """Second derivative of depth along the travel, from neighbouring profiles."""
+    curvature = np.full(view.shape, np.nan)
+    if len(view.poses) > 2:
+        step = view.travel_step_mm[1:-1, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            curvature[1:-1] = np.diff(view.depth_mm, n=2, axis=0) / np.square(step)
+    return curvature
+
+
+def _camera_row(view: View) -> Floats:
+    rows = view.datasheet.require("camera_rows")
+    return np.asarray(row_of_depth(view.depth_mm, view.datasheet, rows) % 1.0)
 
 
 CAMERA = ("triangulation_angle_deg",)
@@ -112,6 +129,42 @@ ALL = (
         frame="sensor",
         values=lambda v: np.where(v.valid, (~v.visible).astype(np.float64), np.nan),
         needs=CAMERA,
+    ),
+    Covariate(
+        name="camera_row",
+        words="fraction of the camera's row",
+        unit="",
+        frame="sensor",
+        values=_camera_row,
+        needs=(*CAMERA, "camera_rows"),
+    ),
+    Covariate(
+        name="curvature_y",
+        words="curvature along the travel",
+        unit="1/mm",
+        frame="part",
+        values=_curvature_y,
+    ),
+    Covariate(
+        name="edge_y",
+        words="distance along the travel to the nearest depth edge",
+        unit="mm",
+        frame="sensor",
+        values=edge_offset_mm,
+    ),
+    Covariate(
+        name="edge_height",
+        words="how much farther the level beyond the nearest depth edge lies",
+        unit="mm",
+        frame="part",
+        values=edge_height_mm,
+    ),
+    Covariate(
+        name="wall_distance",
+        words="distance to the facing wall in the mirror direction",
+        unit="mm",
+        frame="part",
+        values=lambda v: v.mirror.distance_mm,
     ),
     Covariate(
         name="clock",

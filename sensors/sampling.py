@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from sensors.lay import sample_lay
 from sensors.perlin import grid_pitch
 from sensors.uncertainty import quantise
 from sensors.view import Reason, View
@@ -48,7 +49,11 @@ def _speckle(law: "Law", rng_of: "RngOf", view: View) -> Floats | None:
     if law.speckle is None:
         return None
     x_mm, y_mm = view.column_x_mm, view.travel_mm
-    speckle = law.speckle.sample(x_mm, y_mm, rng_of("speckle"))
+    rng = rng_of("speckle")
+    if law.lay_ratio == 1.0:
+        speckle = law.speckle.sample(x_mm, y_mm, rng)
+    else:
+        speckle = sample_lay(law.speckle, x_mm, y_mm, law.lay_ratio, law.lay_angle_rad, rng)
     if isinstance(law.speckle_gain, np.ndarray) or law.speckle_gain != 1.0:
         speckle *= law.speckle_gain
     return speckle

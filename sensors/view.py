@@ -17,6 +17,7 @@ from sensors.datasheet import Datasheet
 from sensors.laser import Laser
 
 if TYPE_CHECKING:
+    from sensors.mirror import Mirror
     from sensors.scene import Hits, Scene
 
 Floats = NDArray[np.float64]
@@ -222,8 +223,9 @@ class View:
         return self._slope(1)
 
     def _slope(self, axis: int) -> Floats:
+        across, along = self.normal[..., axis], self.normal[..., 2]
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(-self.normal[..., axis] / self.normal[..., 2])
+            return np.where(across == 0.0, 0.0, -across / along)
 
     @cached_property
     def ray(self) -> Floats:
@@ -235,7 +237,7 @@ class View:
     @cached_property
     def cos_incidence(self) -> Floats:
         """Cosine of the angle between laser ray and normal, (n, m), 0 to 1."""
-        return np.clip(-np.einsum("nmk,mk->nm", self.normal, self.ray), 0.0, 1.0)
+        return np.asarray(np.clip(-np.einsum("nmk,mk->nm", self.normal, self.ray), 0.0, 1.0))
 
     @cached_property
     def incidence_rad(self) -> Floats:
@@ -258,8 +260,9 @@ class View:
     @cached_property
     def to_camera(self) -> Floats:
         """Unit vector from each point to the camera, (n, m, 3), sensor frame."""
-        way = self.camera_mm - self.sensor_mm
-        return np.asarray(way / np.linalg.norm(way, axis=-1, keepdims=True))
+        way: Floats = self.camera_mm - self.sensor_mm
+        way /= np.linalg.norm(way, axis=-1, keepdims=True)
+        return way
 
     @cached_property
     def camera_incidence_rad(self) -> Floats:
@@ -313,6 +316,22 @@ class View:
         seen[rows[index], columns[index]] = free
         return seen
 
+    # ---- second bounces and thickness, by single rays
+
+    @cached_property
+    def mirror(self) -> "Mirror":
+        """Where the laser's mirror reflection meets the part again."""
+        from sensors.mirror import mirror
+
+        return mirror(self)
+
+    @cached_property
+    def thickness_mm(self) -> Floats:
+        """Way of the laser's ray through the part behind each point, (n, m) mm."""
+        from sensors.mirror import thickness_mm
+
+        return thickness_mm(self)
+
     # ---- brightness
 
     @cached_property
@@ -365,4 +384,5 @@ class View:
         return view
 
 
+# A quantity at each point of a view, broadcastable to (n, m).
 ViewFunction = Callable[[View], Floats]

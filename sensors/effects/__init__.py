@@ -4,9 +4,33 @@ from collections.abc import Mapping
 from typing import Any
 
 from sensors.datasheet import Datasheet
+from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.effects.base import AdditiveEffect, Basis, Effect, MotionEffect
 from sensors.effects.camera_occlusion import CameraOcclusion
+from sensors.effects.column_offset import ColumnOffset
+from sensors.effects.edge_mixing import EdgeMixing
+from sensors.effects.empirical import Empirical
+from sensors.effects.finite_spot import FiniteSpot
+from sensors.effects.form_error import FormError
+from sensors.effects.incidence_bias import IncidenceBias
+from sensors.effects.incidence_noise import IncidenceNoise
+from sensors.effects.interreflection import Interreflection
+from sensors.effects.lens_distortion import LensDistortion
+from sensors.effects.line_bow import LineBow
+from sensors.effects.motion_blur import MotionBlur
+from sensors.effects.outlier_spikes import OutlierSpikes
 from sensors.effects.parameter import Parameter
+from sensors.effects.pixel_locking import PixelLocking
+from sensors.effects.pose_error import PoseError
+from sensors.effects.random_dropout import RandomDropout
+from sensors.effects.range_scale import RangeScale
+from sensors.effects.reflectance_edge import ReflectanceEdge
+from sensors.effects.roughness_level import RoughnessLevel
+from sensors.effects.specular_dropout import SpecularDropout
+from sensors.effects.stage_vibration import StageVibration
+from sensors.effects.thermal_drift import ThermalDrift
+from sensors.effects.travel_ripple import TravelRipple
+from sensors.effects.volume_scattering import VolumeScattering
 from sensors.typed_yaml import RecipeError
 
 __all__ = [
@@ -20,7 +44,34 @@ __all__ = [
     "effects_of",
 ]
 
-CATALOGUE: dict[str, type[Effect]] = {effect.name: effect for effect in (CameraOcclusion,)}
+_EFFECTS: tuple[type[Effect], ...] = (
+    CameraOcclusion,
+    FiniteSpot,
+    EdgeMixing,
+    ReflectanceEdge,
+    IncidenceNoise,
+    IncidenceBias,
+    SpecularDropout,
+    Interreflection,
+    VolumeScattering,
+    PixelLocking,
+    ColumnOffset,
+    LensDistortion,
+    LineBow,
+    RangeScale,
+    PoseError,
+    StageVibration,
+    TravelRipple,
+    MotionBlur,
+    ThermalDrift,
+    OutlierSpikes,
+    RandomDropout,
+    AnisotropicLay,
+    RoughnessLevel,
+    FormError,
+    Empirical,
+)
+CATALOGUE: dict[str, type[Effect]] = {effect.name: effect for effect in _EFFECTS}
 
 
 def effect_of(mapping: Mapping[str, Any], *, where: str = "effects") -> Effect:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from sensors.covariates import COVARIATES
 from sensors.effects.parameter import Parameter, Value
-from sensors.law import Law
+from sensors.law import Law, geometric_law
 from sensors.typed_yaml import RecipeError
 from sensors.view import View
 
@@ -62,6 +62,8 @@ class Effect(ABC):
     rivals : effects that look alike
     separating : the measurement that tells them apart
     needs : keys of the datasheet without which it can't be computed
+    sinusoid : the effect is an amplitude (its first linear parameter) and `phase_rad`; its
+        coefficients are A cos(phase) and A sin(phase), those of sine and cosine
     """
 
     __slots__ = ()
@@ -76,6 +78,7 @@ class Effect(ABC):
     rivals: ClassVar[tuple[str, ...]]
     separating: ClassVar[str]
     needs: ClassVar[tuple[str, ...]] = ()
+    sinusoid: ClassVar[bool] = False
 
     # ---- what a subclass says
 
@@ -116,6 +119,11 @@ class Effect(ABC):
         )
 
     @classmethod
+    def example(cls) -> Self:
+        """Return the effect with typical values throughout."""
+        return cls(**{p.name: p.typical for p in cls.parameters()})
+
+    @classmethod
     def none(cls) -> Self:
         """Return the effect at zero strength."""
         empty: dict[str, Any] = {}
@@ -128,23 +136,92 @@ class Effect(ABC):
         """Return the covariate against which the effect shows, broadcastable to (n, m)."""
         return COVARIATES[self.covariate].values(view)
 
-    def basis(self, view: View) -> Basis | None:
-        """Return the fields that the mean is linear in, at this effect's nonlinear parameters.
+    # ---- what the mean is linear in
 
-        None where the effect isn't linear in anything (see `AdditiveEffect`).
+    def fields(self, view: View) -> tuple[Floats, ...]:
+        """Return the change of the mean for each coefficient, mm per unit; () without any.
+
+        They broadcast to (n, m). For an `AdditiveEffect` the mean is their sum; for a
+        `MotionEffect` they hold to first order, good enough to search with.
         """
-        return None
+        return ()
+
+    def basis(self, view: View) -> Basis | None:
+        """Return `fields` with their names, at this effect's nonlinear parameters.
+
+        None where the mean isn't linear in anything.
+        """
+        for key in self.needs:
+            view.datasheet.require(key)
+        fields = self.fields(view)
+        return Basis(names=self.coefficient_names(), fields=fields) if fields else None
+
+    def signature(self, view: View) -> Floats:
+        """Return the change of the mean at this effect's parameters, (n, m) mm.
+
+        NaN where either law has no return.
+        """
+        bare = geometric_law(view, None)
+        return np.asarray(self.apply(bare, view).mean_mm - bare.mean_mm)
+
+    def coefficient_names(self) -> tuple[str, ...]:
+        """Names of the coefficients, in the order of the fields."""
+        linear = [p for p in self.parameters() if p.linear]
+        if self.sinusoid:
+            return (f"{linear[0].name}_sin", f"{linear[0].name}_cos")
+        names: list[str] = []
+        for p in linear:
+            value = getattr(self, p.name)
+            lists = [f"{p.name}[{i}]" for i in range(len(value))] if p.kind == "list" else [p.name]
+            names.extend(lists)
+        return tuple(names)
+
+    def coefficients(self) -> Floats:
+        """Return the coefficients (k,) at this effect's parameters."""
+        linear = [getattr(self, p.name) for p in self.parameters() if p.linear]
+        if self.sinusoid:
+            phase = float(getattr(self, "phase_rad", None) or 0.0)
+            return np.array([linear[0] * math.cos(phase), linear[0] * math.sin(phase)])
+        return np.array([c for v in linear for c in (v if isinstance(v, tuple) else (v,))], float)
+
+    def with_coefficients(self, coefficients: Floats) -> Self:
+        """Return the effect that has these coefficients.
+
+        Raises
+        ------
+        RecipeError
+            Where that takes a parameter out of its bounds.
+        """
+        given = [float(c) for c in np.asarray(coefficients).ravel()]
+        linear = [p for p in self.parameters() if p.linear]
+        if self.sinusoid:
+            phase = math.atan2(given[1], given[0]) % (2 * math.pi)
+            amplitude = math.hypot(*given)
+            return self.with_parameters({linear[0].name: amplitude, "phase_rad": phase})
+        values: dict[str, Any] = {}
+        for p in linear:
+            if p.kind == "list":
+                count = len(getattr(self, p.name))
+                values[p.name] = tuple(given[:count])
+                given = given[count:]
+            else:
+                values[p.name] = given.pop(0)
+        return self.with_parameters(values)
 
     def describe(self) -> str:
         """Fill the statement with this effect's parameters."""
         values = {p.name: self._worded(p) for p in self.parameters()}
-        return self.statement.format(**values)
+        return self.statement.format(**{**values, **self.words()})
+
+    def words(self) -> dict[str, Any]:
+        """Return what the statement says beside the parameters."""
+        return {}
 
     def _worded(self, p: Parameter) -> Any:
         value = getattr(self, p.name)
         if value is None:
-            return math.nan if p.typical is None or isinstance(p.typical, str) else p.typical
-        return value
+            return p.typical
+        return max(map(abs, value), default=0.0) if isinstance(value, tuple) else value
 
     # ---- parameters
 
@@ -304,67 +381,14 @@ def _parameters(cls: type[Effect]) -> tuple[Parameter, ...]:
 class AdditiveEffect(Effect):
     """An effect whose mean is a sum of fields with coefficients: cheap to search and to fit.
 
-    The coefficients are the effect's linear parameters, in their order. Where `sinusoid` is set,
-    the effect is an amplitude (its first linear parameter) and `phase_rad`, and the coefficients
-    are those of sine and cosine: A sin(u + phase) = A cos(phase) sin u + A sin(phase) cos u.
+    The coefficients are the effect's linear parameters, in their order.
     """
 
     __slots__ = ()
-    sinusoid: ClassVar[bool] = False
 
     @abstractmethod
     def fields(self, view: View) -> tuple[Floats, ...]:
         """Return a field for each coefficient, mm per unit, broadcastable to (n, m)."""
-
-    def coefficient_names(self) -> tuple[str, ...]:
-        """Names of the coefficients, in the order of the fields."""
-        linear = [p for p in self.parameters() if p.linear]
-        if self.sinusoid:
-            return (f"{linear[0].name}_sin", f"{linear[0].name}_cos")
-        names: list[str] = []
-        for p in linear:
-            value = getattr(self, p.name)
-            lists = [f"{p.name}[{i}]" for i in range(len(value))] if p.kind == "list" else [p.name]
-            names.extend(lists)
-        return tuple(names)
-
-    def coefficients(self) -> Floats:
-        """Return the coefficients (k,) at this effect's parameters."""
-        linear = [getattr(self, p.name) for p in self.parameters() if p.linear]
-        if self.sinusoid:
-            phase = float(getattr(self, "phase_rad", None) or 0.0)
-            return np.array([linear[0] * math.cos(phase), linear[0] * math.sin(phase)])
-        return np.array([c for v in linear for c in (v if isinstance(v, tuple) else (v,))], float)
-
-    def with_coefficients(self, coefficients: Floats) -> Self:
-        """Return the effect that has these coefficients.
-
-        Raises
-        ------
-        RecipeError
-            Where that takes a parameter out of its bounds.
-        """
-        given = [float(c) for c in np.asarray(coefficients).ravel()]
-        linear = [p for p in self.parameters() if p.linear]
-        if self.sinusoid:
-            phase = math.atan2(given[1], given[0]) % (2 * math.pi)
-            amplitude = math.hypot(*given)
-            return self.with_parameters({linear[0].name: amplitude, "phase_rad": phase})
-        values: dict[str, Any] = {}
-        for p in linear:
-            if p.kind == "list":
-                count = len(getattr(self, p.name))
-                values[p.name] = tuple(given[:count])
-                given = given[count:]
-            else:
-                values[p.name] = given.pop(0)
-        return self.with_parameters(values)
-
-    def basis(self, view: View) -> Basis:
-        """Return the fields that the mean is a sum of."""
-        for key in self.needs:
-            view.datasheet.require(key)
-        return Basis(names=self.coefficient_names(), fields=self.fields(view))
 
     def changed(self, law: Law, view: View) -> Law:
         """Add the fields, each times its coefficient, to the mean."""

@@ -88,10 +88,12 @@ def parameter(
     prior: tuple[float, float] | None = None,
     choices: tuple[str, ...] = (),
     kind: Literal["number", "integer", "list", "choice"] = "number",
+    default: Value = None,
 ) -> Any:
     """Declare a field of an effect; see `Parameter`.
 
-    The default is the typical value; None where the datasheet stands in or a recording draws it.
+    The default is the typical value where none is given; None where the datasheet stands in or a
+    recording draws it.
     """
     left_open = bool(sheet) or owner == "recording"
     described = Parameter(
@@ -111,5 +113,6 @@ def parameter(
         choices=choices,
         kind="choice" if choices else kind,
     )
-    default = None if left_open else typical
+    if default is None and not left_open:
+        default = typical
     return dataclasses.field(default=default, metadata={"parameter": described})

@@ -1,0 +1,81 @@
+"""Each column has an offset of its own."""
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensors.effects.base import AdditiveEffect
+from sensors.effects.parameter import parameter
+from sensors.hats import hats
+from sensors.view import View
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ColumnOffset(AdditiveEffect):
+    """A fixed pattern over the columns, the same in every profile and pose."""
+
+    name: ClassVar = "column_offset"
+    summary: ClassVar = (
+        "Every column of the profile reads a little too near or too far, always the same."
+    )
+    equation: ClassVar = (
+        "c(column): values at evenly spaced columns, linear between; white in the columns where "
+        "drawn from a seed"
+    )
+    source: ClassVar = (
+        "Fixed pattern of sensor and calibration, 1 to 10 µm; 4 to 8 µm in public recordings of "
+        "industrial sensors"
+    )
+    statement: ClassVar = (
+        "Columns have fixed offsets of {rms_um:.1f} µm (standard deviation), the same in every "
+        "profile: stripes along the travel."
+    )
+    channels: ClassVar = ("mean",)
+    frame: ClassVar = "sensor"
+    covariate: ClassVar = "column"
+    rivals: ClassVar = ("line_bow", "anisotropic_lay")
+    separating: ClassVar = "shift the part along the line: the stripes stay with the columns"
+
+    values_um: tuple[float, ...] = parameter(
+        "offsets at columns evenly spaced over the profile",
+        unit="µm",
+        low=-1000.0,
+        high=1000.0,
+        typical=(),
+        null=0.0,
+        linear=True,
+        kind="list",
+    )
+    rms_um: float = parameter(
+        "standard deviation of white offsets drawn from the seed, beside the values",
+        unit="µm",
+        low=0.0,
+        high=1000.0,
+        typical=4.0,
+        default=0.0,
+        null=0.0,
+        linear=True,
+    )
+    seed: int = parameter(
+        "which pattern; belongs to the instrument, not to a scan",
+        low=0,
+        high=4294967295,
+        typical=1,
+        kind="integer",
+    )
+
+    def fields(self, view: View) -> tuple[Floats, ...]:
+        """Return a hat function over the columns for each value, and the seed's pattern."""
+        columns = view.shape[1]
+        pattern = np.random.default_rng(self.seed).standard_normal(columns)
+        return tuple(1e-3 * f[None, :] for f in (*hats(len(self.values_um), columns), pattern))
+
+    def words(self) -> dict[str, Any]:
+        """Say the deviation of all offsets together."""
+        values = np.array(self.values_um or (0.0,))
+        return {"rms_um": math.hypot(self.rms_um, float(values.std()))}

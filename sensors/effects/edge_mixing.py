@@ -1,0 +1,82 @@
+"""Mixed readings at depth edges: the line is cut, or lies on two levels at once."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from sensors.effects.base import Effect
+from sensors.effects.parameter import parameter
+from sensors.law import Law
+from sensors.line_operator import gaussian_weights, line_sd_mm, read_line, sub_lines
+from sensors.view import View
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class EdgeMixing(Effect):
+    """What the centre of a partly hidden or divided line reads, beyond its footprint's mean."""
+
+    name: ClassVar = "edge_mixing"
+    summary: ClassVar = (
+        "At a depth edge the camera sees part of the line only, or two lines: readings lean to "
+        "the camera's side or lie between the levels."
+    )
+    equation: ClassVar = (
+        "z_m = Σ L V [z + κ η cot θ] / Σ L V less Σ L z / Σ L; half a line: κ · 0.80 s cot θ"
+    )
+    source: ClassVar = (
+        "Centre of gravity of a Gaussian line, sensors/line_operator.py; Siegman, Lasers (1986), "
+        "ch. 17 for the beam's width away from focus; half-normal mean √(2/π) s"
+    )
+    statement: ClassVar = (
+        "Beside depth edges, within twice the line's width, readings are off because only part of"
+        " the laser line (standard deviation {line_sd_um:.0f} µm) is seen there, or two levels at"
+        " once."
+    )
+    channels: ClassVar = ("mean", "missing")
+    frame: ClassVar = "sensor"
+    covariate: ClassVar = "edge_y"
+    rivals: ClassVar = ("finite_spot", "camera_occlusion", "reflectance_edge")
+    separating: ClassVar = (
+        "turn the sensor by 180° about the laser's axis: the error at an edge changes its sign; "
+        "rounding by the footprint doesn't"
+    )
+    needs: ClassVar = ("triangulation_angle_deg",)
+
+    line_sd_um: float | None = parameter(
+        "standard deviation of the line across its width at the working distance",
+        unit="µm",
+        low=0.0,
+        high=500.0,
+        typical=30.0,
+        null=0.0,
+        grid=(15.0, 30.0, 60.0, 120.0),
+        sheet="line_width_um",
+    )
+    merge_um: float = parameter(
+        "depth between two peaks up to which they merge; beyond, the brighter wins",
+        unit="µm",
+        low=0.0,
+        high=100000.0,
+        typical=500.0,
+    )
+    rayleigh_mm: float = parameter(
+        "distance from focus at which the line is √2 wider; 0: no defocus",
+        unit="mm",
+        low=0.0,
+        high=10000.0,
+        typical=0.0,
+    )
+
+    def changed(self, law: Law, view: View) -> Law:
+        """Add what cutting and doubling the line does; nothing where the line is whole."""
+        sd = line_sd_mm(view, self.line_sd_um, self.rayleigh_mm)
+        offsets = sub_lines(float(np.max(sd)))
+        weights = gaussian_weights(offsets, sd)
+        seen = read_line(
+            view, offsets, weights, camera=True, visible=True, merge_mm=self.merge_um * 1e-3
+        )
+        spot = read_line(view, offsets, weights)
+        base = np.where(np.isfinite(spot.depth_mm), spot.depth_mm, view.depth_mm)
+        mixed = np.isfinite(seen.depth_mm) & ~seen.whole
+        return replace(law, mean_mm=law.mean_mm + np.where(mixed, seen.depth_mm - base, 0.0))

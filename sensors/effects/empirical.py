@@ -1,0 +1,108 @@
+"""A free-form smooth dependence on a covariate: keeps what no physics explains, as no physics."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensors.covariates import COVARIATES
+from sensors.effects.base import Effect
+from sensors.effects.parameter import parameter
+from sensors.hats import hats_at
+from sensors.law import Law
+from sensors.typed_yaml import RecipeError
+from sensors.view import View
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Empirical(Effect):
+    """Values at knots of one covariate, straight lines between, constant beyond."""
+
+    name: ClassVar = "empirical"
+    summary: ClassVar = "A curve over one covariate that was fitted, not explained."
+    equation: ClassVar = "mean + f(c), deviation · exp(f(c)), or p_missing from f(c); f by knots"
+    source: ClassVar = "None: marks what the catalogue doesn't explain"
+    statement: ClassVar = (
+        "Something that isn't in the catalogue changes the {channel} with {against}, by up to "
+        "{values:.3g}{unit}; this is a fitted curve, no explanation."
+    )
+    channels: ClassVar = ("mean", "variance", "missing")
+    frame: ClassVar = "sensor"
+    covariate: ClassVar = "depth"
+    rivals: ClassVar = ()
+    separating: ClassVar = "vary this covariate alone and watch the curve"
+
+    against: str = parameter(
+        "covariate over which the curve runs", choices=tuple(COVARIATES), typical="depth"
+    )
+    channel: str = parameter(
+        "what changes: mean (µm added), variance (log of a factor on the noise's deviation), "
+        "or missing (probability)",
+        choices=("mean", "variance", "missing"),
+        typical="mean",
+    )
+    knots: tuple[float, ...] = parameter(
+        "rising values of the covariate, in its unit; one for each value",
+        low=-1e9,
+        high=1e9,
+        typical=(0.0, 1000.0),
+        kind="list",
+    )
+    values: tuple[float, ...] = parameter(
+        "values of the curve at the knots: µm, logarithm of a factor, or probability",
+        low=-1e5,
+        high=1e5,
+        typical=(0.0, 50.0),
+        null=0.0,
+        linear=True,
+        kind="list",
+    )
+
+    def __post_init__(self) -> None:
+        Effect.__post_init__(self)
+        rising = np.all(np.diff(self.knots) > 0)
+        if self.values and (len(self.knots) != len(self.values) or not rising):
+            raise RecipeError(
+                "knots of effect empirical",
+                value=self.knots,
+                allowed="rising numbers, as many as values",
+            )
+        if self.channel == "missing" and not all(0.0 <= v <= 1.0 for v in self.values):
+            raise RecipeError(
+                "values of effect empirical", value=self.values, allowed="probabilities, 0 to 1"
+            )
+
+    def words(self) -> dict[str, str]:
+        """Say the covariate in words, and the unit."""
+        unit = {"mean": " µm", "variance": " (logarithm)", "missing": ""}[self.channel]
+        return {"against": COVARIATES[self.against].words, "unit": unit}
+
+    def fields(self, view: View) -> tuple[Floats, ...]:
+        """Return a hat function of the covariate for each knot, where the mean changes."""
+        if self.channel != "mean" or not self.values:
+            return ()
+        return tuple(1e-3 * self._hats(view))
+
+    def changed(self, law: Law, view: View) -> Law:
+        """Change the curve's channel; where the covariate isn't known, nothing."""
+        curve = np.tensordot(np.array(self.values), self._hats(view), axes=1)
+        if self.channel == "mean":
+            return replace(law, mean_mm=law.mean_mm + 1e-3 * curve)
+        if self.channel == "variance":
+            factor = np.exp(curve)
+            return replace(
+                law,
+                white_sd_mm=np.asarray(law.white_sd_mm * factor),
+                speckle_gain=np.asarray(law.speckle_gain * factor),
+            )
+        kept = (1.0 - law.p_missing) * (1.0 - curve)
+        return replace(law, p_missing=np.asarray(1.0 - kept))
+
+    def _hats(self, view: View) -> Floats:
+        covariate = COVARIATES[self.against].values(view)
+        known = np.isfinite(covariate)
+        hats = hats_at(np.where(known, covariate, 0.0), np.array(self.knots))
+        return np.where(known, hats, 0.0)

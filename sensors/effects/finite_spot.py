@@ -1,0 +1,78 @@
+"""The line has a width: each reading is an average over its footprint."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from sensors.effects.base import Effect
+from sensors.effects.parameter import parameter
+from sensors.law import Law
+from sensors.line_operator import gaussian_weights, line_sd_mm, read_line, sub_lines
+from sensors.view import View
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FiniteSpot(Effect):
+    """Mean over a Gaussian footprint on the surface that runs on from the centre."""
+
+    name: ClassVar = "finite_spot"
+    summary: ClassVar = (
+        "Each reading averages the depth over the laser line's width: edges are rounded, "
+        "curvature biases."
+    )
+    equation: ClassVar = "z_m = Σ L(η) z(y+η) / Σ L(η), bias about s²/2 · ∂²z/∂y²"
+    source: ClassVar = (
+        "Centre of gravity of a Gaussian line, sensors/line_operator.py; Siegman, Lasers (1986), "
+        "ch. 17 for the beam's width away from focus"
+    )
+    statement: ClassVar = (
+        "Edges and tight radii are rounded as by a laser line of {line_sd_um:.0f} µm (standard "
+        "deviation across its width)."
+    )
+    channels: ClassVar = ("mean",)
+    frame: ClassVar = "sensor"
+    covariate: ClassVar = "curvature_y"
+    rivals: ClassVar = ("motion_blur", "edge_mixing")
+    separating: ClassVar = (
+        "rotate the part by 90°: rounding by the line's width stays along the travel; vary the "
+        "speed: motion blur grows with it"
+    )
+
+    line_sd_um: float | None = parameter(
+        "standard deviation of the line across its width at the working distance",
+        unit="µm",
+        low=0.0,
+        high=500.0,
+        typical=30.0,
+        null=0.0,
+        grid=(15.0, 30.0, 60.0, 120.0),
+        sheet="line_width_um",
+    )
+    along_um: float = parameter(
+        "standard deviation of the footprint along the line (lens and pixel)",
+        unit="µm",
+        low=0.0,
+        high=500.0,
+        typical=0.0,
+    )
+    rayleigh_mm: float = parameter(
+        "distance from focus at which the line is √2 wider; 0: no defocus",
+        unit="mm",
+        low=0.0,
+        high=10000.0,
+        typical=0.0,
+    )
+
+    def changed(self, law: Law, view: View) -> Law:
+        """Add the difference between the footprint's mean and the centre."""
+        sd = line_sd_mm(view, self.line_sd_um, self.rayleigh_mm)
+        offsets = sub_lines(float(np.max(sd)))
+        line = read_line(view, offsets, gaussian_weights(offsets, sd))
+        change = np.where(np.isfinite(line.depth_mm), line.depth_mm - view.depth_mm, 0.0)
+        if self.along_um > 0:
+            offsets = sub_lines(self.along_um * 1e-3)
+            weights = gaussian_weights(offsets, self.along_um * 1e-3)
+            line = read_line(view, offsets, weights, axis="x")
+            change += np.where(np.isfinite(line.depth_mm), line.depth_mm - view.depth_mm, 0.0)
+        return replace(law, mean_mm=law.mean_mm + change)

@@ -1,0 +1,74 @@
+"""The part itself departs smoothly from its CAD model."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensors.effects.base import AdditiveEffect
+from sensors.effects.parameter import parameter
+from sensors.view import View
+
+Floats = NDArray[np.float64]
+
+STEEPEST_DEG = 80.0
+"""Incidence beyond which the law is held constant."""
+
+
+def orders(count: int) -> list[tuple[int, int]]:
+    """Return the first `count` pairs (i, j) by rising i + j, then i, without (0, 0)."""
+    pairs = [(i, total - i) for total in range(1, count + 2) for i in range(total + 1)]
+    return pairs[:count]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FormError(AdditiveEffect):
+    """Low orders of a cosine series over the part's two longest sides, along the normal."""
+
+    name: ClassVar = "form_error"
+    summary: ClassVar = (
+        "The part is warped: its surface departs smoothly from the model and takes that along "
+        "when it moves."
+    )
+    equation: ClassVar = "h = Σ c_ij cos(iπu) cos(jπv), outwards; δz = h / (n·d)"
+    source: ClassVar = (
+        "Cosine series of low order over the bounding box; 10 to 500 µm; last resort from a "
+        "single pose"
+    )
+    statement: ClassVar = (
+        "The part departs smoothly from its model, by {coefficients_um:.0f} µm in the largest of "
+        "its waves."
+    )
+    channels: ClassVar = ("mean",)
+    frame: ClassVar = "part"
+    covariate: ClassVar = "part_x"
+    rivals: ClassVar = ("line_bow", "lens_distortion", "incidence_bias", "stage_vibration")
+    separating: ClassVar = (
+        "shift or turn the part under the sensor: its form moves along, the instrument's errors "
+        "don't"
+    )
+
+    coefficients_um: tuple[float, ...] = parameter(
+        "c_ij by rising order i + j, then i: c01, c10, c02, c11, c20, ...",
+        unit="µm",
+        low=-20000.0,
+        high=20000.0,
+        typical=(0.0, 0.0, 40.0, 20.0, -40.0),
+        null=0.0,
+        linear=True,
+        kind="list",
+    )
+
+    def fields(self, view: View) -> tuple[Floats, ...]:
+        """Return each wave's change of depth; a facet seen edge-on counts as 80°."""
+        low, high = view.scene.vertices_mm.min(axis=0), view.scene.vertices_mm.max(axis=0)
+        axes = sorted(np.argsort(low - high, kind="stable")[:2])
+        u, v = ((view.part_mm[..., a] - low[a]) / (high[a] - low[a]) for a in axes)
+        facing = np.maximum(view.cos_incidence, math.cos(math.radians(STEEPEST_DEG)))
+        outwards = -1e-3 / (facing * np.hypot(1.0, view.laser.slope_x))
+        return tuple(
+            outwards * np.cos(i * math.pi * u) * np.cos(j * math.pi * v)
+            for i, j in orders(len(self.coefficients_um))
+        )

@@ -1,0 +1,71 @@
+"""The sensor moves during the exposure: a box average along the travel and a shift."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from sensors.effects.base import Effect
+from sensors.effects.parameter import parameter
+from sensors.law import Law
+from sensors.line_operator import read_line
+from sensors.view import View
+
+EXPOSURES = 8
+"""Poses at which the way during an exposure is sampled, midpoints of equal parts."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MotionBlur(Effect):
+    """Mean over the way travelled during the exposure, which starts at the commanded pose."""
+
+    name: ClassVar = "motion_blur"
+    summary: ClassVar = (
+        "The sensor travels during the exposure: edges are blurred along the travel and "
+        "everything lags by half the way."
+    )
+    equation: ClassVar = "z_m = mean of z(y + v t), t from 0 to the exposure time"
+    source: ClassVar = (
+        "Box average over the exposure; shift v·t_exp/2, bias (v·t_exp)²/24 · ∂²z/∂y² beyond it"
+    )
+    statement: ClassVar = (
+        "The sensor moves on during an exposure of {exposure_ms:.2f} ms: edges are blurred along "
+        "the travel and shifted by half the way."
+    )
+    channels: ClassVar = ("mean",)
+    frame: ClassVar = "travel"
+    covariate: ClassVar = "slope_y"
+    rivals: ClassVar = ("finite_spot", "travel_ripple", "pose_error")
+    separating: ClassVar = (
+        "vary the speed: blur and shift grow with it; reverse the travel: the shift changes sides"
+    )
+
+    exposure_ms: float | None = parameter(
+        "time during which the line is exposed",
+        unit="ms",
+        low=0.0,
+        high=100.0,
+        typical=0.5,
+        null=0.0,
+        grid=(0.2, 0.5, 1.0, 2.0, 5.0),
+        sheet="exposure_s",
+    )
+
+    def changed(self, law: Law, view: View) -> Law:
+        """Add the difference between the exposure's mean and its start."""
+        exposure_ms = self.exposure_ms
+        if exposure_ms is None:
+            exposure_ms = 1e3 * view.datasheet.require("exposure_s")
+        if len(view.poses) < 2:
+            return law
+        step_s = np.diff(view.time_s)
+        step_s = np.concatenate([step_s, step_s[-1:]])
+        way = view.travel_step_mm * np.divide(
+            exposure_ms * 1e-3, step_s, out=np.zeros_like(step_s), where=step_s > 0
+        )
+        if np.ptp(way) <= 1e-9 * np.max(np.abs(way)):
+            way = way[:1]
+        offsets = (np.arange(EXPOSURES) + 0.5)[:, None] / EXPOSURES * way
+        line = read_line(view, offsets, [1.0] * EXPOSURES, merge_mm=0.0)
+        change = np.where(np.isfinite(line.depth_mm), line.depth_mm - view.depth_mm, 0.0)
+        return replace(law, mean_mm=law.mean_mm + change)

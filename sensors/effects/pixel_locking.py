@@ -1,0 +1,89 @@
+"""Readings lean towards the camera's pixel rows: an error periodic in range."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensors.camera import depth_per_row, row_of_depth
+from sensors.effects.base import AdditiveEffect
+from sensors.effects.parameter import parameter
+from sensors.view import View
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PixelLocking(AdditiveEffect):
+    """A sine of the fractional camera row, turned into depth."""
+
+    name: ClassVar = "pixel_locking"
+    summary: ClassVar = (
+        "The peak is located between pixel rows with an error that repeats from row to row: a "
+        "fine ripple in range."
+    )
+    equation: ClassVar = (
+        "δv = A sin(2π v + φ) rows, δz = δv dz/dv; centre of gravity of a spot of σ rows: A = "
+        "exp(-2π²σ²)/π"
+    )
+    source: ClassVar = (
+        "Fourier series of a centre of gravity over whole pixels: Alexander and Ng, Opt. Eng. 30 "
+        "(1991) 1320"
+    )
+    statement: ClassVar = (
+        "The depth ripples with the camera's pixel rows, by {amplitude_px:.3f} of a row."
+    )
+    channels: ClassVar = ("mean",)
+    frame: ClassVar = "sensor"
+    covariate: ClassVar = "camera_row"
+    rivals: ClassVar = ("stage_vibration", "travel_ripple")
+    separating: ClassVar = (
+        "scan a plate tilted along the line: the ripple follows range, a vibration follows time"
+    )
+    needs: ClassVar = ("triangulation_angle_deg",)
+    sinusoid: ClassVar = True
+
+    amplitude_px: float = parameter(
+        "amplitude A in camera rows",
+        unit="px",
+        low=0.0,
+        high=0.5,
+        typical=0.05,
+        null=0.0,
+        linear=True,
+    )
+    phase_rad: float = parameter(
+        "phase φ against the rows",
+        unit="rad",
+        low=0.0,
+        high=6.2831853072,
+        typical=0.0,
+    )
+    rows: float | None = parameter(
+        "camera rows over the working range",
+        low=16.0,
+        high=16384.0,
+        typical=1024.0,
+        sheet="camera_rows",
+    )
+
+    def fields(self, view: View) -> tuple[Floats, ...]:
+        """Return sine and cosine of the row, each times the depth of one row."""
+        sheet = view.datasheet
+        rows = sheet.require("camera_rows") if self.rows is None else self.rows
+        turn = 2 * math.pi * row_of_depth(view.depth_mm, sheet, rows)
+        height = depth_per_row(view.depth_mm, sheet, rows)
+        return height * np.sin(turn), height * np.cos(turn)
+
+    def grid(self, view: View) -> tuple["PixelLocking", ...]:
+        """Return the rows that the sheet or this effect states, else half cycles over the scan."""
+        if self.rows is not None or view.datasheet.camera_rows is not None or not view.valid.any():
+            return (self,)
+        low, high = self.parameter("rows").low, self.parameter("rows").high
+        ends = np.array([np.nanmin(view.depth_mm), np.nanmax(view.depth_mm)])
+        part = abs(float(np.diff(row_of_depth(ends, view.datasheet, 1.0))[0]))
+        step = max(0.5 / max(part, 1e-6), 1.0)
+        count = min(512, int((high - low) / step) + 1)
+        return tuple(self.with_parameters(rows=low + i * step) for i in range(count))

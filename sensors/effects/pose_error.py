@@ -1,0 +1,111 @@
+"""The sensor is mounted a little turned and displaced against its commanded pose."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from sensors.effects.base import MotionEffect
+from sensors.effects.parameter import parameter
+from sensors.rigid import rigid_jacobian
+from sensors.view import View
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PoseError(MotionEffect):
+    """A rigid error of the mounting, the same in every profile and recording."""
+
+    name: ClassVar = "pose_error"
+    summary: ClassVar = (
+        "The sensor isn't where it is said to be: everything it reads is turned or displaced."
+    )
+    equation: ClassVar = "pose_true = pose · T(x, y, z) Rz(yaw) Ry(roll) Rx(pitch)"
+    source: ClassVar = (
+        "Rigid error of the hand-eye calibration, 0.05 to 0.5°; first order δz = -n·(t + ω × p) /"
+        " (n·d)"
+    )
+    statement: ClassVar = (
+        "The sensor is mounted off its commanded pose: roll {roll_deg:.3f}°, pitch "
+        "{pitch_deg:.3f}°, yaw {yaw_deg:.3f}°, offsets {x_mm:.3f}, {y_mm:.3f}, {z_mm:.3f} mm."
+    )
+    channels: ClassVar = ("mean", "missing")
+    frame: ClassVar = "sensor"
+    covariate: ClassVar = "x"
+    rivals: ClassVar = ("lens_distortion", "incidence_bias", "volume_scattering")
+    separating: ClassVar = (
+        "scan a sphere or a stepped artefact in several orientations and solve for the mounting"
+    )
+
+    roll_deg: float = parameter(
+        "turn about the travel (sensor y)",
+        unit="°",
+        low=-5.0,
+        high=5.0,
+        typical=0.1,
+        null=0.0,
+        linear=True,
+    )
+    pitch_deg: float = parameter(
+        "turn about the laser line (sensor x)",
+        unit="°",
+        low=-5.0,
+        high=5.0,
+        typical=0.1,
+        null=0.0,
+        linear=True,
+    )
+    yaw_deg: float = parameter(
+        "turn about the laser's axis (sensor z)",
+        unit="°",
+        low=-5.0,
+        high=5.0,
+        typical=0.1,
+        null=0.0,
+        linear=True,
+    )
+    x_mm: float = parameter(
+        "displacement along the line",
+        unit="mm",
+        low=-20.0,
+        high=20.0,
+        typical=0.0,
+        null=0.0,
+        linear=True,
+    )
+    y_mm: float = parameter(
+        "displacement along the travel",
+        unit="mm",
+        low=-20.0,
+        high=20.0,
+        typical=0.0,
+        null=0.0,
+        linear=True,
+    )
+    z_mm: float = parameter(
+        "displacement along the laser's axis",
+        unit="mm",
+        low=-20.0,
+        high=20.0,
+        typical=0.0,
+        null=0.0,
+        linear=True,
+    )
+
+    def fields(self, view: View) -> tuple[Floats, ...]:
+        """Return the first order for each turn and displacement."""
+        push = rigid_jacobian(view)
+        turn = math.radians(1.0)
+        return turn * push[4], turn * push[3], turn * push[5], push[0], push[1], push[2]
+
+    def moved(self, view: View) -> View:
+        """Return the view from the true poses."""
+        angles = [math.radians(a) for a in (self.yaw_deg, self.roll_deg, self.pitch_deg)]
+        error = np.eye(4)
+        error[:3, :3] = Rotation.from_euler("ZYX", angles).as_matrix()
+        error[:3, 3] = self.x_mm, self.y_mm, self.z_mm
+        return view.posed(view.poses @ error)

@@ -1,0 +1,48 @@
+"""Returns are missing at random, one by one or in patches."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+from sensors.effects.base import Effect
+from sensors.effects.parameter import parameter
+from sensors.law import Law
+from sensors.view import View
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RandomDropout(Effect):
+    """A probability of no return that depends on nothing."""
+
+    name: ClassVar = "random_dropout"
+    summary: ClassVar = "Readings are missing at random, with no tie to geometry."
+    equation: ClassVar = "p_missing = 1 - (1 - p_missing)(1 - share)"
+    source: ClassVar = "Bernoulli trials; patches by a thresholded Gaussian field"
+    statement: ClassVar = "{share:.2%} of the readings are missing at random."
+    channels: ClassVar = ("missing",)
+    frame: ClassVar = "sensor"
+    covariate: ClassVar = "time"
+    rivals: ClassVar = ("specular_dropout", "camera_occlusion")
+    separating: ClassVar = "repeat the scan: random dropouts move, those of gloss and shadow stay"
+
+    share: float = parameter(
+        "probability that a return is missing",
+        low=0.0,
+        high=0.9,
+        typical=0.01,
+        null=0.0,
+    )
+    patch_mm: float = parameter(
+        "size of the patches in which they are missing; 0: single points",
+        unit="mm",
+        low=0.0,
+        high=50.0,
+        typical=0.0,
+    )
+
+    def changed(self, law: Law, view: View) -> Law:
+        """Add the probability; the larger patches hold where several effects have them."""
+        return replace(
+            law,
+            p_missing=1.0 - (1.0 - law.p_missing) * (1.0 - self.share),
+            missing_patch_mm=max(law.missing_patch_mm, self.patch_mm),
+        )

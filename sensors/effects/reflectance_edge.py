@@ -1,0 +1,75 @@
+"""A brightness edge across the line pulls its centre of gravity to the bright side."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from sensors.effects.base import Effect
+from sensors.effects.parameter import parameter
+from sensors.law import Law
+from sensors.line_operator import gaussian_weights, line_sd_mm, read_line, sub_lines
+from sensors.view import View
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ReflectanceEdge(Effect):
+    """The line's centre of gravity follows its brightness; needs a reflectance or an intensity."""
+
+    name: ClassVar = "reflectance_edge"
+    summary: ClassVar = (
+        "Where the surface's brightness changes across the line, its centre of gravity moves to "
+        "the bright side and reads as depth."
+    )
+    equation: ClassVar = (
+        "κ s √(2/π) (1-r)/(1+r) cot θ at an edge of brightness ratio r; κ s² cot θ ∂y ln I in a "
+        "gradient"
+    )
+    source: ClassVar = (
+        "Centre of gravity of a Gaussian line, sensors/line_operator.py; Siegman, Lasers (1986), "
+        "ch. 17 for the beam's width away from focus; Buzinski, Levine, Stevenson, Proc. SPIE "
+        "1661 (1992) on reflectance edges in triangulation"
+    )
+    statement: ClassVar = (
+        "At brightness edges (print, stains, machining marks) the depth shows a false ridge or "
+        "groove, as a line of {line_sd_um:.0f} µm (standard deviation) would make."
+    )
+    channels: ClassVar = ("mean",)
+    frame: ClassVar = "sensor"
+    covariate: ClassVar = "brightness_slope"
+    rivals: ClassVar = ("edge_mixing", "form_error")
+    separating: ClassVar = (
+        "compare with the intensity image, and turn the sensor by 180°: true relief keeps its "
+        "sign, this changes it"
+    )
+    needs: ClassVar = ("triangulation_angle_deg",)
+
+    line_sd_um: float | None = parameter(
+        "standard deviation of the line across its width at the working distance",
+        unit="µm",
+        low=0.0,
+        high=500.0,
+        typical=30.0,
+        null=0.0,
+        grid=(15.0, 30.0, 60.0, 120.0),
+        sheet="line_width_um",
+    )
+    rayleigh_mm: float = parameter(
+        "distance from focus at which the line is √2 wider; 0: no defocus",
+        unit="mm",
+        low=0.0,
+        high=10000.0,
+        typical=0.0,
+    )
+
+    def changed(self, law: Law, view: View) -> Law:
+        """Add the pull of the bright side; nothing where no brightness is known."""
+        if view.intensity is None and view.reflectance is None:
+            return law
+        sd = line_sd_mm(view, self.line_sd_um, self.rayleigh_mm)
+        offsets = sub_lines(float(np.max(sd)))
+        weights = gaussian_weights(offsets, sd)
+        bright = read_line(view, offsets, weights, camera=True, brightness=True)
+        even = read_line(view, offsets, weights, camera=True)
+        change = bright.depth_mm - even.depth_mm
+        return replace(law, mean_mm=law.mean_mm + np.where(np.isfinite(change), change, 0.0))

@@ -1,0 +1,100 @@
+"""No return where a glossy surface sends too little light to the camera, or too much."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+from scipy.special import expit
+
+from sensors.effects.base import Effect
+from sensors.effects.parameter import parameter
+from sensors.law import Law
+from sensors.view import View
+
+STEEPEST_DEG = 80.0
+"""Incidence beyond which the law is held constant."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SpecularDropout(Effect):
+    """Logistic in the logarithm of a signal: a matt part and a lobe about the half vector."""
+
+    name: ClassVar = "specular_dropout"
+    summary: ClassVar = (
+        "A glossy surface sends its light past the camera (no return), or straight into it "
+        "(saturation)."
+    )
+    equation: ClassVar = (
+        "S = ρ cos β + (1-ρ) exp(-tan²α / m²); p = share · logistic(±(ln S - ln threshold) / "
+        "softness)"
+    )
+    source: ClassVar = (
+        "Lobe of microfacets about the half vector: Torrance and Sparrow, J. Opt. Soc. Am. 57 "
+        "(1967) 1105; Beckmann slope distribution"
+    )
+    statement: ClassVar = (
+        "Points are missing where the surface's angle to laser and camera makes its light too "
+        "{kind}, with a gloss lobe of {lobe_deg:.1f}°."
+    )
+    channels: ClassVar = ("missing",)
+    frame: ClassVar = "sensor"
+    covariate: ClassVar = "half_vector"
+    rivals: ClassVar = ("camera_occlusion", "random_dropout")
+    separating: ClassVar = (
+        "spray the part matt: these come back; shadows, which are sharp and geometric, stay"
+    )
+    needs: ClassVar = ("triangulation_angle_deg",)
+
+    share: float = parameter(
+        "largest probability of a missing return",
+        low=0.0,
+        high=1.0,
+        typical=0.9,
+        null=0.0,
+    )
+    lobe_deg: float = parameter(
+        "width m of the gloss lobe, as an angle of microfacets",
+        unit="°",
+        low=1.0,
+        high=45.0,
+        typical=8.0,
+        grid=(3.0, 6.0, 10.0, 15.0, 25.0),
+    )
+    matt: float = parameter(
+        "share ρ of the matt part in the signal at the lobe's peak",
+        low=0.0,
+        high=1.0,
+        typical=0.02,
+    )
+    threshold: float = parameter(
+        "signal at which half of `share` is missing",
+        low=0.0001,
+        high=2.0,
+        typical=0.05,
+        grid=(0.03, 0.1, 0.3, 0.8),
+    )
+    softness: float = parameter(
+        "width of the transition in the logarithm of the signal",
+        low=0.01,
+        high=3.0,
+        typical=0.3,
+    )
+    kind: str = parameter(
+        "whether too little or too much light loses the return",
+        typical="weak",
+        choices=('weak', 'strong'),
+    )
+
+    def changed(self, law: Law, view: View) -> Law:
+        """Add the probability of a missing return."""
+        tangent = np.tan(np.minimum(view.half_vector_rad, math.radians(STEEPEST_DEG)))
+        lobe = np.exp(-np.square(tangent / math.tan(math.radians(self.lobe_deg))))
+        signal = self.matt * view.cos_incidence + (1.0 - self.matt) * lobe
+        if view.reflectance is not None and view.intensity is None:
+            signal = signal * view.reflectance.at(view.part_mm)
+        with np.errstate(divide="ignore"):
+            excess = (np.log(signal) - math.log(self.threshold)) / self.softness
+        missing = self.share * expit(-excess if self.kind == "weak" else excess)
+        kept = (1.0 - law.p_missing) * (1.0 - np.where(view.valid, missing, 0.0))
+        return replace(law, p_missing=np.asarray(1.0 - kept))

@@ -1,0 +1,78 @@
+"""The stage or the sensor vibrates: whole rows move."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensors.effects.base import AdditiveEffect
+from sensors.effects.parameter import parameter
+from sensors.view import View
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class StageVibration(AdditiveEffect):
+    """A sine of time, equal in all columns; its phase is the recording's."""
+
+    name: ClassVar = "stage_vibration"
+    summary: ClassVar = "Whole profiles move up and down at a fixed frequency."
+    equation: ClassVar = "A sin(2π f t + φ); above half the profile rate it shows aliased"
+    source: ClassVar = "Forced vibration of a stage, 2 to 50 µm, 5 to 250 Hz"
+    statement: ClassVar = (
+        "Whole profiles move up and down by {amplitude_um:.1f} µm at {frequency_hz:.1f} Hz (or an"
+        " alias of it above half the profile rate): stage or mounting vibrates."
+    )
+    channels: ClassVar = ("mean",)
+    frame: ClassVar = "time"
+    covariate: ClassVar = "time"
+    rivals: ClassVar = ("travel_ripple", "form_error", "pixel_locking")
+    separating: ClassVar = (
+        "change the speed: a vibration keeps its frequency in Hz, waviness of the part its length"
+        " in mm"
+    )
+    sinusoid: ClassVar = True
+
+    amplitude_um: float = parameter(
+        "amplitude A along the depth",
+        unit="µm",
+        low=0.0,
+        high=1000.0,
+        typical=10.0,
+        null=0.0,
+        linear=True,
+    )
+    frequency_hz: float = parameter(
+        "frequency f",
+        unit="Hz",
+        low=0.01,
+        high=5000.0,
+        typical=25.0,
+    )
+    phase_rad: float | None = parameter(
+        "phase φ at the first profile",
+        unit="rad",
+        low=0.0,
+        high=6.2831853072,
+        typical=0.0,
+        owner="recording",
+    )
+
+    def fields(self, view: View) -> tuple[Floats, ...]:
+        """Return sine and cosine of time, equal in all columns."""
+        turn = 2 * math.pi * self.frequency_hz * view.time_s[:, None]
+        return 1e-3 * np.sin(turn), 1e-3 * np.cos(turn)
+
+    def grid(self, view: View) -> tuple["StageVibration", ...]:
+        """Return frequencies half a resolution element apart, up to half the profile rate."""
+        span = float(np.ptp(view.time_s))
+        if len(view.time_s) < 4 or span == 0.0:
+            return (self,)
+        top = 0.5 / float(np.median(np.diff(view.time_s)))
+        low, high = self.parameter("frequency_hz").low, self.parameter("frequency_hz").high
+        found = np.arange(0.5 / span, top, 0.5 / span)
+        found = found[(found >= low) & (found <= high)]
+        return tuple(self.with_parameters(frequency_hz=float(f)) for f in found)

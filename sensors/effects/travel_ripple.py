@@ -1,0 +1,88 @@
+"""The travel isn't even: profiles lie a little before or behind their place."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensors.effects.base import MotionEffect
+from sensors.effects.parameter import parameter
+from sensors.rigid import rigid_jacobian
+from sensors.view import View
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TravelRipple(MotionEffect):
+    """A sine of the travel, displacing each profile along y; its phase is the recording's."""
+
+    name: ClassVar = "travel_ripple"
+    summary: ClassVar = (
+        "The stage runs unevenly: profiles are taken a little before or behind where they should,"
+        " which shows on slopes."
+    )
+    equation: ClassVar = "δy = A sin(2π s / period + φ); to first order δz = dz/dy · δy"
+    source: ClassVar = "Periodic error of lead screw, belt or encoder, 5 to 100 µm"
+    statement: ClassVar = (
+        "The travel is uneven: profiles lie up to {amplitude_um:.0f} µm off along it, repeating "
+        "every {period_mm:.2f} mm; it shows on slopes, not on flats."
+    )
+    channels: ClassVar = ("mean",)
+    frame: ClassVar = "travel"
+    covariate: ClassVar = "travel"
+    rivals: ClassVar = ("stage_vibration", "form_error", "incidence_bias")
+    separating: ClassVar = (
+        "compare flats with slopes: uneven travel leaves flats alone; change the speed: it keeps "
+        "its length in mm"
+    )
+    sinusoid: ClassVar = True
+
+    amplitude_um: float = parameter(
+        "amplitude A along the travel",
+        unit="µm",
+        low=0.0,
+        high=5000.0,
+        typical=30.0,
+        null=0.0,
+        linear=True,
+    )
+    period_mm: float = parameter(
+        "length of travel after which it repeats",
+        unit="mm",
+        low=0.01,
+        high=5000.0,
+        typical=5.0,
+    )
+    phase_rad: float | None = parameter(
+        "phase φ at the first profile",
+        unit="rad",
+        low=0.0,
+        high=6.2831853072,
+        typical=0.0,
+        owner="recording",
+    )
+
+    def fields(self, view: View) -> tuple[Floats, ...]:
+        """Return slope times sine and cosine of the travel: the first order."""
+        turn = 2 * math.pi / self.period_mm * view.travel_mm[:, None]
+        push = rigid_jacobian(view)[1]
+        return 1e-3 * push * np.sin(turn), 1e-3 * push * np.cos(turn)
+
+    def moved(self, view: View) -> View:
+        """Return the view with each profile where it really was taken."""
+        turn = 2 * math.pi / self.period_mm * view.travel_mm + (self.phase_rad or 0.0)
+        return view.shifted(dy_mm=1e-3 * self.amplitude_um * np.sin(turn))
+
+    def grid(self, view: View) -> tuple["TravelRipple", ...]:
+        """Return periods half a resolution element apart, down to two profiles."""
+        span = float(np.ptp(view.travel_mm))
+        if len(view.travel_mm) < 4 or span == 0.0:
+            return (self,)
+        top = 0.5 / float(np.median(np.abs(np.diff(view.travel_mm))))
+        low, high = self.parameter("period_mm").low, self.parameter("period_mm").high
+        found = 1.0 / np.arange(0.5 / span, top, 0.5 / span)
+        found = found[(found >= low) & (found <= high)]
+        return tuple(self.with_parameters(period_mm=float(p)) for p in found)
