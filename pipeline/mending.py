@@ -126,29 +126,75 @@ def flip_needles(vertices: Vertices, faces: Faces, tolerance_mm: float) -> tuple
     return faces, turned
 
 
-def split_bodies(vertices: Vertices, faces: Faces) -> tuple[Vertices, Faces, int]:
-    """Give each body its own vertices where bodies meet in an edge of four faces or a vertex.
+def part_edges(vertices: Vertices, faces: Faces) -> tuple[Vertices, Faces, int, int]:
+    """Take apart what meets in an edge of four faces or more, or in a vertex only.
 
-    Faces are taken together across edges that have just two of them, wherever a body taken so is
-    closed in itself; says how many edges were shared by more than two faces and got parted.
+    Around such an edge the two faces of one body stay together. What is left is sorted by angle
+    and paired so that each pair has solid between it: a face that runs against the edge and the
+    next one that runs along it. Each surface then gets vertices of its own.
+
+    Returns
+    -------
+    tuple
+        Vertices, faces, the number of edges taken apart, and of those that can't be since not
+        as many faces run along them as against.
     """
-    _, edge = halfedges(faces)
+    directed, edge = halfedges(faces)
     count = np.bincount(edge)
-    busy = count > 2
-    if not busy.any():
-        return vertices, faces, 0
-    body = bodies(faces)
-    # An edge is parted where each body has two of its faces.
-    face = np.repeat(np.arange(len(faces)), 3)
-    shared = np.flatnonzero(busy[edge])
-    keys = edge[shared] * (int(body.max()) + 1) + body[face[shared]]
-    kinds, members = np.unique(keys, return_counts=True)
-    good = np.ones(len(count), dtype=np.bool_)
-    good[(kinds // (int(body.max()) + 1))[members != 2]] = False
-    parted = int((busy & good).sum())
-    own = faces + body[:, None] * len(vertices)
-    names, corner = np.unique(own, return_inverse=True)
-    return vertices[names % len(vertices)], corner.reshape(-1, 3), parted
+    balance = np.bincount(edge, weights=np.where(directed[:, 0] < directed[:, 1], 1, -1))
+    order = np.argsort(edge, kind="stable")
+    start = np.searchsorted(edge[order], np.arange(len(count)))
+    pairs = [order[count[edge[order]] == 2].reshape(-1, 2)]
+    busy = np.flatnonzero((count > 2) & (balance == 0))
+    body = bodies(faces) if len(busy) else np.empty(0, dtype=np.int64)
+    for number in busy.tolist():
+        group = order[start[number] : start[number] + count[number]]
+        members, times = np.unique(body[group // 3], return_counts=True)
+        for member in members[times == 2].tolist():
+            two = group[body[group // 3] == member]
+            if directed[two[0], 0] != directed[two[1], 0]:
+                pairs.append(two[None])
+                group = group[body[group // 3] != member]
+        if len(group):
+            pairs.append(_around(vertices, faces, directed, group))
+    left = int(((count > 2) & (balance != 0)).sum())
+    pair = np.concatenate(pairs)
+    # Corners of neighbours at the same vertex belong together.
+    face, corner = pair // 3, pair % 3
+    ends = np.stack([3 * face + corner, 3 * face + (corner + 1) % 3], axis=-1)
+    against = directed[pair[:, 0], 0] != directed[pair[:, 1], 0]
+    other = np.where(against[:, None], ends[:, 1, ::-1], ends[:, 1])
+    rows, columns = ends[:, 0].ravel(), other.ravel()
+    links = coo_array((np.ones(len(rows)), (rows, columns)), shape=(faces.size, faces.size))
+    _, own = connected_components(links, directed=False)
+    _, first, number = np.unique(own, return_index=True, return_inverse=True)
+    return vertices[faces.ravel()[first]], number.reshape(-1, 3), len(busy), left
+
+
+def _around(
+    vertices: Vertices, faces: Faces, directed: NDArray[np.int64], group: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Pair the halfedges of one edge, each against with the next along in the order of angles."""
+    a, b = np.sort(directed[group[0]])
+    axis = vertices[b] - vertices[a]
+    axis = axis / np.linalg.norm(axis)
+    apex = vertices[faces[group // 3, (group % 3 + 2) % 3]] - vertices[a]
+    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    first /= np.linalg.norm(first)
+    angle = np.arctan2(apex @ np.cross(axis, first), apex @ first)
+    along = directed[group, 0] == a
+    # Faces in contact have one angle: what ends there comes before what begins there.
+    order = np.lexsort((~along, np.round(angle, 7)))
+    depth = np.cumsum(np.where(along[order], -1, 1))
+    order = np.roll(order, -(int(np.argmin(depth)) + 1))
+    waiting: list[int] = []
+    pairs = []
+    for k in order.tolist():
+        if along[k]:
+            pairs.append((group[waiting.pop(0)], group[k]))
+        else:
+            waiting.append(k)
+    return np.array(pairs, dtype=np.int64)
 
 
 def bodies(faces: Faces) -> NDArray[np.int64]:

@@ -45,15 +45,17 @@ def make_solid(
     vertices, faces = _joined(vertices_mm, faces, diagonal, notes)
     if not len(faces):
         raise PartError(source, "no face has an area", "export it again with its solid")
-    vertices, faces, parted = mending.split_bodies(vertices, faces)
-    if parted:
-        notes.append(f"{parted} edges shared by several bodies parted")
-    _refuse_busy_edges(source, vertices, faces)
     faces, turned, one_sided = mending.wind_alike(faces)
     if one_sided:
         raise PartError(source, "one-sided: faces can't be wound alike", "rebuild the surface")
     if turned:
         notes.append(f"{turned} faces turned to be wound like their neighbours")
+    _, _, parted, left = mending.part_edges(vertices, faces)
+    if left:
+        _refuse_busy_edges(source, vertices, faces)
+    vertices, faces, _, _ = mending.part_edges(vertices, faces)
+    if parted:
+        notes.append(f"{parted} edges shared by several bodies parted")
     if thicken_mm is None:
         faces = _filled(vertices, faces, diagonal, notes)
     faces, needles = mending.flip_needles(vertices, faces, 1e-9 * diagonal)
@@ -69,7 +71,7 @@ def make_solid(
         notes.append("already closed: thicken_mm not applied")
     vertices, faces = _outward(source, vertices, faces, diagonal, notes)
     vertices, faces = _uncrossed(
-        source, vertices, faces, diagonal, notes, parted > 0, thicken_mm is not None and len(loops)
+        source, vertices, faces, diagonal, notes, parted > 0, len(loops) > 0
     )
     status = manifold(vertices, faces).status()
     if status != manifold3d.Error.NoError:
@@ -210,7 +212,7 @@ def _outward(
         turn = wrong[body]
         faces = faces.copy()
         faces[turn] = faces[turn][:, ::-1]
-        notes.append(f"{int(wrong.sum())} bodies turned inside out")
+        notes.append(f"{int(wrong.sum())} bodies wound inward turned outward")
         volume = np.where(wrong, -volume, volume)
     if volume.sum() <= 0.0:
         raise PartError(source, "encloses no volume", "export its solid again")
@@ -258,7 +260,7 @@ def _uncrossed(
     diagonal: float,
     notes: list[str],
     touching: bool,
-    thickened: bool | int,
+    thickened: bool,
 ) -> tuple[Vertices, Faces]:
     """Unite bodies that cross or share edges; refuse a body that crosses itself."""
     found = crossings(vertices, faces, tolerance_mm=CONTACT * diagonal)
@@ -276,13 +278,22 @@ def _uncrossed(
     count = int(body.max()) + 1
     if count == 1 or not (touching or len(found.pairs)):
         return vertices, faces
-    return _united(source, vertices, faces, body, notes)
+    return _united(source, vertices, faces, body, diagonal, notes)
 
 
 def _united(
-    source: str, vertices: Vertices, faces: Faces, body: NDArray[np.int64], notes: list[str]
+    source: str,
+    vertices: Vertices,
+    faces: Faces,
+    body: NDArray[np.int64],
+    diagonal: float,
+    notes: list[str],
 ) -> tuple[Vertices, Faces]:
-    """Unite bodies with manifold3d, in double precision; cavities stay with their bodies."""
+    """Unite bodies with manifold3d, in double precision; cavities stay with their bodies.
+
+    Bodies that nearly coincide leave slivers: what is smaller than the contact tolerance is
+    collapsed afterwards.
+    """
     corners = vertices[faces] - vertices.mean(axis=0)
     parts = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
     volume = np.bincount(body, weights=parts)
@@ -301,7 +312,9 @@ def _united(
     whole = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
     if whole.status() != manifold3d.Error.NoError or whole.is_empty():
         raise PartError(source, "bodies cross and can't be united", "unite them in CAD")
-    mesh = whole.to_mesh64()
+    clean = whole.simplify(CONTACT * diagonal)
+    near = abs(clean.volume() - whole.volume()) <= 10.0 * CONTACT * diagonal * whole.surface_area()
+    mesh = (clean if near else whole).to_mesh64()
     notes.append(f"{len(solids)} bodies that touch or overlap united")
     return (
         np.array(mesh.vert_properties[:, :3], dtype=np.float64),

@@ -61,7 +61,7 @@ def close_sheet(
     )
     side = np.repeat(np.array([0, 1, 2], dtype=np.int8), [len(faces), len(faces), len(wall)])
     solid = np.concatenate([faces, faces[:, ::-1] + count, wall]).astype(np.int32)
-    middle = np.stack([a, b], axis=1)[solid % count].mean(axis=1)
+    middle = np.asarray(np.stack([a, b], axis=1)[solid % count].mean(axis=1), dtype=np.float64)
     return np.concatenate([outer, inner]), solid, side, middle
 
 
@@ -146,7 +146,7 @@ def _error(
 
 
 def _two_triangles(cloud: Points, share: NDArray[np.float64]) -> Points:
-    """The cell's triangles at the sample points, split as `_rising` says."""
+    """Interpolate in the cell's triangles, split as `_rising` says, at the sample points."""
     p00, p10 = cloud[:, 0, 0], cloud[:, -1, 0]
     p01, p11 = cloud[:, 0, -1], cloud[:, -1, -1]
     s, t = share[:, None, None], share[None, :, None]

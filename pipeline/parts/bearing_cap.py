@@ -73,7 +73,8 @@ def make(cap: BearingCap, facet_um: float | None) -> Part:
     owner = {
         piece.original_id(): name for name, group in (cast | cut).items() for piece in group
     }
-    runs = np.diff(np.asarray(mesh.run_index, dtype=np.int64)) // 3
+    bounds = np.array(mesh.run_index, dtype=np.int64) // 3
+    runs = bounds[1:] - bounds[:-1]
     names = np.repeat([owner[int(number)] for number in mesh.run_original_id], runs)
     middle = vertices[faces].mean(axis=1)
     flat = np.abs(np.abs(middle[:, 1]) - cap.length_mm / 2.0) < 1e-9

@@ -66,7 +66,7 @@ class DoorShape:
     def line_distance_mm(self, x_mm: Array, y_mm: Array) -> Array:
         """Signed distance from the shoulder line, mm, positive above it."""
         tilt = self._line_tilt
-        return (y_mm - 0.60 * self.half_y - tilt * x_mm) / np.hypot(1.0, tilt)
+        return np.asarray((y_mm - 0.60 * self.half_y - tilt * x_mm) / np.hypot(1.0, tilt))
 
     def where(self, a: Array, b: Array) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
         """Plan position x, y, mm; how far into the folded strip (0 to 1); whether at the window."""
@@ -138,7 +138,7 @@ class DoorShape:
         return np.asarray(progress**3 * (10.0 - 15.0 * progress + 6.0 * progress**2))
 
     def _outward(self, u: Array, v: Array, normal: Array) -> Array:
-        """Unit vectors in the surface, across the outline, outward."""
+        """Find the unit vectors in the surface that point across the outline, outward."""
         step = 1e-5
         # A step along the square's border, counter-clockwise.
         right = np.abs(u) >= np.abs(v)
