@@ -1,1 +1,1 @@
-"""From a recipe to a labelled dataset: parts, injection, trajectory, scan, noise, shards, manifest."""
+"""From a recipe to a dataset: parts, injection, trajectory, scan, noise, shards, manifest."""
