@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sensors.datasheet import Datasheet
 from sensors.laser import Laser
+from sensors.sight import camera_visible
 
 if TYPE_CHECKING:
     from sensors.mirror import Mirror
@@ -303,17 +304,8 @@ class View:
         -------
         (n, m) bool
         """
-        rows, columns = np.nonzero(self.valid)
-        seen = np.zeros(self.shape, dtype=bool)
-        if rows.size == 0:
-            return seen
-        points = self.part_mm[rows, columns]
-        cameras = (self.poses[:, :3, 1] * camera_y_mm + self.poses[:, :3, 3])[rows]
-        triangle = self.triangle[rows, columns]
-        facing = np.einsum("ik,ik->i", self.scene.normals[triangle], cameras - points)
-        index = np.nonzero(facing > 0)[0]
-        free = ~self.scene.blocked(points[index], cameras[index], triangle[index])
-        seen[rows[index], columns[index]] = free
+        seen = camera_visible(self.scene, self.laser, self.poses, self.hits, camera_y_mm)
+        seen &= self.in_range
         return seen
 
     # ---- second bounces and thickness, by single rays
