@@ -101,6 +101,54 @@ def _contains(
     return inside
 
 
+@njit(cache=True)
+def in_boxes(points_mm: Floats, boxes_mm: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """List which points lie in which boxes, in one pass over the points.
+
+    Parameters
+    ----------
+    points_mm
+        (k, 3); points that aren't finite lie in none.
+    boxes_mm
+        (b, 6) least and greatest corners.
+
+    Returns
+    -------
+    start, member
+        (b + 1,) and (s,): box i holds the points `member[start[i]:start[i + 1]]`, rising.
+    """
+    count = len(boxes_mm)
+    start = np.zeros(count + 1, np.int64)
+    member = np.empty(0, np.int64)
+    hull = np.empty(6)
+    for c in range(3):
+        hull[c], hull[3 + c] = np.inf, -np.inf
+        for b in range(count):
+            hull[c] = min(hull[c], boxes_mm[b, c])
+            hull[3 + c] = max(hull[3 + c], boxes_mm[b, 3 + c])
+    for sweep in range(2):
+        fill = start[:-1].copy()
+        for k in range(len(points_mm)):
+            x, y, z = points_mm[k, 0], points_mm[k, 1], points_mm[k, 2]
+            if not (hull[0] <= x <= hull[3] and hull[1] <= y <= hull[4]):
+                continue
+            for b in range(count):
+                if (
+                    boxes_mm[b, 0] <= x <= boxes_mm[b, 3]
+                    and boxes_mm[b, 1] <= y <= boxes_mm[b, 4]
+                    and boxes_mm[b, 2] <= z <= boxes_mm[b, 5]
+                ):
+                    if sweep == 0:
+                        start[b + 1] += 1
+                    else:
+                        member[fill[b]] = k
+                        fill[b] += 1
+        if sweep == 0:
+            start = np.cumsum(start)
+            member = np.empty(start[-1], np.int64)
+    return start, member
+
+
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Inside:
     """A solid made ready for the question which points lie in it; build by `Inside.of`."""

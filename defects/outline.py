@@ -16,8 +16,8 @@ def outline(angles_rad: Floats, spread: float, rng: np.random.Generator) -> Floa
     angles_rad
         (k,) where.
     spread
-        Standard deviation of the radius over outlines, relative; the harmonics of order 2 to 7
-        fall off with their order.
+        Standard deviation of the radius along the outline, relative; the harmonics of order 2
+        to 7 fall off with their order.
     rng
         Source of randomness.
 
@@ -26,9 +26,8 @@ def outline(angles_rad: Floats, spread: float, rng: np.random.Generator) -> Floa
     ratio
         (k,), kept within 0.5 to 1.6.
     """
-    strength = 1.0 / (ORDERS - 0.5)
+    strength = rng.normal(size=len(ORDERS)) / ORDERS**2
     strength *= spread / np.sqrt(np.sum(strength**2))
-    strength *= rng.normal(size=len(ORDERS))
     phase = rng.uniform(0, 2 * np.pi, len(ORDERS))
     waves = np.cos(angles_rad[:, None] * ORDERS + phase) @ (np.sqrt(2) * strength)
     return np.asarray(np.clip(1.0 + waves, 0.5, 1.6))

@@ -47,7 +47,7 @@ class Pit(Kind):
 
     diameter_mm: float = size("mm", 0.05, 30.0, (0.4, 3.0))
     depth_mm: float = size("mm", 0.005, 10.0, (0.1, 0.8))
-    irregularity: float = size("1", 0.0, 0.3, (0.08, 0.2))
+    irregularity: float = size("1", 0.0, 0.3, (0.05, 0.13))
     steepness: float = size("1", 1.5, 8.0, (2.0, 4.0))
     pits: float = size("1", 1, 40, (1, 6), whole=True)
     spread_mm: float = size("mm", 0.1, 50.0, (1.0, 4.0))
@@ -79,7 +79,7 @@ class Pit(Kind):
         x, y = patch.first * np.cos(patch.second), patch.first * np.sin(patch.second)
         waves = np.cos(x[:, None] * wave[:, 0] + y[:, None] * wave[:, 1] + phase).mean(axis=1)
         fall = 1.0 - patch.first**self.steepness
-        height = -depth * fall * (1 + 2.0 * self.irregularity * waves)
+        height = -depth * fall * (1 + 1.5 * self.irregularity * waves)
         rise = float(height.max()) + max(0.02, 0.25 * depth)
         high = np.full(len(height), rise)
         under = patch.first <= 1.0

@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 from manifold3d import Error, Manifold, Mesh64, OpType
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from defects.inside import Inside
 
@@ -181,24 +182,22 @@ def _manifold(solid: Solid, identity: int) -> Manifold:
     return manifold
 
 
-def _area(vertices: Floats, faces: Ints) -> float:
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
-
-
 def _runs(mesh: Mesh64) -> NDArray[np.int64]:
     """Return the original id (F,) of each face."""
     index = np.array(mesh.run_index, np.int64) // 3
     return np.repeat(np.array(mesh.run_original_id, np.int64), np.diff(index))
 
 
-def _skin_of(manifold: Manifold, identity: int) -> tuple[float, Floats]:
-    """Return the area and the doubled area vectors of the faces that come from `identity`."""
+def _skin_of(manifold: Manifold, identity: int) -> tuple[Floats, Floats]:
+    """Return centres and doubled area vectors (n, 3) of the faces that come from `identity`."""
     mesh = manifold.to_mesh64()
     faces = np.array(mesh.tri_verts, np.int64)[_runs(mesh) == identity]
     a, b, c = (np.array(mesh.vert_properties, np.float64)[faces[:, i], :3] for i in range(3))
-    cross = np.cross(b - a, c - a)
-    return float(np.linalg.norm(cross, axis=1).sum() / 2), cross
+    return (a + b + c) / 3, np.cross(b - a, c - a)
+
+
+def _size(cross: Floats) -> float:
+    return float(np.linalg.norm(cross, axis=1).sum() / 2)
 
 
 class Block:
@@ -251,17 +250,18 @@ class Block:
             gone = float(lost.volume())
             if not gone > 0:
                 raise BooleanError("nothing is removed")
-            area, cross = _skin_of(lost, self._identity)
-            opening += area
-            through = self._pierces(cutter, lost, cross)
+            centres, cross = _skin_of(lost, self._identity)
+            opening += _size(cross)
+            # A lid closes what the pocket under it opened.
+            through = added is None and _far_side(cutter, centres, cross)
         if added is not None:
             result = _checked(result + added, "union")
             gained = _checked(added - near, "difference")
             come = float(gained.volume())
             if not come > 0:
                 raise BooleanError("nothing is added")
-            opening += _skin_of(gained, self._identity)[0]
-        self._check(result, float(near.volume()) - gone + come)
+            opening += _size(_skin_of(gained, self._identity)[1])
+        _check(result, float(near.volume()) - gone + come)
         depth = float(-cutter.height_mm.min() if removed is not None else cutter.height_mm.max())
         if through:
             deepest = int(np.argmin(cutter.height_mm))
@@ -295,8 +295,7 @@ class Block:
         if added:
             body = _checked(body + _add(added), "union")
         wanted = self._volume_mm3 + sum(c.added_mm3 - c.removed_mm3 for c in changes)
-        self._check(body, wanted)
-        mesh = body.to_mesh64()
+        mesh = _check(body, wanted)
         runs = _runs(mesh)
         identities, place = np.unique(runs, return_inverse=True)
         unknown = [int(identity) for identity in identities if int(identity) not in owner]
@@ -317,30 +316,30 @@ class Block:
     def _other() -> int:
         return int(Manifold.reserve_ids(1))
 
-    def _check(self, result: Manifold, wanted_mm3: float) -> None:
-        if result.is_empty():
-            raise BooleanError("nothing is left")
-        solid = Solid._of(result)
-        if not np.isfinite(solid.vertices_mm).all():
-            raise BooleanError("a vertex isn't finite")
-        if not solid.closed:
-            raise BooleanError("the result isn't closed")
-        tolerance = 1e-9 * max(1.0, float(result.surface_area()))
-        if abs(float(result.volume()) - wanted_mm3) > tolerance:
-            raise BooleanError("the volumes don't add up")
 
-    @staticmethod
-    def _pierces(cutter: Cutter, lost: Manifold, cross: Floats) -> bool:
-        """Return whether skin is lost on the far side: facets turned away from the flaw's own."""
-        deepest = int(np.argmin(cutter.height_mm))
-        if not len(cross):
-            return False
-        facing = cross @ cutter.normals[deepest]
-        size = np.linalg.norm(cross, axis=1)
-        away = facing < -0.5 * size
-        return bool(size[away].sum() > 1e-6 * size.sum()) and bool(
-            (cutter.normals @ cutter.normals[deepest] > -0.2).all()
-        )
+def _check(result: Manifold, wanted_mm3: float) -> Mesh64:
+    """Check that a result is there, finite, closed and of the wanted volume; return its mesh."""
+    if result.is_empty():
+        raise BooleanError("nothing is left")
+    mesh = result.to_mesh64()
+    if not np.isfinite(mesh.vert_properties).all():
+        raise BooleanError("a vertex isn't finite")
+    if not is_closed(np.array(mesh.tri_verts, np.int32)):
+        raise BooleanError("the result isn't closed")
+    tolerance = 1e-9 * max(1.0, float(result.surface_area()))
+    if abs(float(result.volume()) - wanted_mm3) > tolerance:
+        raise BooleanError("the volumes don't add up")
+    return mesh
+
+
+def _far_side(cutter: Cutter, centres: Floats, cross: Floats) -> bool:
+    """Return whether lost skin lies on the far side: facets turned away from the flaw's skin."""
+    if not len(cross):
+        return False
+    nearest = cKDTree(cutter.skin_mm).query(centres)[1]
+    size = np.linalg.norm(cross, axis=1)
+    away = np.einsum("ij,ij->i", cross, cutter.normals[nearest]) < -0.5 * size
+    return bool(size[away].sum() > 1e-6 * size.sum())
 
 
 def _thickness(solid: Solid, point: Floats, normal: Floats) -> float:

@@ -9,8 +9,12 @@ from numpy.typing import NDArray
 
 from defects.nearest import build_tree, nearest
 
-CREASE_RAD = np.deg2rad(40.0)
-"""Faces that meet at a greater angle are an edge of the part: normals aren't blended over it."""
+CREASE_RAD = np.deg2rad(32.0)
+"""Faces that meet at a greater angle are an edge of the part: normals aren't blended over it.
+
+A blended normal stands off its facet's by half of that at most, so a depth along it is 4 % less
+when measured from the facet.
+"""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]

@@ -83,7 +83,7 @@ class FlawPlan:
         Names of regions that no flaw may touch.
     keep_free_boxes_mm
         Boxes (low, high corner, part frame) that no flaw may touch.
-    sagitta_um
+    facet_um
         How far a flaw's facets may stand off its smooth surface.
     tries
         How often a flaw whose boolean fails is drawn again before it is given up.
@@ -94,7 +94,7 @@ class FlawPlan:
     where: tuple[str, ...] = ()
     keep_free: tuple[str, ...] = ()
     keep_free_boxes_mm: tuple[tuple[tuple[float, ...], tuple[float, ...]], ...] = ()
-    sagitta_um: float = 1.0
+    facet_um: float = 1.0
     tries: int = 8
 
     @classmethod
@@ -106,7 +106,7 @@ class FlawPlan:
         data
             Kinds of flaw by name, each with `number`, sizes and `tiers`; beside them
             `min_distance_mm`, `where` (`visible` or a list of regions), `keep_free` (a list of
-            regions and boxes `[[x, y, z], [x, y, z]]`), `sagitta_um`, `tries`.
+            regions and boxes `[[x, y, z], [x, y, z]]`), `facet_um`, `tries`.
 
         Raises
         ------
@@ -116,7 +116,7 @@ class FlawPlan:
         if not isinstance(data, Mapping):
             raise ValueError(f"{data!r} must be a mapping of kinds of flaw")
         regions, boxes = _keep_free(data.get("keep_free", ()))
-        known = [*KINDS, "min_distance_mm", "where", "keep_free", "sagitta_um", "tries"]
+        known = [*KINDS, "min_distance_mm", "where", "keep_free", "facet_um", "tries"]
         for key in data:
             if key not in known:
                 raise ValueError(f"{key}: unknown key, allowed are {', '.join(known)}")
@@ -126,7 +126,7 @@ class FlawPlan:
             keep_free=regions,
             keep_free_boxes_mm=boxes,
             min_distance_mm=_number(data, "min_distance_mm", 1.0, 0.0, 1e6),
-            sagitta_um=_number(data, "sagitta_um", 1.0, 0.05, 100.0),
+            facet_um=_number(data, "facet_um", 1.0, 0.05, 100.0),
             tries=int(_number(data, "tries", 8, 1, 1000)),
         )
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from defects import KINDS
-from defects.inside import Inside
+from defects.inside import Inside, in_boxes
 from defects.kind import Kind
 from defects.solid import Block, BooleanError, Carved, Change, Cutter
 from defects.surface import Site, SiteError, Surface
@@ -85,6 +86,8 @@ class FlawedPart:
         How often a flaw was drawn again because it didn't fit where it was.
     dropped
         Why flaws were given up, one line for each.
+    solids
+        What `removed_at` asks: the removed and the added solid of each of `cutters`.
     """
 
     part: Part
@@ -119,17 +122,19 @@ class FlawedPart:
         """
         points = np.ascontiguousarray(points_mm, np.float64)
         owner = np.zeros(len(points), np.uint16)
-        for flaw, cutter, (removed, added) in zip(
-            self.flaws, self.cutters, self.solids, strict=True
-        ):
-            if removed is None or cutter.removed is None:
-                continue
-            corners = cutter.removed.vertices_mm
-            near = _in_box(points, corners.min(axis=0), corners.max(axis=0))
-            near = near[removed.contains(points[near])]
-            if added is not None and len(near):
+        carving = [i for i, cutter in enumerate(self.cutters) if cutter.removed is not None]
+        if not carving:
+            return owner
+        boxes = np.stack([self.cutters[i].box_mm.ravel() for i in carving])
+        start, member = in_boxes(points, boxes)
+        for place, i in enumerate(carving):
+            near = member[start[place] : start[place + 1]]
+            removed, added = self.solids[i]
+            if removed is not None:
+                near = near[removed.contains(points[near])]
+            if added is not None:
                 near = near[~added.contains(points[near])]
-            owner[near] = flaw.instance
+            owner[near] = self.flaws[i].instance
         return owner
 
 
@@ -193,7 +198,7 @@ def inject(
     """
     plan.check_regions(part.regions)
     skin = surface or Surface.of(part.vertices_mm, part.faces)
-    block = Block(part.vertices_mm, part.faces)
+    block = _block(part)
     allowed = _allowed(part, plan, visible_faces)
     forbidden = np.zeros(len(part.faces), np.bool_)
     for name in plan.keep_free:
@@ -241,7 +246,7 @@ def inject(
     )
 
 
-def cutter_of(surface: Surface, flaw: Flaw, sagitta_um: float = 1.0) -> Cutter:
+def cutter_of(surface: Surface, flaw: Flaw, facet_um: float = 1.0) -> Cutter:
     """Build a recorded flaw's cutter again, alone, from its record.
 
     Parameters
@@ -250,7 +255,7 @@ def cutter_of(surface: Surface, flaw: Flaw, sagitta_um: float = 1.0) -> Cutter:
         Of the unflawed part.
     flaw
         The record.
-    sagitta_um
+    facet_um
         The plan's.
     """
     site = Site(
@@ -260,7 +265,13 @@ def cutter_of(surface: Surface, flaw: Flaw, sagitta_um: float = 1.0) -> Cutter:
         triangle=flaw.triangle,
     )
     kind = KINDS[flaw.kind](**flaw.parameters)
-    return kind.cutter(surface, site, _shape_rng(flaw.seed, flaw.attempt), sagitta_um * 1e-3)
+    return kind.cutter(surface, site, _shape_rng(flaw.seed, flaw.attempt), facet_um * 1e-3)
+
+
+@lru_cache(maxsize=2)
+def _block(part: Part) -> Block:
+    """Return the part ready for carving; kept, since many specimens come from one part."""
+    return Block(part.vertices_mm, part.faces)
 
 
 def _shape_rng(seed: int, attempt: int) -> np.random.Generator:
@@ -305,7 +316,7 @@ def _try(
     for other in placed:
         if other.tree.query(site.position_mm)[0] < max(plan.min_distance_mm, other.spacing_mm):
             raise _Misplaced("too near to another flaw")
-    cutter = flaw.cutter(surface, site, _shape_rng(seed, attempt), plan.sagitta_um * 1e-3)
+    cutter = flaw.cutter(surface, site, _shape_rng(seed, attempt), plan.facet_um * 1e-3)
     _check_free(surface, plan, cutter, forbidden)
     points = np.concatenate([solid.vertices_mm for solid in cutter.solids])
     spacing = 0.6 * max(_longest_edge(cutter), 1e-3)
@@ -329,7 +340,7 @@ def _try(
 
 def _check_free(surface: Surface, plan: FlawPlan, cutter: Cutter, forbidden: Bools) -> None:
     for low, high in plan.keep_free_boxes_mm:
-        if len(_in_box(cutter.skin_mm, np.array(low), np.array(high))):
+        if ((cutter.skin_mm >= low) & (cutter.skin_mm <= high)).all(axis=1).any():
             raise _Misplaced("on a place to be kept free")
     if forbidden.any() and forbidden[surface.project(cutter.skin_mm)[2]].any():
         raise _Misplaced("on a region to be kept free")
@@ -343,15 +354,6 @@ def _longest_edge(cutter: Cutter) -> float:
             longest, float(np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max())
         )
     return longest
-
-
-def _in_box(points: Floats, low: Floats, high: Floats) -> NDArray[np.intp]:
-    """Return which of the points lie in a box; dimension by dimension, to touch few twice."""
-    near = np.flatnonzero((points[:, 0] >= low[0]) & (points[:, 0] <= high[0]))
-    for axis in (1, 2):
-        x = points[near, axis]
-        near = near[(x >= low[axis]) & (x <= high[axis])]
-    return near
 
 
 def _carve(
