@@ -98,20 +98,20 @@ class Scene:
             Rigid, sensor -> part.
         """
         n, m = len(poses), len(laser.x_mm)
+        frame, place = frames(poses)
+        runs = legs(frame) if m > 0 else []
+        # A sweep looks at every triangle once, about as dear as a sixth of a search.
+        ordered = sweepable(laser.x_mm, laser.slope_x)
+        swept = [ordered and 6 * m * (leg.stop - leg.start) >= len(self.faces) for leg in runs]
+        if len(runs) == 1 and swept[0]:
+            depth, triangle = self._sweep(laser, frame, place)
+            return Hits(depth_mm=depth, triangle=triangle)
         depth = np.full((n, m), np.nan)
         triangle = np.full((n, m), -1, dtype=np.int32)
-        if n == 0 or m == 0:
-            return Hits(depth_mm=depth, triangle=triangle)
-        frame, place = frames(poses)
-        ordered = sweepable(laser.x_mm, laser.slope_x)
         searched = np.zeros(n, dtype=bool)
-        for leg in legs(frame):
-            # A sweep looks at every triangle once, about as dear as a sixth of a search.
-            if ordered and 6 * m * (leg.stop - leg.start) >= len(self.faces):
-                depth[leg], triangle[leg] = sweep(
-                    self.vertices_mm, self.faces, frame[leg.start], place[leg],
-                    laser.x_mm, laser.slope_x,
-                )  # fmt: skip
+        for leg, sweeps in zip(runs, swept, strict=True):
+            if sweeps:
+                depth[leg], triangle[leg] = self._sweep(laser, frame[leg], place[leg])
             else:
                 searched[leg] = True
         if searched.any():
@@ -119,6 +119,11 @@ class Scene:
                 laser, frame[searched], place[searched]
             )
         return Hits(depth_mm=depth, triangle=triangle)
+
+    def _sweep(self, laser: Laser, frame: Floats, place: Floats) -> tuple[Floats, Ints]:
+        return sweep(
+            self.vertices_mm, self.faces, frame[0], place, laser.x_mm, laser.slope_x
+        )
 
     def cast_by_tree(self, laser: Laser, poses: Floats) -> Hits:
         """Cast with Embree, whatever the poses; same result as `cast`."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sensors.section import Floats, Ints, clipped, depth_on, edge_slope
 
-_BLOCK = 8  # profiles whose part of the z-buffer stays in the processor's cache
+_BLOCK = 16  # profiles whose part of the z-buffer stays in the processor's cache
 
 
 def sweepable(x_mm: Floats, slope_x: Floats) -> bool:
@@ -79,7 +79,7 @@ def sweep(
 def _lookup(values: Floats) -> tuple[Ints, float, float]:
     """Table of where to begin the search in sorted `values`, at index (v - origin)·scale."""
     span = float(values[-1] - values[0])
-    cells = 4 * len(values)
+    cells = 2 * len(values)
     scale = cells / span if span > 0 and math.isfinite(cells / span) else 0.0
     edges = values[0] + np.arange(cells + 1) / (scale if scale > 0 else 1.0)
     return np.searchsorted(values, edges).astype(np.int32), float(values[0]), scale
@@ -105,7 +105,7 @@ def _guess(table: Ints, origin: float, scale: float, value: float) -> int:
     if not cell > 0.0:  # NaN too
         return int(table[0])
     last = len(table) - 1
-    return int(table[int(cell)]) if cell < last else int(table[last])
+    return np.int64(table[np.uint64(cell)]) if cell < last else np.int64(table[last])
 
 
 @njit(cache=True)
@@ -186,9 +186,13 @@ def _left_of(
                 j = middle + 1
             else:
                 top = middle
-    while j > 0 and not x_mm[j - 1] + slope_x[j - 1] * z < x:
+    # One step without a branch settles nearly all; the loops make sure.
+    k = np.uint64(min(j, m - 1))
+    if x_mm[k] + slope_x[k] * z < x:
+        j = np.int64(k) + 1
+    while j > 0 and not x_mm[np.uint64(j - 1)] + slope_x[np.uint64(j - 1)] * z < x:
         j -= 1
-    while j < m and x_mm[j] + slope_x[j] * z < x:
+    while j < m and x_mm[np.uint64(j)] + slope_x[np.uint64(j)] * z < x:
         j += 1
     return j
 
@@ -244,8 +248,8 @@ def _fill(
                 if begin >= end:
                     continue
                 bottom, top = min(az, bz), max(az, bz)
-                _nearest(
-                    depth[order[row]], triangle[order[row]], begin, end, t,
+                _keep_nearest(
+                    depth, triangle, order[row], begin, end, t,
                     ax, az, bx - ax, bz - az, bottom, top, x_mm, slope_x,
                 )  # fmt: skip
         for row in range(first, last):
@@ -254,15 +258,16 @@ def _fill(
                 line[j] = line[j] if line[j] < np.inf else np.nan
 
 
-@njit(cache=True, error_model="numpy")
-def _nearest(
-    depth: Floats, triangle: Ints, begin: int, end: int, t: int,
+@njit(cache=True, inline="always", error_model="numpy")
+def _keep_nearest(
+    depth: Floats, triangle: Ints, row: int, begin: int, end: int, t: int,
     x0: float, z0: float, dx: float, dz: float, low: float, high: float,
     x_mm: Floats, slope_x: Floats,
 ) -> None:  # fmt: skip
     """Put the segment's depths where they are nearer than what is there."""
-    for j in range(begin, end):
+    r = np.uint64(row)  # unsigned: an index that can't be negative lets the loop be vectorised
+    for j in range(np.uint64(begin), np.uint64(end)):
         d = depth_on(x0, z0, dx, dz, low, high, x_mm[j], slope_x[j])
-        nearer = (d < depth[j]) & (d > 0.0)
-        depth[j] = d if nearer else depth[j]
-        triangle[j] = t if nearer else triangle[j]
+        nearer = (d < depth[r, j]) & (d > 0.0)
+        depth[r, j] = d if nearer else depth[r, j]
+        triangle[r, j] = t if nearer else triangle[r, j]
