@@ -167,8 +167,8 @@ def part_edges(vertices: Vertices, faces: Faces) -> tuple[Vertices, Faces, int, 
     rows, columns = ends[:, 0].ravel(), other.ravel()
     links = coo_array((np.ones(len(rows)), (rows, columns)), shape=(faces.size, faces.size))
     _, own = connected_components(links, directed=False)
-    _, first, number = np.unique(own, return_index=True, return_inverse=True)
-    return vertices[faces.ravel()[first]], number.reshape(-1, 3), len(busy), left
+    _, first, names = np.unique(own, return_index=True, return_inverse=True)
+    return vertices[faces.ravel()[first]], names.reshape(-1, 3), len(busy), left
 
 
 def _around(

@@ -273,7 +273,7 @@ def _uncrossed(
             source,
             f"self-intersection: {'' if found.complete else 'at least '}{int(own.sum())} pairs of "
             f"faces cross, first at {_place(found.points_mm[np.argmax(own)])}",
-            "a smaller thicken_mm" if thickened else "rebuild or unite it in CAD",
+            "a smaller thicken_mm, or a negative one (the other side)" if thickened else "rebuild or unite it in CAD",
         )
     count = int(body.max()) + 1
     if count == 1 or not (touching or len(found.pairs)):

@@ -61,12 +61,12 @@ def close_sheet(
     )
     side = np.repeat(np.array([0, 1, 2], dtype=np.int8), [len(faces), len(faces), len(wall)])
     solid = np.concatenate([faces, faces[:, ::-1] + count, wall]).astype(np.int32)
-    middle = np.asarray(np.stack([a, b], axis=1)[solid % count].mean(axis=1), dtype=np.float64)
+    middle = np.stack([a, b], axis=1)[solid % count].mean(axis=1)
     return np.concatenate([outer, inner]), solid, side, middle
 
 
 def _square(lattice: NDArray[np.int64]) -> Points:
-    return lattice * (2.0 / _LATTICE) - 1.0
+    return lattice.astype(np.float64) * (2.0 / _LATTICE) - 1.0
 
 
 def _refined(sheet: Sheet, cells: NDArray[np.int64], facet_mm: float) -> NDArray[np.int64]:
