@@ -6,12 +6,10 @@ solved: fields are drawn with fixed seeds, the sensor's uncertainty is added and
 10), the figures are taken as a user would take them, and a damped Gauss-Newton iteration with the
 same random numbers throughout moves the parameters until they agree.
 
-The height map has 18 free slopes, many more than there are figures; of all maps that reach the
+The map has 18 free slopes, many more than there are figures; of all maps that reach the
 figures the straightest is taken. Every step is deterministic: same inputs, same parameters.
 """
 
-import hashlib
-import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -36,6 +34,7 @@ SIDE = (0.0, 0.5, 1.0, 1.4, 1.8, 2.1, 2.4, 2.7, 3.0, 3.4)
 KNOTS = np.array([-k for k in SIDE[:0:-1]] + list(SIDE))
 MIDDLE = len(SIDE) - 1
 SLOPES = KNOTS.size - 1
+BEYOND = 6.0
 
 FIRST_SEED = 7_624_2023
 """Seeds of the calibration's own fields; a dataset's never start there."""
@@ -43,17 +42,19 @@ FIRST_SEED = 7_624_2023
 QUANTILES = np.array([0.01, 0.03, 0.1, 0.25, 0.5, 0.75, 0.9, 0.97, 0.99])
 SPECTRUM_WEIGHT = 0.05
 QUANTILE_WEIGHT = 0.3
+FINE_POINTS, COARSE_POINTS = 400_000, 100_000
 GOOD_ENOUGH = 0.006
+FEWEST_PROFILES = 16
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Measured:
     """What is wanted of a scan: figures, and for a recording its spectra and heights as well.
 
     Parameters
     ----------
-    figures : dict
-        Wanted figures by name (`sensors.roughness.FIGURES`), lengths in mm; any part of them.
+    ra_mm, rq_mm, rp_mm, rv_mm, rpm_mm, rvm_mm, pc_per_mm : float, optional
+        Wanted figures (`sensors.roughness.Roughness`), any part of them.
     pitch_x_mm, pitch_y_mm : float
         Distance of points and profiles, mm.
     profiles, points : int
@@ -62,54 +63,62 @@ class Measured:
         The sensor's ΔZ and σ_rep.
     cutoff_mm : float, optional
         Cut-off of the Gaussian filter with which the figures were taken.
-    quantiles_mm, spectrum_along, spectrum_across : arrays, optional
+    quantiles_mm, spectrum_along, spectrum_across : tuples, optional
         Of a recording: heights at `QUANTILES` and mean densities in the bands of `bands`.
     """
 
-    figures: dict[str, float]
     pitch_x_mm: float
     pitch_y_mm: float
+    ra_mm: float | None = None
+    rq_mm: float | None = None
+    rp_mm: float | None = None
+    rv_mm: float | None = None
+    rpm_mm: float | None = None
+    rvm_mm: float | None = None
+    pc_per_mm: float | None = None
     profiles: int = 100
     points: int = 501
     resolution_mm: float = 0.0038
     repeatability_mm: float = 0.0
     cutoff_mm: float | None = None
-    quantiles_mm: Floats | None = field(default=None, repr=False)
-    spectrum_along: Floats | None = field(default=None, repr=False)
-    spectrum_across: Floats | None = field(default=None, repr=False)
+    quantiles_mm: tuple[float, ...] | None = field(default=None, repr=False)
+    spectrum_along: tuple[float, ...] | None = field(default=None, repr=False)
+    spectrum_across: tuple[float, ...] | None = field(default=None, repr=False)
 
-    def key(self) -> str:
-        """Return a short name of these inputs and the method."""
-        inputs = {
-            "method": METHOD,
-            **{name: float(f"{value:.9g}") for name, value in sorted(self.figures.items())},
-            "window": [self.profiles, self.points],
-            "pitch": [float(f"{p:.9g}") for p in (self.pitch_x_mm, self.pitch_y_mm)],
-            "sensor": [self.resolution_mm, self.repeatability_mm, self.cutoff_mm],
-        }
-        for name in ("quantiles_mm", "spectrum_along", "spectrum_across"):
-            values = getattr(self, name)
-            if values is not None:
-                inputs[name] = [float(f"{v:.6g}") for v in values]
-        text = json.dumps(inputs, sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
+    def __post_init__(self) -> None:
+        for name, value in self.figures().items():
+            if not (value > 0.0 and math.isfinite(value)):
+                raise ValueError(f"{name} must be positive, not {value:g}")
+        if self.pc_per_mm is not None and self.pc_per_mm * self.pitch_x_mm > 1.0 / 3.0:
+            raise ValueError(
+                f"pc_per_mm {self.pc_per_mm:g} is more than white noise has at a pitch of "
+                f"{self.pitch_x_mm:g} mm (one peak in three points)"
+            )
+
+    def figures(self) -> dict[str, float]:
+        """Return the figures that are given, by name, in the order of the paper's tables."""
+        values = {name: getattr(self, name) for name in FIGURES}
+        return {name: float(value) for name, value in values.items() if value is not None}
+
+    def grid(self) -> tuple[Floats, Floats]:
+        """Return positions of the window's points and profiles, mm."""
+        return (
+            np.arange(self.points, dtype=np.float64) * self.pitch_x_mm,
+            np.arange(self.profiles, dtype=np.float64) * self.pitch_y_mm,
+        )
 
     def bands(self) -> tuple[Floats, Floats]:
         """Return edges of the bands along and across, from form cut-off to resolution limit."""
-        return tuple(
-            band_edges(
-                max(1.0 / self.cutoff_mm if self.cutoff_mm else 0.0, 3.0 / (size * pitch)),
-                0.5 / pitch,
-                size // 2,
-            )
-            for size, pitch in (
-                (self.points, self.pitch_x_mm),
-                (self.profiles, self.pitch_y_mm),
-            )
-        )  # type: ignore[return-value]  # two of them
+        lowest = 1.0 / self.cutoff_mm if self.cutoff_mm else 0.0
+        along = max(lowest, 3.0 / (self.points * self.pitch_x_mm))
+        across = max(lowest, 3.0 / (self.profiles * self.pitch_y_mm))
+        return (
+            band_edges(along, 0.5 / self.pitch_x_mm, self.points // 2),
+            band_edges(across, 0.5 / self.pitch_y_mm, self.profiles // 2),
+        )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Solution:
     """The noise found, what it measures in the calibration's own fields, and its worst error."""
 
@@ -142,7 +151,7 @@ def measure(
     flat = remove_form(heights_mm, pitch_x_mm, cutoff_mm)
     figures = roughness(flat, pitch_x_mm)
     wanted = Measured(
-        figures={name: getattr(figures, name) for name in FIGURES},
+        **{name: getattr(figures, name) for name in FIGURES},
         pitch_x_mm=pitch_x_mm,
         pitch_y_mm=pitch_y_mm,
         profiles=flat.shape[0],
@@ -151,22 +160,23 @@ def measure(
         repeatability_mm=repeatability_mm,
         cutoff_mm=cutoff_mm,
     )
-    quantiles, along, across = _distribution(wanted, flat)
+    quantiles, along, across = distribution(wanted, flat)
     return replace(
         wanted,
-        quantiles_mm=quantiles,
-        spectrum_along=along,
-        spectrum_across=across if flat.shape[0] >= 16 else None,
+        quantiles_mm=tuple(quantiles.tolist()),
+        spectrum_along=tuple(along.tolist()),
+        spectrum_across=tuple(across.tolist()) if across.size else None,
     )
 
 
-def _distribution(wanted: Measured, flat: Floats) -> tuple[Floats, Floats, Floats]:
+def distribution(wanted: Measured, flat: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return heights at `QUANTILES` and densities in the bands along and (if enough rows) across."""
     along, across = wanted.bands()
     valid = flat[np.isfinite(flat)]
     quantiles = np.quantile(valid - valid.mean(), QUANTILES)
     frequency, density = power_spectrum(flat, wanted.pitch_x_mm, 1)
     power_along = band_power(frequency, density, along)
-    if flat.shape[0] < 16:
+    if flat.shape[0] < FEWEST_PROFILES:
         return quantiles, power_along, np.empty(0)
     frequency, density = power_spectrum(flat, wanted.pitch_y_mm, 0)
     return quantiles, power_along, band_power(frequency, density, across)
@@ -197,9 +207,7 @@ def simulate(
     (profiles, points) array
         Readings in mm, relative to the part.
     """
-    x_mm = np.arange(wanted.points) * wanted.pitch_x_mm
-    y_mm = np.arange(wanted.profiles) * wanted.pitch_y_mm
-    readings = noise.sample(x_mm, y_mm, rng_field) + depth_mm
+    readings = noise.sample(*wanted.grid(), rng_field) + depth_mm
     sigma = gaussian_sd_mm(wanted.resolution_mm, wanted.repeatability_mm)
     return quantise(readings + rng_sensor.normal(0.0, sigma, readings.shape), wanted.resolution_mm)
 
@@ -211,13 +219,14 @@ class _Bench:
     persistence.
     """
 
-    def __init__(self, wanted: Measured, octaves: int) -> None:
+    def __init__(self, wanted: Measured, octaves: int, points: int) -> None:
         self.wanted = wanted
         self.octaves = octaves
-        self.windows = int(np.clip(400_000 // (wanted.profiles * wanted.points), 1, 40))
+        self.windows = int(np.clip(points // (wanted.profiles * wanted.points), 1, 40))
         self.both = wanted.spectrum_across is not None
-        self.targets = np.log([wanted.figures[name] for name in FIGURES if name in wanted.figures])
-        self.columns = [i for i, name in enumerate(FIGURES) if name in wanted.figures]
+        figures = wanted.figures()
+        self.targets = np.log(list(figures.values()))
+        self.columns = [FIGURES.index(name) for name in figures]
         sigma = gaussian_sd_mm(wanted.resolution_mm, wanted.repeatability_mm)
         shape = (wanted.profiles, wanted.points)
         self.gaussian = []
@@ -255,12 +264,10 @@ class _Bench:
         if key not in self._fields:
             identity = HeightMap(knots=(-1.0, 1.0), values=(-1.0, 1.0))
             noise = replace(self.noise(p), heights=identity)
-            x_mm = np.arange(self.wanted.points) * self.wanted.pitch_x_mm
-            y_mm = np.arange(self.wanted.profiles) * self.wanted.pitch_y_mm
             if len(self._fields) > 1:
                 self._fields.pop(next(iter(self._fields)))
             self._fields[key] = [
-                noise.sample(x_mm, y_mm, np.random.default_rng([FIRST_SEED, w, 0]))
+                noise.sample(*self.wanted.grid(), np.random.default_rng([FIRST_SEED, w, 0]))
                 for w in range(self.windows)
             ]
         return self._fields[key]
@@ -283,62 +290,55 @@ class _Bench:
         parts = [np.log(figures[self.columns]) - self.targets]
         wanted = self.wanted
         if wanted.quantiles_mm is not None:
-            found = [_distribution(wanted, flat) for flat in flats]
-            scale = QUANTILE_WEIGHT / max(float(np.ptp(wanted.quantiles_mm)), 1e-12)
-            parts.append(scale * (np.mean([f[0] for f in found], axis=0) - wanted.quantiles_mm))
+            found = [distribution(wanted, flat) for flat in flats]
+            quantiles = np.array(wanted.quantiles_mm)
+            scale = QUANTILE_WEIGHT / max(float(np.ptp(quantiles)), 1e-12)
+            parts.append(scale * (np.mean([f[0] for f in found], axis=0) - quantiles))
             for k, target in ((1, wanted.spectrum_along), (2, wanted.spectrum_across)):
                 if target is not None:
-                    ratio = np.log(np.mean([f[k] for f in found], axis=0) / target)
+                    ratio = np.log(np.mean([f[k] for f in found], axis=0) / np.array(target))
                     parts.append(SPECTRUM_WEIGHT * np.nan_to_num(ratio) / math.sqrt(ratio.size / 4))
         return np.concatenate(parts)
 
-    def centred(self, p: Floats) -> PerlinField:
-        """Return the field with its mean taken out, so that it shifts no depth."""
+    def finished(self, p: Floats) -> PerlinField:
+        """Return the field with its mean taken out, so that it shifts no depth, and safe ends.
+
+        Few of the calibration's points lie beyond the last knots and many of a large scan's do:
+        there the map goes on with its chord's slope where its own is steeper.
+        """
         heights = self.noise(p).heights
         assert heights is not None
         mean = float(np.mean([heights(u).mean() for u in self._standardised(p)]))
-        return self.noise(p, mean)
-
-
-def calibrate(wanted: Measured, *, octaves: int = 4) -> Solution:
-    """Solve the noise for what is wanted of the scan; the same inputs are solved once a process.
-
-    Raises
-    ------
-    ValueError
-        Where a figure isn't positive, or more peaks are wanted than there is room for.
-    """
-    for name, value in wanted.figures.items():
-        if name not in FIGURES or not (value > 0.0 and math.isfinite(value)):
-            raise ValueError(f"{name} must be a positive figure of {', '.join(FIGURES)}")
-    if wanted.figures.get("pc_per_mm", 0.0) * wanted.pitch_x_mm > 1.0 / 3.0:
-        raise ValueError(
-            f"pc_per_mm {wanted.figures['pc_per_mm']:g} is more than white noise has at a pitch of "
-            f"{wanted.pitch_x_mm:g} mm (one peak in three points)"
+        noise = self.noise(p, mean)
+        assert noise.heights is not None
+        values = np.array(noise.heights.values)
+        chord = (values[-1] - values[0]) / (KNOTS[-1] - KNOTS[0])
+        slopes = np.minimum(np.diff(values)[[0, -1]] / np.diff(KNOTS)[[0, -1]], chord)
+        reach = BEYOND - KNOTS[-1]
+        ends = values[0] - slopes[0] * reach, values[-1] + slopes[1] * reach
+        return replace(
+            noise,
+            heights=HeightMap(
+                knots=(-BEYOND, *noise.heights.knots, BEYOND),
+                values=(float(ends[0]), *noise.heights.values, float(ends[1])),
+            ),
         )
-    key = wanted.key(), octaves
-    _PENDING[key] = wanted
-    try:
-        return _solve(*key)
-    finally:
-        _PENDING.pop(key, None)
-
-
-_PENDING: dict[tuple[str, int], Measured] = {}
 
 
 @lru_cache(maxsize=32)
-def _solve(key: str, octaves: int) -> Solution:
-    wanted = _PENDING[key, octaves]
-    bench = _Bench(wanted, octaves)
+def calibrate(wanted: Measured, *, octaves: int = 4) -> Solution:
+    """Solve the noise for what is wanted of the scan; the same inputs are solved once a process."""
+    bench = _Bench(wanted, octaves, FINE_POINTS)
+    coarse = _Bench(wanted, octaves, COARSE_POINTS)
     best: Floats | None = None
     lowest = math.inf
     free = wanted.spectrum_along is not None
     # persistence as in the paper first; freed, from both sides, only where that isn't enough
-    for persistence, is_free in ((0.5, free), (0.2, True), (0.8, True)):
+    for persistence, is_free in ((0.5, free), (0.1, True), (0.8, True)):
         p = _first_guess(wanted, persistence)
         for stiffness in (0.02, 0.003):
-            p = _iterate(bench, p, stiffness, is_free)
+            p = _iterate(coarse, p, stiffness, is_free)
+        p = _iterate(bench, p, 0.003, is_free, rounds=4)
         cost = float(np.max(np.abs(bench.residuals(p))))
         if cost < lowest:
             best, lowest = p, cost
@@ -348,14 +348,14 @@ def _solve(key: str, octaves: int) -> Solution:
     figures, _ = bench.figures(best)
     errors = np.abs(figures[bench.columns] / np.exp(bench.targets) - 1.0)
     return Solution(
-        field=bench.centred(best),
+        field=bench.finished(best),
         reached=Roughness(**{n: float(v) for n, v in zip(FIGURES, figures, strict=True)}),
         worst_error=float(errors.max()),
     )
 
 
 def _first_guess(wanted: Measured, persistence: float) -> Floats:
-    figures = wanted.figures
+    figures = wanted.figures()
     rq_mm = figures.get("rq_mm")
     if rq_mm is None:
         high = [figures[n] for n in ("rpm_mm", "rvm_mm", "rp_mm", "rv_mm") if n in figures]
@@ -368,7 +368,9 @@ def _first_guess(wanted: Measured, persistence: float) -> Floats:
     return np.concatenate((slopes, [math.log(cell_x), math.log(cell_y), logit]))
 
 
-def _iterate(bench: _Bench, p: Floats, stiffness: float, persistence_free: bool) -> Floats:
+def _iterate(
+    bench: _Bench, p: Floats, stiffness: float, persistence_free: bool, rounds: int = 15
+) -> Floats:
     """Damped Gauss-Newton on the residuals and the map's bends (second differences of slopes)."""
     moving = list(range(SLOPES + 1))
     if bench.both:
@@ -396,7 +398,7 @@ def _iterate(bench: _Bench, p: Floats, stiffness: float, persistence_free: bool)
 
     r, cost = cost_of(p)
     damping = 1e-3
-    for _ in range(15):
+    for _ in range(rounds):
         jacobian = _jacobian(lambda q: cost_of(q)[0], p, r, moving, high)
         normal = jacobian.T @ jacobian
         gradient = jacobian.T @ r

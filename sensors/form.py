@@ -41,8 +41,10 @@ def remove_plane(heights_mm: Floats) -> Floats:
     """
     heights_mm = np.atleast_2d(heights_mm)
     valid = np.isfinite(heights_mm)
-    row, column = np.indices(heights_mm.shape, dtype=np.float64)
-    design = np.stack((np.ones(int(valid.sum())), row[valid], column[valid]), axis=1)
+    row = np.arange(heights_mm.shape[0], dtype=np.float64)[:, None]
+    column = np.arange(heights_mm.shape[1], dtype=np.float64)[None, :]
+    ones = np.ones(heights_mm.shape)
+    design = np.stack((ones[valid], (row * ones)[valid], (column * ones)[valid]), axis=1)
     solution, _, rank, _ = np.linalg.lstsq(design, heights_mm[valid], rcond=None)
     if rank < 3:
         raise ValueError("the valid points don't span a plane")

@@ -105,7 +105,7 @@ class PerlinField:
         return octaves
 
     def sd(self, pitch_x_mm: float = 0.0, pitch_y_mm: float = 0.0) -> float:
-        """Standard deviation of the octaves' sum before amplitude and heights, closed form."""
+        """Return the standard deviation of the octaves' sum before amplitude and heights."""
         gains = [gain for gain, _, _ in self.drawn_octaves(pitch_x_mm, pitch_y_mm)]
         return OCTAVE_SD * math.sqrt(sum(gain * gain for gain in gains))
 
@@ -218,7 +218,7 @@ S0, S1, S2, S3, S4, S5, S6 = ((-1.0) ** k / math.factorial(2 * k + 1) for k in r
 def _gradients(
     key: np.uint64, row: int, columns: NDArray[np.int64], gx: Floats, gy: Floats
 ) -> None:
-    """Unit gradients, uniform in direction, of one row of control points."""
+    """Draw unit gradients, uniform in direction, of one row of control points."""
     row_key = _mix(key + np.uint64(row) * np.uint64(0x9E3779B97F4A7C15))
     for k in range(columns.size):
         h = _mix(row_key + np.uint64(columns[k]) * np.uint64(0xD1342543DE82EF95))

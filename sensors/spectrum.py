@@ -36,7 +36,8 @@ def power_spectrum(heights_mm: Floats, pitch_mm: float, axis: int) -> tuple[Floa
     gain = np.mean(taper**2) * max(float(valid.mean()), 1e-12)
     power = np.mean(np.abs(np.fft.rfft(centred * taper, axis=1)) ** 2, axis=0)
     density = power * 2.0 * pitch_mm / (n * gain)
-    return np.fft.rfftfreq(n, pitch_mm)[1:], density[1:]
+    frequency = np.arange(1, density.size, dtype=np.float64) / (n * pitch_mm)
+    return frequency, np.asarray(density[1:], dtype=np.float64)
 
 
 def band_edges(low_per_mm: float, high_per_mm: float, points: int, bands: int = 12) -> Floats:

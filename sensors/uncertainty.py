@@ -22,7 +22,7 @@ class Resolution(Protocol):
 
 
 def sigma_mm(datasheet: Resolution) -> float:
-    """Standard deviation of a reading before rounding, mm.
+    """Return the standard deviation of a reading before rounding, mm.
 
     σ = sqrt(ΔZ² / 12 + σ_rep²) (Sensors 2023, 23, 7624, equation 10): a uniform error of the
     resolution's width and the repeatability, taken together as one Gaussian. A figure that the
