@@ -54,8 +54,12 @@ class Camera:
         up: Floats,
         pixels: tuple[int, int],
         margin: float = 0.04,
+        foot: float = 0.0,
     ) -> Self:
-        """Look along `look` so that all of `points_mm` (k, 3), part frame, is in the picture."""
+        """Look along `look` so that all of `points_mm` (k, 3), part frame, is in the picture.
+
+        `margin` is left free on each side, `foot` (shares of the height) below as well.
+        """
         back = -np.asarray(look, float) / np.linalg.norm(look)
         right = np.cross(np.asarray(up, float), back)
         right /= np.linalg.norm(right)
@@ -63,7 +67,9 @@ class Camera:
         plane = np.asarray(points_mm, float) @ frame.T
         low, high = plane.min(axis=0), plane.max(axis=0)
         centre, size = (low + high)[:2] / 2, (high - low)[:2]
-        pixel_mm = max(float((size / np.array(pixels)).max()) * (1 + 2 * margin), 1e-9)
+        room = np.array([1.0, 1.0 - foot]) * pixels
+        pixel_mm = max(float((size / room).max()) * (1 + 2 * margin), 1e-9)
+        centre[1] -= foot * pixels[1] * pixel_mm / 2
         half = np.array(pixels) * pixel_mm / 2
         window = np.array(
             [centre[0] - half[0], centre[0] + half[0], centre[1] - half[1], centre[1] + half[1]]

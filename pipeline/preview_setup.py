@@ -120,7 +120,7 @@ def _overview(
     shown = np.unique(np.linspace(0, len(poses) - 1, 3).round().astype(int))
     fans = [_fan_mm(datasheet, poses[at]) for at in shown]
     everything = np.concatenate([scene.vertices_mm, *fans])
-    camera = Camera.around(everything, look=look, up=-z, pixels=_pixels(axes))
+    camera = Camera.around(everything, look=look, up=-z, pixels=_pixels(axes), foot=0.06)
     axes.imshow(render(scene, camera, _colours(instance, named)), extent=camera.extent_mm, zorder=1)
     for at, fan in zip(shown, fans, strict=True):
         middle = at == shown[len(shown) // 2]
