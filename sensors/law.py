@@ -171,20 +171,37 @@ def _first_reason(laws: Sequence[Law], share: Floats) -> NDArray[np.uint8]:
     return np.where(share > 0, np.uint8(0), reason).astype(np.uint8)
 
 
-def geometric_law(view: View, surface: Surface | None) -> Law:
-    """Law of the paper: geometry, Perlin speckle, equation 10; no effects."""
+def geometric_law(view: View, surface: Surface | PerlinField | None) -> Law:
+    """Law of the paper: geometry, Perlin speckle, equation 10; no effects.
+
+    A surface that isn't calibrated yet is calibrated here, for each scan anew (seconds): have
+    `Surface.ready` do that once, or give the field itself.
+    """
     return Law(
         mean_mm=view.depth_mm,
         reason=view.reason,
         white_sd_mm=sigma_mm(view.datasheet),
-        speckle=None if surface is None else surface.field(),
+        speckle=_speckle(view, surface),
         step_mm=view.datasheet.step_mm,
     )
 
 
+def _speckle(view: View, surface: Surface | PerlinField | None) -> PerlinField | None:
+    if surface is None or isinstance(surface, PerlinField):
+        return surface
+    sheet = view.datasheet
+    ready = surface.ready(
+        grid_pitch(view.column_x_mm) or None,
+        grid_pitch(view.travel_mm) or None,
+        z_resolution_um=sheet.z_resolution_um,
+        repeatability_um=sheet.repeatability_um or 0.0,
+    )
+    return ready.field()
+
+
 def law_with(
     view: View,
-    surface: Surface | None,
+    surface: Surface | PerlinField | None,
     effects: Sequence["Effect"],
     rng_of: RngOf | None = None,
 ) -> Law:
@@ -194,8 +211,8 @@ def law_with(
     ----------
     view : View
         The scan at its commanded poses.
-    surface : Surface or None
-        Roughness, None without speckle.
+    surface : Surface, PerlinField or None
+        Roughness, or the noise made of it; None without speckle.
     effects : sequence of Effect
     rng_of : function, optional
         Gives the generator from which an effect's recording parameters are drawn, by the stream's
@@ -214,7 +231,9 @@ def law_with(
     return law
 
 
-def plain_law(view: View, surface: Surface | None, rng_of: RngOf | None = None) -> Law:
+def plain_law(
+    view: View, surface: Surface | PerlinField | None, rng_of: RngOf | None = None
+) -> Law:
     """Law of the sensor's file, its effects included; see `law_with`."""
     return law_with(view, surface, sheet_effects(view), rng_of)
 

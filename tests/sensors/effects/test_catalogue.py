@@ -1,0 +1,214 @@
+"""One contract for every effect of the catalogue."""
+
+import dataclasses
+import inspect
+import pickle
+
+import numpy as np
+import pytest
+
+from sensors.covariates import COVARIATES
+from sensors.datasheet import Datasheet
+from sensors.effects import CATALOGUE, AdditiveEffect, MotionEffect, effect_of, effects_of
+from sensors.law import geometric_law, plain_law
+from sensors.perlin import PerlinField
+from sensors.reflectance import ReflectanceMap, Stripes
+from sensors.typed_yaml import RecipeError, dump_yaml, load_yaml, parse
+
+NAMES = (
+    "camera_occlusion finite_spot edge_mixing reflectance_edge incidence_noise incidence_bias "
+    "specular_dropout interreflection volume_scattering pixel_locking column_offset "
+    "lens_distortion line_bow range_scale pose_error stage_vibration travel_ripple motion_blur "
+    "thermal_drift outlier_spikes random_dropout anisotropic_lay roughness_level form_error"
+).split()
+SURFACE = PerlinField(amplitude_mm=0.02, cell_x_mm=2.0, cell_y_mm=2.0)
+EVERY = pytest.mark.parametrize("cls", CATALOGUE.values(), ids=CATALOGUE)
+STRIPES = ReflectanceMap(base=0.8, stripes=(Stripes(value=0.2, period_mm=7.0),))
+
+
+@pytest.fixture
+def view(view_of):
+    """A scan in which each effect has something to act on."""
+    return view_of("bench", reflectance=STRIPES, y_mm=np.linspace(-24.7, 24.6, 60))
+
+
+def test_all_names_of_the_contract_are_there():
+    assert sorted(CATALOGUE) == sorted([*NAMES, "empirical"])
+    assert all(cls.name == name for name, cls in CATALOGUE.items())
+
+
+@EVERY
+def test_it_says_what_it_is(cls):
+    for text in (cls.summary, cls.equation, cls.source, cls.separating, cls.statement):
+        assert len(text) >= 10
+    assert cls.channels
+    assert set(cls.rivals) <= set(CATALOGUE)
+    assert cls.name not in cls.rivals
+    assert cls.covariate in COVARIATES
+    assert not inspect.isabstract(cls)
+    assert "{" not in cls.example().describe()
+
+
+@EVERY
+def test_parameters_are_within_bounds_and_frozen(cls):
+    effect = cls.example()
+    for p in cls.parameters():
+        assert p.meaning
+        assert p.low < p.high or p.choices
+        if p.unit:
+            suffix = {"°": "_deg", "µm": "_um", "mm": "_mm", "s": "_s", "Hz": "_hz", "ms": "_ms"}
+            assert p.name.endswith(suffix.get(p.unit, f"_{p.unit}"))
+        assert (p.prior is not None) == (p.owner == "recording")
+        for value in p.grid:
+            cls.example().with_parameters({p.name: value})
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        setattr(effect, cls.parameters()[0].name, 1.0)
+
+
+@EVERY
+def test_values_out_of_bounds_are_refused_by_name(cls):
+    for p in cls.parameters():
+        for bad in ("nonsense", [1.0, "x"], float("nan"), True, 2 * abs(p.high) + 1):
+            with pytest.raises(RecipeError, match=p.name):
+                cls.from_mapping({"name": cls.name, p.name: bad})
+    with pytest.raises(RecipeError, match="no parameter 'colour'"):
+        effect_of({"name": cls.name, "colour": 1.0})
+
+
+@EVERY
+def test_round_trip_through_a_sensor_file(cls, view, tmp_path):
+    for effect in (cls.example(), cls(), cls.none()):
+        assert cls.from_mapping(effect.to_mapping()) == effect
+        assert pickle.loads(pickle.dumps(effect)) == effect
+        sheet = dataclasses.replace(view.datasheet, effects=(effect.to_mapping(),))
+        path = tmp_path / "sensor.yaml"
+        sheet.save(path)
+        assert effects_of(parse(Datasheet, load_yaml(path))) == (effect,)
+    assert dump_yaml(cls.example().to_mapping())
+
+
+@EVERY
+def test_zero_strength_is_bit_equal_to_none(cls, view, rng_of):
+    none = cls.none()
+    assert none.is_null
+    law = geometric_law(view, SURFACE)
+    assert none.apply(law, view) is law
+    sheet = dataclasses.replace(view.datasheet, effects=(none.to_mapping(),))
+    listed = type(view)(view.scene, sheet, view.poses, view.time_s, laser=view.laser)
+    depth, reason = law.sample(rng_of, view)
+    other, other_reason = plain_law(listed, SURFACE, rng_of).sample(rng_of, listed)
+    assert depth.tobytes() == other.tobytes()
+    assert reason.tobytes() == other_reason.tobytes()
+
+
+@EVERY
+def test_it_changes_the_channels_that_it_claims(cls, view):
+    law = geometric_law(view, SURFACE)
+    new = cls.example().apply(law, view)
+    assert not cls.example().is_null
+    changed = set()
+    both = np.isfinite(law.mean_mm) & np.isfinite(new.mean_mm)
+    if np.any(np.broadcast_to(new.mean_mm, view.shape)[both] != law.mean_mm[both]):
+        changed.add("mean")
+    if np.any(np.isnan(new.mean_mm) != np.isnan(law.mean_mm)) or np.any(new.p_missing):
+        changed.add("missing")
+    if np.any(new.sd_mm(view) != law.sd_mm(view)):
+        changed.add("variance")
+    if np.any(new.p_outlier):
+        changed.add("tails")
+    if new.lay_ratio != law.lay_ratio:
+        changed.add("correlation")
+    assert changed
+    assert changed <= set(cls.channels) | ({"missing"} if issubclass(cls, MotionEffect) else set())
+    assert new.mean_mm.shape == view.shape
+    assert np.array_equal(np.isnan(new.mean_mm), new.reason > 0)
+
+
+@EVERY
+def test_law_is_left_as_it_was(cls, view):
+    law = geometric_law(view, SURFACE)
+    before = law.mean_mm.copy()
+    cls.example().apply(law, view)
+    assert np.array_equal(before, law.mean_mm, equal_nan=True)
+
+
+@EVERY
+def test_missing_keys_of_the_datasheet_are_named(cls, view):
+    bare = dataclasses.replace(
+        view.datasheet,
+        triangulation_angle_deg=None,
+        line_width_um=None,
+        exposure_s=None,
+        camera_rows=None,
+    )
+    blind = type(view)(view.scene, bare, view.poses, view.time_s, reflectance=STRIPES)
+    needed = [*cls.needs, *(p.sheet for p in cls.parameters() if p.sheet and p.kind == "number")]
+    if needed:
+        with pytest.raises(RecipeError, match="|".join(needed)):
+            cls().apply(geometric_law(blind, None), blind)
+    else:
+        cls.example().apply(geometric_law(blind, None), blind)
+
+
+@EVERY
+def test_recording_parameters_are_drawn_from_their_prior(cls):
+    own = [p for p in cls.parameters() if p.owner == "recording"]
+    opened = cls.example().shared()
+    assert set(opened.undrawn()) == {p.name for p in own}
+    drawn = [opened.draw(np.random.default_rng(seed)) for seed in range(200)]
+    assert drawn[3] == opened.draw(np.random.default_rng(3))
+    for p in own:
+        values = np.array([getattr(effect, p.name) for effect in drawn])
+        low, high = p.prior
+        assert low <= values.min() < low + 0.1 * (high - low)
+        assert high >= values.max() > high - 0.1 * (high - low)
+    if not own:
+        assert drawn[0] == opened
+
+
+@EVERY
+def test_mean_is_the_sum_of_the_basis(cls, view):
+    effect = cls.example()
+    basis = effect.basis(view)
+    if basis is None:
+        assert not issubclass(cls, AdditiveEffect | MotionEffect)
+        return
+    coefficients = effect.coefficients()
+    assert len(basis.names) == len(basis.fields) == len(coefficients)
+    assert np.allclose(effect.with_coefficients(coefficients).coefficients(), coefficients)
+    mean = sum(c * f for c, f in zip(coefficients, basis.fields, strict=True))
+    if issubclass(cls, AdditiveEffect):
+        change = effect.signature(view)
+        seen = view.valid
+        assert np.allclose(np.broadcast_to(mean, view.shape)[seen], change[seen], atol=1e-12)
+
+
+@EVERY
+def test_grid_holds_effects_of_its_kind(cls, view):
+    grid = cls.example().grid(view)
+    assert 1 <= len(grid) <= 600
+    assert len(set(grid)) == len(grid)
+    assert all(type(effect) is cls for effect in grid)
+
+
+def test_unknown_effect_is_named_with_what_there_is(view):
+    sheet = dataclasses.replace(view.datasheet, effects=({"name": "ghost"},))
+    with pytest.raises(RecipeError, match=r"sensor 'test': effects\[0\].*ghost.*camera_occlusion"):
+        effects_of(sheet)
+
+
+@EVERY
+def test_turning_sensor_and_part_together_changes_nothing(cls, view_of):
+    """The bench looks the same from the other side, so the turned sensor reads the same."""
+    y = np.linspace(-24.7, 24.6, 60)
+    stripes = Stripes(value=0.2, period_mm=14.0, start_mm=-3.5)
+    bright = ReflectanceMap(base=0.8, stripes=(stripes,))
+    effect = cls.example()
+    if cls.name == "form_error":  # only even waves look the same from the other side
+        effect = effect.with_parameters(coefficients_um=(0.0, 0.0, 40.0, 20.0, -40.0))
+    one = view_of("bench", reflectance=bright, y_mm=y)
+    other = view_of("bench", reflectance=bright, y_mm=-y, turned=True)
+    law, turned = (effect.apply(geometric_law(v, SURFACE), v) for v in (one, other))
+    assert np.allclose(law.mean_mm, turned.mean_mm, atol=1e-9, equal_nan=True)
+    assert np.allclose(law.p_missing, turned.p_missing, atol=1e-9)
+    assert np.allclose(law.sd_mm(one), turned.sd_mm(other), atol=1e-9)
