@@ -71,10 +71,11 @@ def locate(
         first, last = (low, high) if kind == 1 else (0, rows - 1)
         weight, moment = 0.0, 0.0
         for r in range(first, last + 1):
-            if level[r] >= threshold:
-                weight += level[r]
-                moment += level[r] * r
-        return moment / weight, peak
+            if level[r] > threshold:
+                # what exceeds the threshold, so that a pixel fades in rather than jumps in
+                weight += level[r] - threshold
+                moment += (level[r] - threshold) * r
+        return (moment / weight if weight > 0 else float(top)), peak
     if kind == 3:
         before = 0.0
         for r in range(max(low - 3, 3), min(high + 4, rows - 3)):

@@ -1,0 +1,80 @@
+"""Files as a stranger gets them: recordings, datasheet, part."""
+
+import struct
+from pathlib import Path as FilePath
+from typing import Any
+
+import h5py
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from challenge.instrument.instrument import Instrument, Path, Solid
+
+
+def write_recording(
+    file: FilePath,
+    depth_mm: NDArray[np.float32],
+    intensity: NDArray[np.float32],
+    path: Path,
+    name: str,
+) -> None:
+    """Write recording.h5: commanded poses, encoder times, readings."""
+    with h5py.File(file, "w") as out:
+        out.attrs["format"] = "profilometer-recording"
+        out.attrs["version"] = 1
+        out.attrs["name"] = name
+        out.attrs["comment"] = ""
+        out.attrs["start_time_s"] = float(path.start_s)
+        out["depth"] = depth_mm
+        out["intensity"] = intensity
+        out["pose"] = path.poses()
+        out["time"] = np.arange(path.profiles) / path.rate_hz
+
+
+def write_stl(file: FilePath, solid: Solid) -> None:
+    """Write a binary STL in mm."""
+    corners = solid.vertices_mm[solid.faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    record = np.zeros(
+        len(corners), np.dtype([("n", "<f4", 3), ("v", "<f4", (3, 3)), ("pad", "<u2")])
+    )
+    record["n"] = normal / np.where(length > 0, length, 1)
+    record["v"] = corners
+    with file.open("wb") as out:
+        out.write(b"part".ljust(80, b" "))
+        out.write(struct.pack("<I", len(corners)))
+        out.write(record.tobytes())
+
+
+def datasheet(
+    device: Instrument, path: Path, effects: list[dict[str, Any]], repeatability_um: float
+) -> dict[str, Any]:
+    """Nominal datasheet of an instrument, as its maker prints it."""
+    camera, sheet = device.camera, device.sheet
+    half = np.tan(camera.fov_rad / 2)
+    return {
+        "name": "profilometer",
+        "working_distance_mm": float(camera.working_distance_mm),
+        "z_range_mm": float(device.z_range_mm),
+        "x_fov_mm": float(2 * camera.working_distance_mm * half),
+        "points_per_profile": int(camera.columns),
+        "z_resolution_um": float(round(device.step_mm * 1e3, 6)),
+        "repeatability_um": float(repeatability_um),
+        "profile_rate_hz": float(path.rate_hz),
+        "travel_speed_mm_s": float(path.pitch_mm * path.rate_hz),
+        "columns": "even_angle",
+        "triangulation_angle_deg": float(np.degrees(camera.triangulation_rad)),
+        "camera_side": "+y" if camera.side > 0 else "-y",
+        "line_width_um": float(round(4e3 * sheet.waist_mm, 3)),
+        "wavelength_nm": float(sheet.wavelength_mm * 1e6),
+        "exposure_s": float(sheet.exposure_s),
+        "camera_rows": int(camera.rows),
+        "effects": effects,
+    }
+
+
+def write_yaml(file: FilePath, data: dict[str, Any]) -> None:
+    """Write plain YAML in the order given."""
+    file.write_text(yaml.safe_dump(data, sort_keys=False))
