@@ -5,7 +5,7 @@ no perspective.
 """
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,7 +100,14 @@ class Camera:
         return origins, np.broadcast_to(-self.frame[2], origins.shape)
 
 
-def render(scene: Scene, camera: Camera, colours: Floats) -> Floats:
+def render(
+    scene: Scene,
+    camera: Camera,
+    colours: Floats,
+    *,
+    groups: NDArray[Any] | None = None,
+    relief: bool = False,
+) -> Floats:
     """Picture of a mesh: shaded, with dark creases and outlines.
 
     Parameters
@@ -111,6 +118,10 @@ def render(scene: Scene, camera: Camera, colours: Floats) -> Floats:
         From where.
     colours : (F, 3)
         Colour of each triangle, 0 to 1.
+    groups : (F,), optional
+        Triangles of different groups aren't smoothed into each other.
+    relief : bool
+        Stretch the contrast of the shading, so that shallow shapes show.
 
     Returns
     -------
@@ -122,10 +133,15 @@ def render(scene: Scene, camera: Camera, colours: Floats) -> Floats:
     distance, triangle = scene.first_hit(origins, directions)
     hit = triangle >= 0
     points = origins[hit] + distance[hit, None] * directions[hit]
-    normal = smooth_normals(scene, points, triangle[hit]) @ camera.frame.T
+    normal = smooth_normals(scene, points, triangle[hit], groups) @ camera.frame.T
     normal *= np.where(normal[:, 2:] < 0, -1.0, 1.0)
     flat = np.zeros((height * width, 4))
-    flat[hit, :3] = colours[triangle[hit]] * light(normal)[:, None]
+    shade = light(normal)
+    if relief and hit.any():
+        low, middle, high = np.percentile(shade, (2, 50, 98))
+        gain = np.clip(0.5 / max(high - low, 1e-9), 1.0, 9.0)
+        shade = np.clip(0.85 + gain * (shade - middle), 0.25, 1.2)
+    flat[hit, :3] = colours[triangle[hit]] * shade[:, None]
     flat[hit, 3] = 1.0
     shape = (height, width)
     facing = np.zeros((height * width, 3))
@@ -145,19 +161,26 @@ def light(normal: Floats) -> Floats:
     return shade
 
 
-def smooth_normals(scene: Scene, points_mm: Floats, triangle: NDArray[np.int32]) -> Floats:
+def smooth_normals(
+    scene: Scene,
+    points_mm: Floats,
+    triangle: NDArray[np.int32],
+    groups: NDArray[Any] | None = None,
+) -> Floats:
     """Interpolate normals (k, 3) at points on triangles: smooth over facets, sharp at creases."""
     corner = scene.vertices_mm[scene.faces]
     cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    at_vertex = np.zeros_like(scene.vertices_mm)
-    for k in range(3):
-        for axis in range(3):
-            at_vertex[:, axis] += np.bincount(
-                scene.faces[:, k], weights=cross[:, axis], minlength=len(at_vertex)
-            )
+    shared = scene.faces.astype(np.int64)
+    if groups is not None:
+        shared = shared * (int(groups.max()) + 1) + groups[:, None]
+        shared = np.unique(shared, return_inverse=True)[1].reshape(scene.faces.shape)
+    at_vertex = np.zeros((int(shared.max()) + 1, 3))
+    for axis in range(3):
+        weights = np.repeat(cross[:, axis], 3)
+        at_vertex[:, axis] = np.bincount(shared.ravel(), weights=weights)
     at_vertex /= np.maximum(np.linalg.norm(at_vertex, axis=1, keepdims=True), 1e-300)
     flat = scene.normals[triangle]
-    at_corner = at_vertex[scene.faces[triangle]]
+    at_corner = at_vertex[shared[triangle]]
     # a vertex on a crease says nothing about this side of it
     beside = (at_corner * flat[:, None]).sum(axis=2) < np.cos(CREASE_RAD)
     at_corner = np.where(beside[..., None], flat[:, None], at_corner)

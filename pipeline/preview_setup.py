@@ -121,7 +121,8 @@ def _overview(
     fans = [_fan_mm(datasheet, poses[at]) for at in shown]
     everything = np.concatenate([scene.vertices_mm, *fans])
     camera = Camera.around(everything, look=look, up=-z, pixels=_pixels(axes), foot=0.06)
-    axes.imshow(render(scene, camera, _colours(instance, named)), extent=camera.extent_mm, zorder=1)
+    picture = render(scene, camera, _colours(instance, named), groups=instance)
+    axes.imshow(picture, extent=camera.extent_mm, zorder=1)
     for at, fan in zip(shown, fans, strict=True):
         middle = at == shown[len(shown) // 2]
         flat = camera.plane_mm(fan)
@@ -226,8 +227,8 @@ def _markers(
         return
     centres = np.array([_centre_mm(scene, instance, number) for number in named])
     at = camera.plane_mm(centres)
-    start = centres + camera.frame[2] * 1e-3
-    hidden = scene.blocked(start, start + camera.frame[2] * 1e5)
+    above = np.array([_above_mm(scene, instance, number) for number in named])
+    hidden = scene.blocked(above, above + camera.frame[2] * 1e5)
     pixel = (camera.window_mm[1] - camera.window_mm[0]) / camera.pixels[0]
     labels = spread(at + pixel * np.array([26.0, 24.0]), at, 30.0 * pixel)
     for flaw, (number, kind) in enumerate(named.items()):
@@ -282,14 +283,14 @@ def _close_up(
         pixels=camera.pixels,
     )
     near = float(centre @ camera.frame[2]) + 4 * reach
-    if not scene.blocked(
-        (centre + normal * 1e-3)[None], (centre + camera.frame[2] * 4 * reach)[None]
-    ).any():
+    above = _above_mm(scene, instance, number)[None]
+    if not scene.blocked(above, above + camera.frame[2] * 4 * reach).any():
         # look from close by, so that other parts of the part don't stand in the way
         camera = Camera(
             frame=camera.frame, window_mm=camera.window_mm, far_mm=near, pixels=camera.pixels
         )
-    picture = render(scene, camera, _colours(own.astype(int), {1: kind}, tint=0.55))
+    tinted = _colours(own.astype(int), {1: kind}, tint=0.5)
+    picture = render(scene, camera, tinted, groups=instance, relief=True)
     axes.imshow(picture, extent=camera.extent_mm)
     size = f"{spread_mm[0]:.3g} × {spread_mm[1]:.3g} mm"
     axes.set_title(f"{number}  {kind}, {size}", fontsize=10, loc="left", color=_colour_name(kind))
@@ -316,6 +317,15 @@ def _outward(scene: Scene, instance: NDArray[Any], number: int) -> Floats:
 
 def _centre_mm(scene: Scene, instance: NDArray[Any], number: int) -> Floats:
     return np.asarray(scene.vertices_mm[scene.faces[instance == number]].mean(axis=(0, 1)))
+
+
+def _above_mm(scene: Scene, instance: NDArray[Any], number: int) -> Floats:
+    """Return a point just over a flaw, outside what it hollows out."""
+    corners = scene.vertices_mm[scene.faces[instance == number]].reshape(-1, 3)
+    normal = _outward(scene, instance, number)
+    centre = corners.mean(axis=0)
+    rise = float(((corners - centre) @ normal).max())
+    return np.asarray(centre + (rise + 0.05) * normal)
 
 
 def _worth_showing(
