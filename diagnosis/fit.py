@@ -1,0 +1,414 @@
+"""Fit one effect, the pose and the accepted effects beside it: linear parts solved, others searched.
+
+Where the mean is linear in an effect, its coefficients follow from generalised least squares on
+whitened residuals, at each point of the grid of what isn't linear (variable projection, Golub and
+Pereyra 1973). What acts on variance, tails or missing returns is searched on the full log density.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+
+from diagnosis.noise import Field, Mask
+from diagnosis.prediction import Prediction
+from diagnosis.score import CLIP, Whitened
+from diagnosis.workspace import Model, Workspace
+from sensors.effects.base import Effect
+from sensors.typed_yaml import RecipeError
+
+MAX_GRID = 600
+SEARCHES = 45
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Fitted:
+    """An effect at its best parameters.
+
+    Attributes
+    ----------
+    own : parameters of each recording
+    gain : nats gained on the fitted readings, by the quadratic approximation or the full density
+    free : how many numbers were fitted
+    """
+
+    effect: Effect
+    own: Mapping[int, Mapping[str, float]]
+    gain: float
+    free: int
+
+
+def linear_count(effect: Effect, ws: Workspace) -> int:
+    """How many fields the mean is linear in; 0 where it isn't."""
+    basis = _basis(effect, ws, 0)
+    return 0 if basis is None else len(basis)
+
+
+def fit_effect(
+    kind: type[Effect],
+    ws: Workspace,
+    model: Model,
+    base: Sequence[Prediction],
+    states: Sequence[Whitened],
+    *,
+    masks: Sequence[Mask] | None = None,
+    start: Effect | None = None,
+    polish: bool = True,
+) -> Fitted | None:
+    """Fit an effect on top of a model; None where it can't act on these recordings.
+
+    Parameters
+    ----------
+    masks : readings to fit on, all that may be fitted where left out
+    start : the effect at which to begin, instead of its grid
+    polish : search the nonlinear parameters beyond the grid
+    """
+    masks = list(masks) if masks is not None else ws.masks()
+    try:
+        points = (start,) if start is not None else _grid(kind, ws)
+    except (RecipeError, TypeError):
+        return None
+    if not points:
+        return None
+    if linear_count(points[0], ws) > 0:
+        return _fit_linear(points, ws, model, states, masks, polish)
+    return _fit_searched(points, ws, model, masks, polish)
+
+
+def _grid(kind: type[Effect], ws: Workspace) -> tuple[Effect, ...]:
+    effect = kind()
+    if effect.name == "column_offset":
+        count = min(ws.patches[0].shape[1], 64)
+        return (effect.with_parameters(values_um=(0.0,) * count),)
+    if effect.name == "form_error":
+        return (effect.with_parameters(coefficients_um=(0.0,) * 14),)
+    longest = max(ws.patches, key=lambda p: p.shape[0])
+    points = effect.grid(longest.view)
+    if effect.name == "camera_occlusion":
+        points = tuple(
+            point.with_parameters(camera_side=side) for point in points for side in ("+y", "-y")
+        )
+    step = max(1, math.ceil(len(points) / MAX_GRID))
+    return points[::step]
+
+
+def _basis(effect: Effect, ws: Workspace, patch: int) -> list[Field] | None:
+    try:
+        basis = effect.basis(ws.patches[patch].view)
+    except RecipeError:
+        return None
+    if basis is None or not basis.fields or len(basis.fields) != len(_coefficient_slots(effect)):
+        return None
+    shape = ws.patches[patch].shape
+    return [np.broadcast_to(np.asarray(f, dtype=np.float64), shape) for f in basis.fields]
+
+
+def _coefficient_slots(effect: Effect) -> list[str]:
+    linear = [p for p in effect.parameters() if p.linear]
+    if is_sinusoid(effect):
+        return ["sin", "cos"]
+    slots: list[str] = []
+    for p in linear:
+        value = getattr(effect, p.name)
+        slots += [p.name] * (len(value) if p.kind == "list" else 1)
+    return slots
+
+
+def is_sinusoid(effect: Effect) -> bool:
+    """Whether amplitude and phase stand for coefficients of sine and cosine."""
+    return "phase_rad" in [p.name for p in effect.parameters()]
+
+
+def phase_is_own(effect: Effect) -> bool:
+    """Whether each recording has its own phase."""
+    return is_sinusoid(effect) and effect.parameter("phase_rad").owner == "recording"
+
+
+def with_coefficients(effect: Effect, coefficients: Field) -> Effect:
+    """Put linear coefficients into an effect, held within its bounds."""
+    linear = [p for p in effect.parameters() if p.linear]
+    if is_sinusoid(effect):
+        high = linear[0].high
+        return effect.with_parameters(
+            {
+                linear[0].name: float(min(np.hypot(*coefficients), high)),
+                "phase_rad": float(np.arctan2(coefficients[1], coefficients[0]) % (2 * np.pi)),
+            }
+        )
+    given = [float(c) for c in coefficients]
+    values: dict[str, object] = {}
+    for p in linear:
+        if p.kind == "list":
+            count = len(getattr(effect, p.name))
+            values[p.name] = tuple(float(np.clip(c, p.low, p.high)) for c in given[:count])
+            given = given[count:]
+        else:
+            values[p.name] = float(np.clip(given.pop(0), p.low, p.high))
+    return effect.with_parameters(values)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class _Normal:
+    """Normal equations of one recording, pose projected out."""
+
+    gram: Field
+    right: Field
+
+
+def _normals(
+    effect: Effect, ws: Workspace, states: Sequence[Whitened], masks: Sequence[Mask]
+) -> dict[int, _Normal] | None:
+    """Whitened normal equations of an effect's coefficients for each recording."""
+    gram: dict[int, Field] = {}
+    cross: dict[int, Field] = {}
+    right: dict[int, Field] = {}
+    pose: dict[int, Field] = {}
+    pose_right: dict[int, Field] = {}
+    for k, (patch, state, mask) in enumerate(zip(ws.patches, states, masks, strict=True)):
+        fields = _basis(effect, ws, k)
+        if fields is None:
+            return None
+        pick = mask & state.used
+        white = np.stack([state.whiten(f)[pick] for f in fields], axis=1)
+        columns = state.columns[pick]
+        values = np.clip(state.innovations[pick], -CLIP, CLIP)
+        r = patch.recording
+        gram[r] = gram.get(r, 0.0) + white.T @ white
+        cross[r] = cross.get(r, 0.0) + columns.T @ white
+        right[r] = right.get(r, 0.0) + white.T @ values
+        pose[r] = pose.get(r, np.eye(columns.shape[1])) + columns.T @ columns
+        pose_right[r] = pose_right.get(r, 0.0) + columns.T @ values
+    out = {}
+    for r in gram:
+        solved = np.linalg.solve(pose[r], np.column_stack([cross[r], pose_right[r]]))
+        out[r] = _Normal(
+            gram=gram[r] - cross[r].T @ solved[:, :-1], right=right[r] - cross[r].T @ solved[:, -1]
+        )
+    return out
+
+
+def _solve(gram: Field, right: Field) -> tuple[Field, float]:
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-30))
+    scaled = gram / np.outer(size, size)
+    values, vectors = np.linalg.eigh(scaled)
+    kept = values > 1e-4
+    half = vectors[:, kept] / np.sqrt(values[kept])
+    beta = (half @ (half.T @ (right / size))) / size
+    return beta, float(0.5 * right @ beta)
+
+
+def _fit_linear(
+    points: Sequence[Effect],
+    ws: Workspace,
+    model: Model,
+    states: Sequence[Whitened],
+    masks: Sequence[Mask],
+    polish: bool,
+) -> Fitted | None:
+    best: tuple[float, Effect] | None = None
+    gains: list[tuple[float, Effect]] = []
+    for point in points:
+        fitted = solve_linear(point, ws, states, masks)
+        if fitted is None:
+            return None
+        gains.append((fitted.gain, point))
+    best = max(gains, key=lambda g: g[0])
+    names = [p.name for p in best[1].searched(linear=False) if _moves(p.name, best[1])]
+    result = solve_linear(best[1], ws, states, masks)
+    if result is None or not polish or not names:
+        return result
+    return _polish_linear(best[1], names, ws, states, masks, result)
+
+
+def _moves(name: str, effect: Effect) -> bool:
+    """Whether a nonlinear parameter is worth a search: shared, and not a phase or a seed."""
+    p = effect.parameter(name)
+    return p.owner == "instrument" and name not in ("phase_rad", "seed", "index", "rms_um")
+
+
+def _polish_linear(
+    point: Effect,
+    names: Sequence[str],
+    ws: Workspace,
+    states: Sequence[Whitened],
+    masks: Sequence[Mask],
+    first: Fitted,
+) -> Fitted:
+    described = [point.parameter(n) for n in names]
+    start = np.array([_number(point, n) for n in names])
+    scale = np.maximum(np.abs(start), 1e-6)
+    spread = _spread(point, names, ws)
+
+    best = first
+
+    def cost(steps: Field) -> float:
+        nonlocal best
+        values = {
+            n: float(np.clip(s + d * w, p.low, p.high))
+            for n, s, d, w, p in zip(names, start, steps, scale * spread, described, strict=True)
+        }
+        fitted = solve_linear(point.with_parameters(values), ws, states, masks)
+        if fitted is None:
+            return 0.0
+        if fitted.gain > best.gain:
+            best = fitted
+        return -fitted.gain
+
+    minimize(
+        cost,
+        np.zeros(len(names)),
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": np.vstack([np.zeros(len(names)), np.eye(len(names))]),
+            "maxfev": 14 * len(names) + 8,
+            "xatol": 0.01,
+            "fatol": 0.05,
+        },
+    )
+    return best
+
+
+def _spread(point: Effect, names: Sequence[str], ws: Workspace) -> Field:
+    """Relative first step of each nonlinear parameter; fine for frequencies."""
+    out = []
+    for name in names:
+        if name == "frequency_hz":
+            span = max(float(np.ptp(p.view.time_s)) for p in ws.patches)
+            out.append(0.2 / max(span, 1e-9) / max(_number(point, name), 1e-9))
+        elif name == "period_mm":
+            span = max(float(np.ptp(p.view.travel_mm)) for p in ws.patches)
+            out.append(0.2 * _number(point, name) / max(span, 1e-9))
+        elif name == "rows":
+            out.append(0.001)
+        else:
+            out.append(0.3)
+    return np.array(out)
+
+
+def _number(effect: Effect, name: str) -> float:
+    value = getattr(effect, name)
+    if value is None:
+        value = effect.parameter(name).typical
+    return float(value)
+
+
+def solve_linear(
+    effect: Effect, ws: Workspace, states: Sequence[Whitened], masks: Sequence[Mask]
+) -> Fitted | None:
+    """Solve the linear coefficients at given nonlinear parameters."""
+    normals = _normals(effect, ws, states, masks)
+    if normals is None:
+        return None
+    if phase_is_own(effect):
+        return _solve_phases(effect, normals)
+    gram = np.asarray(sum(n.gram for n in normals.values()))
+    right = np.asarray(sum(n.right for n in normals.values()))
+    if not np.any(np.diag(gram) > 1e-12):
+        return None
+    beta, _ = _solve(gram, right)
+    solved = with_coefficients(effect, beta)
+    held = beta if is_sinusoid(solved) else coefficients_of(solved)
+    gain = float(right @ held - 0.5 * held @ gram @ held)
+    count = len(beta) + len([p for p in effect.parameters() if p.grid or p.name == "rows"])
+    return Fitted(effect=solved, own={}, gain=gain, free=count)
+
+
+def _solve_phases(effect: Effect, normals: Mapping[int, _Normal]) -> Fitted | None:
+    amplitude = [p.name for p in effect.parameters() if p.linear][0]
+    own: dict[int, dict[str, float]] = {}
+    sizes, weights = [], []
+    for r, normal in normals.items():
+        if np.trace(normal.gram) <= 1e-12:
+            continue
+        beta, _ = _solve(normal.gram, normal.right)
+        own[r] = {"phase_rad": float(np.arctan2(beta[1], beta[0]) % (2 * np.pi))}
+        sizes.append(float(np.hypot(*beta)))
+        weights.append(float(np.trace(normal.gram)))
+    if not own:
+        return None
+    shared = float(np.average(sizes, weights=weights))
+    gain = 0.0
+    for r, values in own.items():
+        phase = values["phase_rad"]
+        beta = shared * np.array([math.cos(phase), math.sin(phase)])
+        gain += float(normals[r].right @ beta - 0.5 * beta @ normals[r].gram @ beta)
+    high = effect.parameter(amplitude).high
+    return Fitted(
+        effect=effect.with_parameters({amplitude: min(shared, high)}),
+        own=own,
+        gain=gain,
+        free=2 + len(own),
+    )
+
+
+def coefficients_of(effect: Effect) -> Field:
+    """Linear coefficients at an effect's parameters, in the order of its fields."""
+    linear = [getattr(effect, p.name) for p in effect.parameters() if p.linear]
+    if is_sinusoid(effect):
+        phase = float(getattr(effect, "phase_rad", None) or 0.0)
+        return np.array([linear[0] * math.cos(phase), linear[0] * math.sin(phase)])
+    return np.array([c for v in linear for c in (v if isinstance(v, tuple) else (v,))], float)
+
+
+def _fit_searched(
+    points: Sequence[Effect],
+    ws: Workspace,
+    model: Model,
+    masks: Sequence[Mask],
+    polish: bool,
+) -> Fitted | None:
+    """Search on the full log density: grid first, then a simplex."""
+    reference = _total(ws, model, masks)
+    scored: list[tuple[float, Effect]] = []
+    for point in points:
+        try:
+            scored.append((_total(ws, model.with_effect(point), masks) - reference, point))
+        except RecipeError:
+            return None
+    gain, best = max(scored, key=lambda s: s[0])
+    names = [
+        p.name
+        for p in best.searched()
+        if p.owner == "instrument" and p.name not in ("seed", "merge_um", "rayleigh_mm", "along_um", "index")
+    ]
+    if not polish or not names:
+        return Fitted(effect=best, own={}, gain=gain, free=max(len(names), 1))
+    start = np.array([_number(best, n) for n in names])
+    step = np.array(
+        [max(abs(s) * 0.4, 0.05 * abs(float(best.parameter(n).typical or 1.0)), 1e-4) for s, n in zip(start, names, strict=True)]  # type: ignore[arg-type]  # numbers are searched
+    )
+    top = (gain, best)
+
+    def cost(u: Field) -> float:
+        nonlocal top
+        values = {
+            n: float(np.clip(s + d * w, best.parameter(n).low, best.parameter(n).high))
+            for n, s, d, w in zip(names, start, u, step, strict=True)
+        }
+        try:
+            trial = best.with_parameters(values)
+            value = _total(ws, model.with_effect(trial), masks) - reference
+        except RecipeError:
+            return 0.0
+        if value > top[0]:
+            top = (value, trial)
+        return -value
+
+    minimize(
+        cost,
+        np.zeros(len(names)),
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": np.vstack([np.zeros(len(names)), np.eye(len(names))]),
+            "maxfev": min(SEARCHES, 14 * len(names) + 6),
+            "xatol": 0.02,
+            "fatol": 0.3,
+        },
+    )
+    return Fitted(effect=top[1], own={}, gain=top[0], free=len(names))
+
+
+def _total(ws: Workspace, model: Model, masks: Sequence[Mask]) -> float:
+    return float(ws.block_scores(ws.log_densities(model), masks).sum())

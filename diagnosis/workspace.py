@@ -1,0 +1,142 @@
+"""The recordings under study, with what every step asks of them: predictions and scores."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from diagnosis.noise import Field, Mask, NoiseModel
+from diagnosis.patch import Patch
+from diagnosis.prediction import Prediction, effects_for, predict
+from diagnosis.score import log_density, placements, whitened, Whitened
+from sensors.effects.base import Effect
+
+OwnParameters = Mapping[int, Mapping[str, Mapping[str, float]]]
+"""Parameters that belong to a recording: by its number, by effect, by name."""
+BLOCK_MM_SCALE = 6.0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Model:
+    """Effects with the parameters that all recordings share, and each recording's own."""
+
+    effects: tuple[Effect, ...] = ()
+    own: OwnParameters = field(default_factory=dict)
+
+    def with_effect(
+        self, effect: Effect, own: Mapping[int, Mapping[str, float]] | None = None
+    ) -> "Model":
+        """Add an effect, in place of one of its name."""
+        kept = tuple(e for e in self.effects if e.name != effect.name)
+        merged = {r: {k: v for k, v in e.items() if k != effect.name} for r, e in self.own.items()}
+        for recording, values in (own or {}).items():
+            merged.setdefault(recording, {})[effect.name] = values
+        return Model(effects=(*kept, effect), own=merged)
+
+    def without(self, name: str) -> "Model":
+        """Take an effect out."""
+        return Model(
+            effects=tuple(e for e in self.effects if e.name != name),
+            own={r: {k: v for k, v in e.items() if k != name} for r, e in self.own.items()},
+        )
+
+    def of(self, recording: int) -> tuple[Effect, ...]:
+        """Effects as they act on one recording."""
+        return effects_for(self.effects, self.own.get(recording, {}))
+
+    def names(self) -> tuple[str, ...]:
+        """Names of the effects."""
+        return tuple(e.name for e in self.effects)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Workspace:
+    """Patches, the noise, and blocks of readings that count as independent.
+
+    Attributes
+    ----------
+    patches : those to fit
+    noise : calibrated noise
+    block : (rows, columns) of a block
+    """
+
+    patches: tuple[Patch, ...]
+    noise: NoiseModel
+    block: tuple[int, int]
+
+    @classmethod
+    def build(cls, patches: Sequence[Patch], noise: NoiseModel) -> "Workspace":
+        """Choose blocks several correlation lengths wide, some dozens at least."""
+        y, x = noise.correlation_length_px()
+        rows, columns = patches[0].shape
+        block = (
+            int(np.clip(6 * y, 6, max(rows // 6, 2))),
+            int(np.clip(6 * x, 6, max(columns // 6, 2))),
+        )
+        block = (max(block[0], rows // 16, 1), max(block[1], columns // 16, 1))
+        return cls(patches=tuple(patches), noise=noise, block=block)
+
+    def predict(self, model: Model) -> list[Prediction]:
+        """Predict every patch."""
+        return [
+            predict(p.view, model.of(p.recording), self.noise, softness=p.softness)
+            for p in self.patches
+        ]
+
+    def states(self, predictions: Sequence[Prediction]) -> list[Whitened]:
+        """Whiten every patch's residual."""
+        return [
+            whitened(p, q, self.noise) for p, q in zip(self.patches, predictions, strict=True)
+        ]
+
+    def masks(self) -> list[Mask]:
+        """Return the readings that may be fitted."""
+        return [p.fit & p.counted for p in self.patches]
+
+    def log_densities(
+        self, model: Model, *, pose_masks: Sequence[Mask] | None = None
+    ) -> list[Field]:
+        """Log density of each reading of each patch, the placement refitted."""
+        predictions = self.predict(model)
+        states = self.states(predictions)
+        moved = placements(self.patches, states, pose_masks or self.masks())
+        return [
+            log_density(p, q, self.noise, moved[p.recording])
+            for p, q in zip(self.patches, predictions, strict=True)
+        ]
+
+    def block_scores(
+        self, densities: Sequence[Field], masks: Sequence[Mask] | None = None
+    ) -> Field:
+        """Sum log densities over blocks, all patches in a row, (blocks,)."""
+        sums = [
+            block_sums(np.where(m, d, 0.0), self.block)
+            for d, m in zip(densities, masks or self.masks(), strict=True)
+        ]
+        return np.concatenate(sums)
+
+    def count(self, masks: Sequence[Mask] | None = None) -> int:
+        """Readings that count."""
+        return int(sum(m.sum() for m in (masks or self.masks())))
+
+
+def block_sums(field: Field, block: tuple[int, int]) -> Field:
+    """Sum over blocks of a grid, (blocks,)."""
+    rows = np.add.reduceat(field, np.arange(0, field.shape[0], block[0]), axis=0)
+    return np.asarray(np.add.reduceat(rows, np.arange(0, field.shape[1], block[1]), axis=1).ravel())
+
+
+def bootstrap_interval(
+    blocks: Field, rng: np.random.Generator, *, level: float = 0.95, draws: int = 400
+) -> tuple[float, float]:
+    """Interval of the sum of independent blocks."""
+    picks = rng.integers(0, blocks.size, (draws, blocks.size))
+    sums = blocks[picks].sum(axis=1)
+    low, high = np.quantile(sums, [(1 - level) / 2, (1 + level) / 2])
+    return float(low), float(high)
+
+
+def plain_values(effect: Effect) -> dict[str, Any]:
+    """Return an effect's entry as in sensor.yaml, without its name."""
+    return {k: v for k, v in effect.to_mapping().items() if k != "name"}
