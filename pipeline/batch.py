@@ -19,6 +19,7 @@ from pipeline.manifest import versions, write_manifest
 from pipeline.part import PartError, find_parts
 from pipeline.plan import Plan, PlannedPart, make_plan
 from pipeline.recipe import PartEntry, Recipe, resolve
+from pipeline.shards import file_sha256
 from pipeline.specimen import check_plan, load_entry, store_part
 from pipeline.work import Workplace, is_whole, make_shard, read_journal
 
@@ -83,7 +84,7 @@ def generate(
     backend = backend or Backend()
     used, made_by = recipe.as_used(), versions()
     wanted, failed = find_wanted(recipe)
-    identity = {"recipe": used, "versions": made_by, "files": _checksums(wanted)}
+    identity = {"recipe": used, "versions": made_by, "files": _checksums(recipe, wanted)}
     fingerprint = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
     out = out.absolute()
     with held(out, fingerprint) as hidden, backend.chosen():
@@ -152,14 +153,17 @@ def _free_name(wish: str, taken: set[str]) -> str:
     return name
 
 
-def _checksums(wanted: list[Wanted]) -> dict[str, str | None]:
+def _checksums(recipe: Recipe, wanted: list[Wanted]) -> dict[str, str | None]:
+    """SHA-256 of every file that the dataset is made from, by what it is for."""
+    files = {want.name: want.path for want in wanted if want.path is not None}
+    if recipe.reflectance is not None and recipe.reflectance.picture is not None:
+        files["reflectance"] = Path(recipe.reflectance.picture.path)
     sums: dict[str, str | None] = {}
-    for want in wanted:
-        if want.path is not None:
-            try:
-                sums[want.name] = hashlib.sha256(want.path.read_bytes()).hexdigest()
-            except OSError:
-                sums[want.name] = None
+    for name, path in files.items():
+        try:
+            sums[name] = file_sha256(path)
+        except OSError:
+            sums[name] = None
     return sums
 
 

@@ -32,7 +32,7 @@ LIBRARIES: Final = (
     "pyarrow",
 )
 SCAN_COLUMNS: Final = {
-    "scan_id": str, "part": str, "specimen": str, "split": str, "shard": str, "row": int,
+    "scan_id": str, "part": str, "specimen": str, "split": str, "split_by": str, "shard": str, "row": int,
     "seed": str, "sensor": str, "surface": str, "flaws": int, "flaws_seen": int,
     "flaws_visible": int, "share_valid": float, "share_flaw": float, "depth_mean_mm": float,
     "length_mm": float, "speed_mm_s": float, "profile_rate_hz": float, "direction": float,

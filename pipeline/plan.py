@@ -26,6 +26,7 @@ class PlannedScans:
     part: PlannedPart
     specimen: int
     split: str
+    split_by: str
     first: int
     last: int
 
@@ -101,6 +102,7 @@ def make_plan(recipe: Recipe, parts: Sequence[PlannedPart]) -> Plan:
                     part=part,
                     specimen=specimen,
                     split=split_of[(part.name, specimen)],
+                    split_by=split_by,
                     first=first,
                     last=min(first + size, scans),
                 )

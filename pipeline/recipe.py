@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,6 +12,7 @@ from pydantic import PlainValidator
 from pipeline.flawplan import FlawPlan
 from pipeline.motion import Motion
 from sensors.datasheet import Datasheet
+from sensors.reflectance import ReflectanceMap
 from sensors.surface import Surface
 from sensors.typed_yaml import Document, RecipeError, load_yaml, parse, plain, record
 
@@ -56,6 +57,7 @@ class RecipeFile:
     profiles: Annotated[int, Ge(2), Le(1_000_000)]
     points: Annotated[int, Ge(2), Le(100_000)] | None = None
     surface: str | None = None
+    reflectance: ReflectanceMap | None = None
     flaws: Flaws | None = None
     motion: Motion = field(default_factory=Motion)
     specimens: Count = 1
@@ -88,6 +90,8 @@ class Recipe:
         Where each key stands, for messages.
     roots : tuple of Path
         Folders that mesh files may come from: the recipe's own first.
+    reflectance : ReflectanceMap or None
+        Brightness of the parts, its picture's path resolved.
     """
 
     file: RecipeFile
@@ -95,6 +99,7 @@ class Recipe:
     surfaces: Mapping[str, Surface]
     document: Document
     roots: tuple[Path, ...]
+    reflectance: ReflectanceMap | None = None
 
     @classmethod
     def load(cls, path: str | Path, *, roots: tuple[Path, ...] = ()) -> "Recipe":
@@ -122,8 +127,20 @@ class Recipe:
             str(name): Surface.load(_inside(str(name), folders, document.where(("surface",))))
             for name in sorted(str(name) for name in named)
         }
+        reflectance = file.reflectance
+        if reflectance is not None and reflectance.picture is not None:
+            where = document.where(("reflectance", "picture", "path"))
+            place = resolve(reflectance.picture.path, folders, where)
+            reflectance = replace(
+                reflectance, picture=replace(reflectance.picture, path=str(place))
+            )
         return cls(
-            file=file, datasheet=datasheet, surfaces=surfaces, document=document, roots=folders
+            file=file,
+            datasheet=datasheet,
+            surfaces=surfaces,
+            document=document,
+            roots=folders,
+            reflectance=reflectance,
         )
 
     @property

@@ -93,6 +93,7 @@ def make_shard(place: Workplace, shard: PlannedShard) -> tuple[str, int]:
                     "part": work.part.name,
                     "specimen": work.specimen_id,
                     "split": work.split,
+                    "split_by": work.split_by,
                     "shard": shard.name,
                     "row": len(scans),
                     "checksum": writer.add(scan_id, scan),
@@ -140,7 +141,7 @@ def _scan(
         datasheet=recipe.datasheet,
         laser=specimen.laser,
         surface=recipe.surfaces[surface_name] if surface_name is not None else None,
-        reflectance=None,
+        reflectance=recipe.reflectance,
         visible_at=file.visible_at,
         rng_of=rng_of,
     )

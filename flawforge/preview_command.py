@@ -1,0 +1,50 @@
+"""`flawforge preview`: draw a scan of a dataset, or a recipe before anything is generated."""
+
+import argparse
+from pathlib import Path
+
+EPILOG = """\
+examples:
+  flawforge preview manifests/quickstart.yaml --out setup.png    part, flaws, sensor fan and path
+  flawforge preview out/quickstart --out scan.png                the scan whose flaw shows best
+  flawforge preview out/quickstart --scan car_door-0001-0000
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's words."""
+    parser.epilog = EPILOG
+    parser.add_argument(
+        "what", type=Path, metavar="DIR|RECIPE", help="folder of a dataset, or a recipe's YAML file"
+    )
+    parser.add_argument("--scan", metavar="ID", help="which scan (default: the most telling one)")
+    parser.add_argument(
+        "--part", metavar="NAME", help="of a recipe: which part (default: the first)"
+    )
+    parser.add_argument(
+        "--parts",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="DIR",
+        help="a further folder that the recipe may read parts and sensors from",
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("preview.png"), metavar="PNG", help="default: preview.png"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Draw; say where the picture is."""
+    if arguments.what.is_dir():
+        from pipeline.preview import draw_scan
+
+        picture = draw_scan(arguments.what, arguments.out, scan_id=arguments.scan)
+    else:
+        from pipeline.preview_recipe import draw_recipe
+
+        picture = draw_recipe(
+            arguments.what, arguments.out, part=arguments.part, roots=tuple(arguments.parts)
+        )
+    print(picture)
+    return 0
