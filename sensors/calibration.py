@@ -135,6 +135,7 @@ def measure(
     resolution_mm: float,
     repeatability_mm: float = 0.0,
     cutoff_mm: float | None = None,
+    form: str = "line",
 ) -> Measured:
     """Take from a recording (form still in it) all that `calibrate` can aim at.
 
@@ -148,7 +149,7 @@ def measure(
     ValueError
         Where no profile has enough points.
     """
-    flat = remove_form(heights_mm, pitch_x_mm, cutoff_mm)
+    flat = remove_form(heights_mm, pitch_x_mm, cutoff_mm, form)
     figures = roughness(flat, pitch_x_mm)
     wanted = Measured(
         **{name: getattr(figures, name) for name in FIGURES},
@@ -170,7 +171,7 @@ def measure(
 
 
 def distribution(wanted: Measured, flat: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return heights at `QUANTILES` and densities in the bands along and (if enough rows) across."""
+    """Return heights at `QUANTILES`, densities in the bands along and (rows given) across."""
     along, across = wanted.bands()
     valid = flat[np.isfinite(flat)]
     quantiles = np.quantile(valid - valid.mean(), QUANTILES)
