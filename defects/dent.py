@@ -81,11 +81,12 @@ class Dent(Kind):
         if self.depth_mm > b:
             raise SiteError(f"dent: a depth of {self.depth_mm} mm over a half-width of {b} mm")
         q = self.outer_ratio
+        surface.curvature_per_mm(site, q * b, whole=True)  # refuses early what can't fit
         bend = max(surface.curvature_per_mm(site, q * a), 1e-9)
         # Facets: |w''| <= 10 depth along the radius, |w'| <= 2 depth (rho from 0 to q) across it.
         edge_mm = np.sqrt(8 * sagitta_mm / bend)
-        ring = min(np.sqrt(0.8 * sagitta_mm / self.depth_mm), edge_mm / a, 0.1)
-        sector = min(np.sqrt(2 * sagitta_mm / self.depth_mm), edge_mm / (q * a), 0.13)
+        ring = max(0.0025, min(np.sqrt(0.8 * sagitta_mm / self.depth_mm), edge_mm / a, 0.1))
+        sector = max(0.008, min(np.sqrt(2 * sagitta_mm / self.depth_mm), edge_mm / (q * a), 0.13))
         inner = np.linspace(0.0, 1.0, int(np.ceil(1 / ring)) + 1)[1:]
         rim = np.linspace(1.0, q, max(4, int(np.ceil((q - 1) / ring))) + 1)[1:]
         skirt = q + 0.06 * np.array([1.0, 2.0])

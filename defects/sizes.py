@@ -127,7 +127,8 @@ class Normal:
         share = rng.uniform()
         if self.sd == 0:
             return self.mean
-        below, above = ndtr((np.array([self.low, self.high]) - self.mean) / self.sd)
+        with np.errstate(over="ignore"):  # limits infinitely many sd away don't cut
+            below, above = ndtr((np.array([self.low, self.high]) - self.mean) / self.sd)
         value = self.mean + self.sd * float(ndtri(below + share * (above - below)))
         return min(max(value, self.low), self.high)
 

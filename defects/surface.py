@@ -394,13 +394,31 @@ class Surface:
             triangle=int(walk.triangles[0, 0]),
         )
 
-    def curvature_per_mm(self, site: Site, radius_mm: float) -> float:
-        """Return the strongest curvature of the smooth normals within `radius_mm` of a site."""
-        count = 12
+    def curvature_per_mm(self, site: Site, radius_mm: float, whole: bool = False) -> float:
+        """Return the strongest curvature of the smooth normals within `radius_mm` of a site.
+
+        Walks in 16 directions; edges of the part that they meet don't count.
+
+        Parameters
+        ----------
+        site, radius_mm
+            Where.
+        whole
+            Whether the whole disk must be free of edges.
+
+        Raises
+        ------
+        SiteError
+            When it must be and isn't.
+        """
         angles = np.arange(16) * (2 * np.pi / 16)
         start = np.repeat(site.position_mm[None], 16, axis=0)
         directions = np.stack([site.direction(angle) for angle in angles])
-        steps = np.full((16, count), radius_mm / count)
-        walk = self.walk(start, directions, steps)
+        step = radius_mm / 12
+        walk = self.walk(start, directions, np.full((16, 12), step))
+        if whole and not walk.complete.all():
+            raise SiteError("the flaw would cross an edge of the part")
         turn = np.linalg.norm(np.diff(walk.normals, axis=1), axis=2)
-        return float(turn.max() / steps[0, 0])
+        moved = np.linalg.norm(np.diff(walk.points_mm, axis=1), axis=2)
+        smooth = (moved > 0.5 * step) & (turn < 2 * np.sin(CREASE_RAD / 2))
+        return float(turn[smooth].max(initial=0.0) / step)
