@@ -64,6 +64,8 @@ def read_mesh(
             source, f"not a readable {suffix[1:].upper()} file ({reason})", "export it again"
         ) from error
     if len(faces) == 0:
+        if suffix == ".stl":
+            _refuse_torn_stl(source)
         what = f"a cloud of {len(vertices)} points without faces" if len(vertices) else "no faces"
         mend = "mesh it first" if len(vertices) else "export it again with its solid"
         raise PartError(source, f"empty: {what}", mend)
@@ -78,6 +80,22 @@ def read_mesh(
             "repair the export",
         )
     return vertices, faces, unit
+
+
+def _refuse_torn_stl(source: str) -> None:
+    """Say so where a binary STL's length doesn't fit the number of facets in its header."""
+    size = os.path.getsize(source)
+    with open(source, "rb") as file:
+        head = file.read(84)
+    if len(head) < 84 or head[:5] == b"solid":
+        return
+    stated, held = int.from_bytes(head[80:84], "little"), (size - 84) / 50.0
+    if stated != held:
+        raise PartError(
+            source,
+            f"damaged: its header says {stated} facets, the file holds {held:g}",
+            "copy or export it again",
+        )
 
 
 def _triangles(

@@ -56,9 +56,8 @@ def make_solid(
     vertices, faces, _, _ = mending.part_edges(vertices, faces)
     if parted:
         notes.append(f"{parted} edges shared by several bodies parted")
-    if thicken_mm is None:
-        faces = _filled(vertices, faces, diagonal, notes)
-    faces, needles = mending.flip_needles(vertices, faces, 1e-9 * diagonal)
+    faces = _filled(vertices, faces, diagonal, notes, slits_only=thicken_mm is not None)
+    faces, needles = mending.flip_needles(vertices, faces, 1e-7 * diagonal)
     if needles:
         notes.append(f"{needles} faces without height merged into their neighbours")
     loops = _open_edges(faces)
@@ -145,19 +144,30 @@ def _refuse_busy_edges(source: str, vertices: Vertices, faces: Faces) -> None:
 
 
 def _filled(
-    vertices: Vertices, faces: Faces, diagonal: float, notes: list[str]
+    vertices: Vertices, faces: Faces, diagonal: float, notes: list[str], *, slits_only: bool
 ) -> Faces:
-    """Fill holes up to HOLE_SHARE of the diagonal wide."""
-    filled, widest = [], 0.0
+    """Close slits without area, and fill holes up to HOLE_SHARE of the diagonal wide."""
+    filled: list[Faces] = []
+    slits, widest = 0, 0.0
     for loop in mending.open_loops(faces):
+        if len(loop) > HOLE_EDGES:
+            continue
         points = vertices[loop]
         width = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
-        if width <= HOLE_SHARE * diagonal and len(loop) <= HOLE_EDGES:
-            filled.append(loop[mending.fill_loop(points)])
+        cover = mending.fill_loop(points)
+        one, two, three = np.moveaxis(points[cover], 1, 0)
+        area = float(np.linalg.norm(np.cross(two - one, three - one), axis=1).sum()) / 2.0
+        if area <= CONTACT * diagonal * width:
+            slits += 1
+        elif not slits_only and width <= HOLE_SHARE * diagonal:
             widest = max(widest, width)
-    if not filled:
-        return faces
-    notes.append(f"{len(filled)} small holes filled, up to {widest:.3g} mm wide")
+        else:
+            continue
+        filled.append(loop[cover])
+    if slits:
+        notes.append(f"{slits} slits between faces closed")
+    if len(filled) > slits:
+        notes.append(f"{len(filled) - slits} small holes filled, up to {widest:.3g} mm wide")
     return np.concatenate([faces, *filled])
 
 
@@ -273,7 +283,9 @@ def _uncrossed(
             source,
             f"self-intersection: {'' if found.complete else 'at least '}{int(own.sum())} pairs of "
             f"faces cross, first at {_place(found.points_mm[np.argmax(own)])}",
-            "a smaller thicken_mm, or a negative one (the other side)" if thickened else "rebuild or unite it in CAD",
+            "a smaller thicken_mm, or a negative one (the other side)"
+            if thickened
+            else "rebuild or unite it in CAD",
         )
     count = int(body.max()) + 1
     if count == 1 or not (touching or len(found.pairs)):

@@ -49,19 +49,8 @@ def make(door: CarDoor, facet_um: float | None) -> Part:
     Regions: ``outer`` (the visible skin), ``recess`` (its rim, walls and floor), ``wall``,
     ``line`` (crest of the shoulder line), ``hem``, ``window``, ``inner``.
     """
-    if door.hem_radius_mm < door.sheet_mm + 0.2:
-        raise PartError(
-            "builtin:car_door",
-            f"hem_radius_mm = {door.hem_radius_mm:g} with a sheet of {door.sheet_mm:g} mm",
-            "allowed: 0.2 mm above sheet_mm or more",
-        )
+    _check(door)
     shape = DoorShape(door)
-    if shape.recess.floor_mm < 5.0:
-        raise PartError(
-            "builtin:car_door",
-            f"recess_width_mm = {door.recess_width_mm:g} leaves no floor",
-            "a wider, shallower or steeper recess",
-        )
     facet_mm = (DEFAULT_FACET_UM if facet_um is None else facet_um) / 1000.0
     vertices, faces, side, middle = close_sheet(shape.sheet, facet_mm=0.8 * facet_mm)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
@@ -85,3 +74,28 @@ def make(door: CarDoor, facet_um: float | None) -> Part:
         },
         source="builtin:car_door",
     )
+
+
+def _check(door: CarDoor) -> None:
+    """Refuse sizes that don't fit each other."""
+    reach = DoorShape(door).recess.x_mm + door.recess_length_mm / 2.0
+    problems = (
+        (
+            door.hem_radius_mm < door.sheet_mm + 0.2,
+            f"hem_radius_mm = {door.hem_radius_mm:g} with a sheet of {door.sheet_mm:g} mm",
+            "allowed: 0.2 mm above sheet_mm or more",
+        ),
+        (
+            door.recess_length_mm < door.recess_width_mm,
+            "recess_length_mm is less than recess_width_mm",
+            "a longer or narrower recess",
+        ),
+        (
+            reach > door.length_mm / 2.0 - 30.0,
+            f"recess_length_mm = {door.recess_length_mm:g} reaches the panel's edge",
+            "a shorter recess or a longer panel",
+        ),
+    )
+    for wrong, what, mend in problems:
+        if wrong:
+            raise PartError("builtin:car_door", what, mend)

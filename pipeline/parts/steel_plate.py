@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.part import Part, PartError
 from pipeline.parts.length import bounded
+from pipeline.parts.round_profile import arc_steps
 from pipeline.parts.sheet import close_grid
 
 DEFAULT_FACET_UM = 20.0
@@ -59,8 +60,8 @@ def make(plate: SteelPlate, facet_um: float | None) -> Part:
     flat_mm = plate.width_mm / 2.0 - radius
     x, y_flat = _flat_knots(plate, flat_mm, 0.45 * facet_mm)
     # The wave's sagitta and the arc's add up on the rolled edges: half for each.
-    step = 2.0 * np.arccos(1.0 - 0.5 * min(facet_mm, radius) / radius)
-    arc = np.linspace(0.0, np.pi / 2.0, 1 + int(np.ceil(np.pi / 2.0 / step)))
+    share = 0.5 if plate.wave_height_mm > 0.0 else 1.0
+    arc = np.linspace(0.0, np.pi / 2.0, 1 + arc_steps(radius, np.pi / 2.0, share * facet_mm))
     y_arc, drop = flat_mm + radius * np.sin(arc), radius * (1.0 - np.cos(arc))
     y = np.concatenate([-y_arc[:0:-1], y_flat, y_arc[1:]])
     y[0], y[-1] = -plate.width_mm / 2.0, plate.width_mm / 2.0

@@ -1,6 +1,7 @@
 """Reading parts: every real file loads or says in one line why not; units; round trips."""
 
 import pickle
+import zipfile
 from pathlib import Path
 
 import manifold3d
@@ -145,19 +146,16 @@ def test_double_precision_survives(tmp_path: Path) -> None:
 
 
 def test_3mf_says_its_own_unit(tmp_path: Path) -> None:
-    mesh = trimesh.creation.box((1.0, 1.0, 1.0))
-    mesh.units = "inch"
-    path = tmp_path / "box.3mf"
-    mesh.export(path)
-    text = path.read_bytes()
-    part = load_part(path)
-    stated = trimesh.load_scene(path).units
-    assert text
-    if stated in ("inch", "inches", "in"):
-        assert part.volume_mm3 == pytest.approx(25.4**3)
-        assert any("unit inch" in note for note in part.mended)
-    else:
-        assert part.volume_mm3 == pytest.approx(1.0)
+    path, inches = tmp_path / "box.3mf", tmp_path / "inches.3mf"
+    trimesh.creation.box((1.0, 1.0, 1.0)).export(path)
+    with zipfile.ZipFile(path) as source, zipfile.ZipFile(inches, "w") as target:
+        for name in source.namelist():
+            content = source.read(name).replace(b'unit="millimeter"', b'unit="inch"')
+            target.writestr(name, content)
+    assert load_part(path, unit="mm").volume_mm3 == pytest.approx(1.0)
+    part = load_part(inches)
+    assert part.volume_mm3 == pytest.approx(25.4**3)
+    assert part.mended == ("unit inch taken from the file",)
 
 
 @pytest.mark.parametrize(
@@ -166,13 +164,13 @@ def test_3mf_says_its_own_unit(tmp_path: Path) -> None:
         ("a.stl", b"", "0 bytes"),
         ("a.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "NaN"),
         ("a.obj", b"v inf 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "infinite"),
-        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", ""),
+        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "not a readable OBJ file"),
         ("a.obj", b"v 0 0 0\nv 1e-9 0 0\nv 0 1e-9 0\nf 1 2 3\n", "large"),
-        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "not closed"),
+        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "without volume"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nf 1 2 2\n", "no face has an area"),
-        ("a.stl", b"solid made of words, not numbers\nfacet normal x y z\n", ""),
-        ("a.stl", bytes(range(256)) * 3, ""),
-        ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 3\n", ""),
+        ("a.stl", b"solid made of words, not numbers\nfacet normal x y z\n", "no faces"),
+        ("a.stl", bytes(range(256)) * 3, "damaged"),
+        ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 3\n", "not a readable PLY file"),
         ("a.3mf", b"PK\x03\x04 torn", "not a readable 3MF file"),
         ("a.txt", b"hello", "not a mesh format"),
         ("a", b"hello", "no suffix"),
@@ -193,15 +191,15 @@ def test_truncated_binary_stl_is_refused(tmp_path: Path) -> None:
     trimesh.creation.icosphere(subdivisions=2).export(whole)
     torn = tmp_path / "torn.stl"
     torn.write_bytes(whole.read_bytes()[:-1500])
-    with pytest.raises(PartError):
+    with pytest.raises(PartError, match="header says 320 facets, the file holds 290"):
         load_part(torn)
 
 
 def test_missing_file_and_bad_arguments(tmp_path: Path) -> None:
     with pytest.raises(PartError, match="no such file"):
         load_part(tmp_path / "none.stl")
+    (tmp_path / "folder.stl").mkdir()
     with pytest.raises(PartError, match="not a file"):
-        (tmp_path / "folder.stl").mkdir()
         load_part(tmp_path / "folder.stl")
     with pytest.raises(PartError, match="unknown unit 'feet'.*inch"):
         load_part(tmp_path / "none.stl", unit="feet")
