@@ -4,7 +4,7 @@ Embree works in single precision: about 0.1 µm at 400 mm, and a hit near an edg
 wrong side of it. So the mesh goes into its tree about its own centre and with every triangle grown
 by a margin far above that error; rays start where they enter the part's box; and what Embree names
 is only a candidate, decided by `sensors.section`. A candidate that doesn't hold is replaced by one
-of the triangles around it, or the ray is sent on behind it.
+of the triangles around it that the ray passes closely, or the ray is sent on behind it.
 """
 
 from dataclasses import dataclass
@@ -15,10 +15,11 @@ from embreex.rtcore_scene import EmbreeScene
 from numba import njit
 from numpy.typing import NDArray
 
-from sensors.section import Floats, Ints, ray_depth
+from sensors.section import Floats, Ints, passes_near, ray_depth
 
 _GROWTH = 3e-5  # margin around each triangle, as a share of the mesh's half diagonal
 _ROUNDS = 40  # candidates per ray before all triangles are tried
+_FOLLOWED = 512  # triangles looked at around a candidate
 _BATCH = 1 << 18  # rays at a time
 
 
@@ -197,6 +198,15 @@ def _box_span(
 
 
 @njit(cache=True)
+def _holds(values: Ints, size: int, wanted: int) -> bool:
+    """Whether `wanted` is among the first `size` values."""
+    for i in range(size):  # noqa: SIM110 - numba has no any() of a generator
+        if values[i] == wanted:
+            return True
+    return False
+
+
+@njit(cache=True)
 def _judge(
     vertices: Floats, faces: Ints, normals: Floats,
     ring_start: NDArray[np.int64], ring: Ints,
@@ -209,6 +219,8 @@ def _judge(
 ) -> NDArray[np.int64]:  # fmt: skip
     """Decide Embree's candidates in double precision; return the rays that must go on."""
     on = np.empty(len(live), dtype=np.int64)
+    queue = np.empty(_FOLLOWED, dtype=np.int32)
+    corners = np.empty(3 * _FOLLOWED, dtype=np.int32)
     count = 0
     for i in range(len(live)):
         r = live[i]
@@ -232,19 +244,39 @@ def _judge(
                 best[r], triangle[r] = d, t
             if facing:
                 continue
-        for corner in range(3):
-            v = faces[t, corner]
-            for k in range(ring_start[v], ring_start[v + 1]):
-                n = ring[k]
-                if n == t or n == ignored[r]:
+        # Follow the ray over the triangles that hang together with the candidate and that it
+        # passes closely: a few around an edge or a corner, more along a wall that it grazes.
+        queue[0] = t
+        size, head, turned = 1, 0, 0
+        while head < size:
+            for corner in range(3):
+                v = faces[queue[head], corner]
+                if _holds(corners, turned, v):
                     continue
-                d = ray_depth(
-                    vertices, faces, n, frame[f], origin[f], place[f], x, s, outside
-                )
-                if nearest[r] < d < farthest[r] and (
-                    d < best[r] or (d == best[r] and n < triangle[r])
-                ):
-                    best[r], triangle[r] = d, n
+                corners[turned] = v
+                turned += 1
+                for k in range(ring_start[v], ring_start[v + 1]):
+                    n = ring[k]
+                    if (
+                        size == _FOLLOWED
+                        or not passes_near(
+                            vertices, faces, n, frame[f], origin[f], place[f], x, s, margin_mm
+                        )
+                        or _holds(queue, size, n)
+                    ):
+                        continue
+                    queue[size] = n
+                    size += 1
+                    if n == ignored[r]:
+                        continue
+                    d = ray_depth(
+                        vertices, faces, n, frame[f], origin[f], place[f], x, s, outside
+                    )
+                    if nearest[r] < d < farthest[r] and (
+                        d < best[r] or (d == best[r] and n < triangle[r])
+                    ):
+                        best[r], triangle[r] = d, n
+            head += 1
         if best[r] <= at + 4 * margin_mm:
             continue
         start[r] = at + step_mm

@@ -55,8 +55,8 @@ class Scene:
     """
 
     def __init__(self, vertices_mm: NDArray[Any], faces: NDArray[Any]) -> None:
-        vertices = np.ascontiguousarray(vertices_mm, dtype=np.float64)
-        triangles = np.ascontiguousarray(faces, dtype=np.int32)
+        vertices = np.array(vertices_mm, dtype=np.float64, order="C")
+        triangles = np.array(faces, dtype=np.int32, order="C")
         if vertices.ndim != 2 or vertices.shape[1] != 3 or len(vertices) == 0:
             raise ValueError(f"vertices_mm must be (V, 3), not {vertices.shape}")
         if triangles.ndim != 2 or triangles.shape[1] != 3 or len(triangles) == 0:

@@ -152,3 +152,26 @@ def ray_depth(
         x0, z0, x1, z1 = x1, z1, x0, z0
     depth = depth_on(x0, z0, x1 - x0, z1 - z0, min(z0, z1), max(z0, z1), x, slope)
     return depth if depth > 0.0 else math.inf
+
+
+@njit(cache=True)
+def passes_near(
+    vertices: Floats, faces: Ints, triangle: int,
+    frame: Floats, origin: Floats, place: Floats, x: float, slope: float, margin_mm: float,
+) -> bool:  # fmt: skip
+    """Whether a ray passes the box around a triangle, seen along it, at no more than a margin.
+
+    The parameters are those of `ray_depth`.
+    """
+    left, right, low, high = math.inf, -math.inf, math.inf, -math.inf
+    for corner in range(3):
+        i = faces[triangle, corner]
+        vx, vy, vz = turn(
+            frame,
+            vertices[i, 0] - origin[0], vertices[i, 1] - origin[1], vertices[i, 2] - origin[2],
+        )  # fmt: skip
+        across = vx - place[0] - (x + slope * (vz - place[2]))
+        along = vy - place[1]
+        left, right = min(left, across), max(right, across)
+        low, high = min(low, along), max(high, along)
+    return left <= margin_mm and right >= -margin_mm and low <= margin_mm and high >= -margin_mm

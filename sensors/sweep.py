@@ -105,7 +105,7 @@ def _guess(table: Ints, origin: float, scale: float, value: float) -> int:
     if not cell > 0.0:  # NaN too
         return int(table[0])
     last = len(table) - 1
-    return np.int64(table[np.uint64(cell)]) if cell < last else np.int64(table[last])
+    return int(table[np.uint64(cell)]) if cell < last else int(table[last])
 
 
 @njit(cache=True)
@@ -187,9 +187,9 @@ def _left_of(
             else:
                 top = middle
     # One step without a branch settles nearly all; the loops make sure.
-    k = np.uint64(min(j, m - 1))
-    if x_mm[k] + slope_x[k] * z < x:
-        j = np.int64(k) + 1
+    j = min(j, m - 1)
+    if x_mm[np.uint64(j)] + slope_x[np.uint64(j)] * z < x:
+        j += 1
     while j > 0 and not x_mm[np.uint64(j - 1)] + slope_x[np.uint64(j - 1)] * z < x:
         j -= 1
     while j < m and x_mm[np.uint64(j)] + slope_x[np.uint64(j)] * z < x:
