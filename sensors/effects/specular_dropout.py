@@ -65,13 +65,13 @@ class SpecularDropout(Effect):
         "share ρ of the matt part in the signal at the lobe's peak",
         low=0.0,
         high=1.0,
-        typical=0.02,
+        typical=0.05,
     )
     threshold: float = parameter(
         "signal at which half of `share` is missing",
         low=0.0001,
         high=2.0,
-        typical=0.05,
+        typical=0.03,
         grid=(0.03, 0.1, 0.3, 0.8),
     )
     softness: float = parameter(

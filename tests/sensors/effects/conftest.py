@@ -59,7 +59,7 @@ def end(length: float = 20.0) -> Any:
     return box((200.0, length, 20.0), (0.0, 0.0, -10.0))
 
 
-def cylinder(radius: float = 30.0, sections: int = 4096) -> Any:
+def cylinder(radius: float = 30.0, sections: int = 16384) -> Any:
     """Return a cylinder lying along x, its top line at z = 0."""
     solid = trimesh.creation.cylinder(radius=radius, height=200.0, sections=sections)
     solid.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (0, 1, 0)))
@@ -68,7 +68,7 @@ def cylinder(radius: float = 30.0, sections: int = 4096) -> Any:
 
 
 def groove() -> Any:
-    """Return a right-angled V groove along x, its bottom at z = -20, walls at 45°, rims at z = 0."""
+    """Return a V groove along x with walls at 45°, its bottom at z = -20, its rims at z = 0."""
     block = box((200.0, 100.0, 60.0), (0.0, 0.0, -30.0))
     cutter = box((300.0, 40.0 * np.sqrt(2), 40.0 * np.sqrt(2)), (0.0, 0.0, 0.0))
     cutter.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 4, (1, 0, 0)))

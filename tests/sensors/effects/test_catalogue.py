@@ -15,12 +15,32 @@ from sensors.perlin import PerlinField
 from sensors.reflectance import ReflectanceMap, Stripes
 from sensors.typed_yaml import RecipeError, dump_yaml, load_yaml, parse
 
-NAMES = (
-    "camera_occlusion finite_spot edge_mixing reflectance_edge incidence_noise incidence_bias "
-    "specular_dropout interreflection volume_scattering pixel_locking column_offset "
-    "lens_distortion line_bow range_scale pose_error stage_vibration travel_ripple motion_blur "
-    "thermal_drift outlier_spikes random_dropout anisotropic_lay roughness_level form_error"
-).split()
+NAMES = [
+    "camera_occlusion",
+    "finite_spot",
+    "edge_mixing",
+    "reflectance_edge",
+    "incidence_noise",
+    "incidence_bias",
+    "specular_dropout",
+    "interreflection",
+    "volume_scattering",
+    "pixel_locking",
+    "column_offset",
+    "lens_distortion",
+    "line_bow",
+    "range_scale",
+    "pose_error",
+    "stage_vibration",
+    "travel_ripple",
+    "motion_blur",
+    "thermal_drift",
+    "outlier_spikes",
+    "random_dropout",
+    "anisotropic_lay",
+    "roughness_level",
+    "form_error",
+]
 SURFACE = PerlinField(amplitude_mm=0.02, cell_x_mm=2.0, cell_y_mm=2.0)
 EVERY = pytest.mark.parametrize("cls", CATALOGUE.values(), ids=CATALOGUE)
 STRIPES = ReflectanceMap(base=0.8, stripes=(Stripes(value=0.2, period_mm=7.0),))
@@ -28,7 +48,7 @@ STRIPES = ReflectanceMap(base=0.8, stripes=(Stripes(value=0.2, period_mm=7.0),))
 
 @pytest.fixture
 def view(view_of):
-    """A scan in which each effect has something to act on."""
+    """Return a scan in which each effect has something to act on."""
     return view_of("bench", reflectance=STRIPES, y_mm=np.linspace(-24.7, 24.6, 60))
 
 

@@ -1,0 +1,201 @@
+"""Effects of the instrument's calibration, camera and optics against closed forms."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+
+from sensors.camera import depth_per_row, row_of_depth
+from sensors.effects.column_offset import ColumnOffset
+from sensors.effects.incidence_bias import IncidenceBias
+from sensors.effects.interreflection import Interreflection
+from sensors.effects.lens_distortion import LensDistortion
+from sensors.effects.line_bow import LineBow
+from sensors.effects.pixel_locking import PixelLocking
+from sensors.effects.range_scale import RangeScale
+from sensors.effects.volume_scattering import VolumeScattering
+
+COT = 1 / math.tan(math.radians(30.0))
+
+
+def test_bow_is_its_sag_at_the_ends(view_of):
+    view = view_of("plate")
+    change = LineBow(sag_um=30.0).signature(view)
+    assert np.allclose(change[:, [0, -1]], 0.030)
+    assert np.allclose(change, 0.030 * (view.x_mm / 30.0) ** 2)
+
+
+def test_distortion_is_odd_in_x_and_turns_with_the_sensor(view_of):
+    view = view_of("plate", height_mm=225.0)
+    tilt = LensDistortion(tilt_um=20.0, cubic_um=0.0).signature(view)
+    cubic = LensDistortion(tilt_um=0.0, cubic_um=20.0).signature(view)
+    assert np.allclose(tilt[:, -1], 0.020 * 25.0 / 50.0)
+    assert np.allclose(cubic[:, -1], 0.020)
+    for change in (tilt, cubic):
+        assert np.allclose(change, -change[:, ::-1])
+    part_x = view.part_mm[..., 0]
+    turned = view_of("plate", height_mm=225.0, turned=True)
+    other = LensDistortion(tilt_um=20.0, cubic_um=0.0).signature(turned)
+    assert np.allclose(np.sign(tilt), -np.sign(part_x))
+    assert np.allclose(np.sign(other), np.sign(turned.part_mm[..., 0]))
+
+
+def test_scale_is_proportional_to_the_distance_from_mid_range(view_of):
+    for height in (180.0, 200.0, 230.0):
+        view = view_of("plate", height_mm=height)
+        change = RangeScale(error_ppm=500.0).signature(view)
+        assert np.allclose(change, 5e-4 * (height - 200.0), atol=1e-12)
+
+
+def test_columns_keep_their_offsets_in_every_profile_and_pose(view_of):
+    effect = ColumnOffset(rms_um=4.0, seed=7)
+    flat = effect.signature(view_of("plate"))
+    tilted = effect.signature(view_of("plate", solid={"tilt_x_deg": 10.0}))
+    assert np.ptp(flat, axis=0).max() < 1e-12
+    assert np.allclose(flat[0], tilted[0], atol=1e-12)
+    wide = view_of("plate", sheet={"points_per_profile": 20000})
+    many = effect.fields(wide)
+    assert np.isclose(many[0].std(), 1e-3, rtol=0.02)
+    other = ColumnOffset(rms_um=4.0, seed=8).signature(view_of("plate"))
+    assert abs(np.corrcoef(flat[0], other[0])[0, 1]) < 0.5
+
+
+def test_column_values_are_joined_by_straight_lines(view_of):
+    effect = ColumnOffset(values_um=(0.0, 10.0, -10.0))
+    change = effect.signature(view_of("plate", sheet={"points_per_profile": 81}))[0]
+    assert np.allclose(change[[0, 20, 40, 60, 80]], [0, 0.005, 0.010, 0.0, -0.010], atol=1e-12)
+    assert "8.2 µm" in effect.describe()
+
+
+@pytest.mark.parametrize("side", ["+y", "-y"])
+def test_rows_are_a_pinholes(view_of, side):
+    """The row agrees with a projection by vectors."""
+    sheet = view_of("plate", sheet={"camera_side": side}).datasheet
+    camera = np.array([0.0, sheet.camera_offset_mm, 0.0])
+    axis = np.array([0.0, 0.0, 200.0]) - camera
+    axis /= np.linalg.norm(axis)
+    up = np.cross([1.0, 0.0, 0.0], axis)
+
+    def height(z):
+        way = np.array([17.0, 0.0, z]) - camera
+        return (way @ up) / (way @ axis)
+
+    first, last = height(150.0), height(250.0)
+    for z in (160.0, 200.0, 240.0):
+        expected = 512 * (height(z) - first) / (last - first)
+        assert np.isclose(row_of_depth(np.float64(z), sheet, 512), expected, rtol=1e-9)
+        step = 1e-4
+        rise = row_of_depth(np.array([z - step, z + step]), sheet, 512)
+        span = depth_per_row(np.float64(z), sheet, 512)
+        assert np.isclose(span, 2 * step / np.ptp(rise), rtol=1e-6)
+
+
+def test_locking_repeats_with_the_rows(view_of):
+    view = view_of("plate", solid={"tilt_x_deg": 20.0}, sheet={"points_per_profile": 4000})
+    effect = PixelLocking(amplitude_px=0.05, phase_rad=0.3)
+    change = effect.signature(view)[0]
+    row = row_of_depth(view.depth_mm, view.datasheet, 512)[0]
+    per_row = depth_per_row(view.depth_mm, view.datasheet, 512)[0]
+    assert np.allclose(change, 0.05 * per_row * np.sin(2 * np.pi * row + 0.3), atol=1e-9)
+    assert np.isclose(np.abs(change / per_row).max(), 0.05, rtol=1e-3)
+    crossings = np.sum((change[1:] > 0) != (change[:-1] > 0))
+    assert abs(crossings - 2 * np.ptp(row)) <= 1
+
+
+def test_locking_of_a_centre_of_gravity(view_of):
+    """Amplitude e^(-2π²σ²)/π px for a centre of gravity over whole pixels, spot width σ."""
+    edges = np.arange(-30, 32) - 0.5
+    pixels = np.arange(-30, 31)
+    places = np.linspace(-0.5, 0.5, 401)[:-1]
+    for sigma in (0.3, 0.4, 0.5):
+        light = np.diff(ndtr((edges[None, :] - places[:, None]) / sigma), axis=1)
+        error = light @ pixels - places
+        amplitude = 2 * np.mean(error * np.sin(2 * np.pi * places))
+        assert np.isclose(abs(amplitude), math.exp(-2 * np.pi**2 * sigma**2) / np.pi, rtol=1e-3)
+
+
+def test_locking_without_rows_searches_them(view_of):
+    view = view_of("plate", solid={"tilt_x_deg": 20.0}, sheet={"camera_rows": None})
+    grid = PixelLocking(amplitude_px=0.05).grid(view)
+    rows = np.array([effect.rows for effect in grid])
+    part = np.ptp(row_of_depth(view.depth_mm, view.datasheet, 1.0))
+    cycles = part * np.diff(rows)
+    assert len(grid) > 50
+    assert np.all(cycles <= 0.51)
+
+
+@pytest.mark.parametrize("tilt", [30.0, -30.0])
+def test_bias_follows_the_signed_slope(view_of, tilt):
+    view = view_of("plate", solid={"tilt_y_deg": tilt})
+    change = IncidenceBias(signed_um=20.0, squared_um=0.0).signature(view)
+    # the plate rises along y, so depth falls along the sensor's y, which is the part's
+    assert np.allclose(change, -0.020 * math.tan(math.radians(tilt)))
+    turned = view_of("plate", solid={"tilt_y_deg": tilt}, turned=True)
+    assert np.allclose(IncidenceBias(signed_um=20.0, squared_um=0.0).signature(turned), -change)
+    squared = IncidenceBias(signed_um=0.0, squared_um=10.0)
+    assert np.allclose(squared.signature(view), 0.010 * math.tan(math.radians(tilt)) ** 2)
+    assert np.allclose(squared.signature(turned), squared.signature(view))
+
+
+def test_bias_stays_finite_on_walls(view_of):
+    view = view_of("step", sheet={"columns": "even_angle"}, y_mm=np.linspace(-12, 12, 50))
+    assert np.isfinite(IncidenceBias().signature(view)[view.valid]).all()
+
+
+@pytest.mark.parametrize("side", ["+y", "-y"])
+def test_groove_mirrors_the_spot_across(view_of, side):
+    """45° walls send the ray level across: Q lies at -y of the groove, at the same depth."""
+    y = np.array([-6.0, -2.0, 2.0, 6.0])
+    view = view_of("groove", sheet={"camera_side": side}, y_mm=y)
+    depth = 220.0 - np.abs(y)
+    assert np.allclose(view.depth_mm[:, 40], depth)
+    assert np.allclose(view.mirror.distance_mm[:, 40], 2 * np.abs(y), atol=1e-4)
+    base = 200.0 / COT * (1 if side == "+y" else -1)
+    apparent = depth / (1 + 2 * y / base)  # Q at sensor y = -2 y of the profile
+    assert np.allclose(view.mirror.apparent_mm[:, 40], apparent, atol=1e-4)
+    effect = Interreflection(weight=0.1, reach_mm=5.0)
+    pull = 0.1 * np.exp(-2 * np.abs(y) / 5.0) * (apparent - depth)
+    assert np.allclose(effect.signature(view)[:, 40], pull, atol=1e-5)
+
+
+def test_strong_reflection_makes_the_reading_jump(view_of):
+    view = view_of("groove", y_mm=np.array([-6.0, -1.0]))
+    effect = Interreflection(weight=0.9, reach_mm=5.0, kind="jump")
+    change = effect.signature(view)[:, 40]
+    pull = (view.mirror.apparent_mm - view.depth_mm)[1, 40]
+    assert change[0] == 0.0
+    assert np.isclose(change[1], pull)
+
+
+def test_flats_have_no_facing_wall(view_of):
+    view = view_of("plate", sheet={"columns": "even_angle"})
+    assert np.isnan(view.mirror.distance_mm).all()
+    assert np.all(Interreflection(weight=0.5).signature(view) == 0.0)
+
+
+def test_light_sinks_by_the_free_path(view_of):
+    for thickness, depth_um in ((20.0, 80.0), (0.1, 80.0), (0.05, 300.0)):
+        view = view_of("plate", solid={"thickness": thickness})
+        assert np.allclose(view.thickness_mm, thickness, atol=1e-5)
+        sunk = VolumeScattering(depth_um=depth_um).signature(view)
+        d = depth_um * 1e-3
+        assert np.allclose(sunk, d * (1 - math.exp(-thickness / d)), rtol=1e-3)
+
+
+def test_light_sinks_less_on_slopes(view_of):
+    view = view_of("plate", solid={"tilt_y_deg": 40.0})
+    sunk = VolumeScattering(depth_um=80.0, index=1.5).signature(view)
+    sine = math.sin(math.radians(40.0)) / 1.5
+    assert np.allclose(sunk, 0.080 * math.sqrt(1 - sine**2), rtol=1e-6)
+
+
+def test_thick_basis_is_the_effect(view_of):
+    view = view_of("plate")
+    effect = VolumeScattering(depth_um=80.0)
+    basis = effect.basis(view)
+    assert basis is not None
+    assert np.allclose(basis.fields[0] * 80.0, effect.signature(view))
+    twice = effect.with_coefficients(np.array([160.0]))
+    assert dataclasses.replace(effect, depth_um=160.0) == twice

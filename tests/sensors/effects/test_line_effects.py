@@ -1,0 +1,188 @@
+"""Effects of the line's width and of what the camera sees of it, against closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sensors.effects.camera_occlusion import CameraOcclusion
+from sensors.effects.edge_mixing import EdgeMixing
+from sensors.effects.finite_spot import FiniteSpot
+from sensors.effects.motion_blur import MotionBlur
+from sensors.effects.reflectance_edge import ReflectanceEdge
+from sensors.law import geometric_law
+from sensors.line_operator import SUB_LINES, gaussian_weights, read_line, sub_lines
+from sensors.reflectance import Patch, ReflectanceMap
+from sensors.view import Reason
+
+COT = 1 / math.tan(math.radians(30.0))
+FINE = np.linspace(-1.0, 1.0, 41)
+
+
+def hidden(view, effect):
+    return effect.apply(geometric_law(view, None), view).reason == Reason.HIDDEN_FROM_CAMERA
+
+
+@pytest.mark.parametrize("height", [3.0, 10.0])
+@pytest.mark.parametrize("angle_deg", [15.0, 30.0])
+@pytest.mark.parametrize(("side", "turned"), [("+y", False), ("-y", False), ("+y", True)])
+def test_shadow_beside_a_step(view_of, height, angle_deg, side, turned):
+    """The block's edge hides the floor from the camera over h·b/z, z the floor's depth."""
+    y = np.linspace(-25, 25, 401)
+    view = view_of(
+        "step", solid={"height": height}, sheet={"camera_side": side}, turned=turned, y_mm=y
+    )
+    shade = hidden(view, CameraOcclusion(triangulation_angle_deg=angle_deg))[:, 40]
+    base = 200.0 * math.tan(math.radians(angle_deg))
+    # the sight line from (y, floor) to the camera at y + b grazes the edge at height h
+    length = height * base / 200.0
+    assert np.isclose(shade.sum() * (y[1] - y[0]), length, atol=1.01 * (y[1] - y[0]))
+    camera_towards_plus = (side == "+y") != turned
+    inside = y[shade]
+    if camera_towards_plus:
+        assert -10.0 - length - 0.13 <= inside.min() < inside.max() <= -10.0
+    else:
+        assert 10.0 <= inside.min() < inside.max() <= 10.0 + length + 0.13
+
+
+def test_driving_backwards_leaves_shadows_in_place(view_of):
+    y = np.linspace(-25, 25, 101)
+    forth, back = view_of("step", y_mm=y), view_of("step", y_mm=y[::-1])
+    assert np.array_equal(hidden(forth, CameraOcclusion()), hidden(back, CameraOcclusion())[::-1])
+
+
+def test_sub_lines_have_the_lines_moments():
+    offsets = sub_lines(0.06)
+    weights = np.array(gaussian_weights(offsets, 0.06))
+    assert len(offsets) == SUB_LINES
+    assert np.isclose(weights @ offsets, 0.0, atol=1e-15)
+    assert np.isclose(weights @ offsets**2 / weights.sum(), 0.06**2, rtol=1e-12)
+    half = offsets > 0
+    mean = weights[half] @ offsets[half] / weights[half].sum()
+    assert np.isclose(mean, 0.06 * math.sqrt(2 / math.pi), rtol=0.02)
+
+
+@pytest.mark.parametrize("sd_um", [100.0, 300.0])
+def test_spot_on_a_cylinder_sinks_by_half_s_squared_over_radius(view_of, sd_um):
+    view = view_of("cylinder", solid={"radius": 30.0}, y_mm=FINE)
+    bias = FiniteSpot(line_sd_um=sd_um).signature(view)[20, 40]
+    assert np.isclose(bias, (sd_um * 1e-3) ** 2 / (2 * 30.0), rtol=0.02)
+
+
+def test_spot_along_the_line_doesnt_see_curvature_across_it(view_of):
+    view = view_of("cylinder", y_mm=FINE)
+    along = FiniteSpot(line_sd_um=1e-9, along_um=300.0).signature(view)
+    assert np.nanmax(np.abs(along[:, 5:-5])) < 1e-9
+
+
+@pytest.mark.parametrize("tilt", [20.0, 45.0])
+def test_uniform_tilted_plane_has_no_bias(view_of, tilt):
+    view = view_of("plate", solid={"tilt_y_deg": tilt, "tilt_x_deg": 10.0}, y_mm=FINE)
+    for effect in (FiniteSpot(line_sd_um=200.0), EdgeMixing(line_sd_um=200.0)):
+        assert np.abs(effect.signature(view)).max() < 1e-12
+    line = read_line(view, sub_lines(0.2), gaussian_weights(sub_lines(0.2), 0.2), camera=True)
+    # κ η cot θ times a slope leaves second order in s / z only
+    assert np.abs(line.depth_mm - view.depth_mm).max() < 0.2**2 / 100
+
+
+def test_spot_grows_with_defocus(view_of):
+    near = view_of("cylinder", y_mm=FINE, height_mm=200.0)
+    far = view_of("cylinder", y_mm=FINE, height_mm=220.0)
+    effect = FiniteSpot(line_sd_um=100.0, rayleigh_mm=20.0)
+    ratio = effect.signature(far)[20, 40] / effect.signature(near)[20, 40]
+    assert np.isclose(ratio, 2.0, rtol=0.05)
+
+
+@pytest.mark.parametrize(("side", "sign"), [("+y", 1), ("-y", -1)])
+def test_half_a_line_reads_080_s_cot(view_of, side, sign):
+    """At the part's end only the half of the line on the part is left."""
+    s = 0.06
+    ends = np.array([-10.0, 10.0])
+    view = view_of("end", sheet={"camera_side": side}, y_mm=ends + [1e-6, -1e-6])
+    change = EdgeMixing(line_sd_um=60.0).signature(view)[:, 40]
+    expected = sign * s * math.sqrt(2 / math.pi) * COT
+    assert np.isclose(abs(expected), 0.083, atol=5e-4)  # 83 µm at s = 60 µm
+    assert np.allclose(change, [expected, -expected], rtol=0.03)
+
+
+def test_edge_error_changes_sign_when_the_sensor_is_turned(view_of):
+    y = np.array([-9.99, 9.99])
+    one = EdgeMixing(line_sd_um=60.0).signature(view_of("end", y_mm=y))
+    turned = EdgeMixing(line_sd_um=60.0).signature(view_of("end", y_mm=y, turned=True))
+    assert np.all(np.abs(one) > 0.02)
+    assert np.allclose(turned, -one, rtol=0.01)
+
+
+def test_far_from_edges_nothing_is_mixed(view_of):
+    view = view_of("step", y_mm=np.linspace(-25, 25, 101))
+    away = np.abs(np.abs(-view.poses[:, 1, 3]) - 10.0) > 8.0
+    assert np.all(EdgeMixing(line_sd_um=300.0).signature(view)[away, 40] == 0.0)
+
+
+def test_peaks_merge_or_the_brighter_wins(view_of):
+    """On the lower side of a small step, seen from the camera's side, both levels are seen."""
+    y = np.array([10.05])  # 50 µm beside the block, towards the camera at +y
+    view = view_of("step", solid={"height": 0.5}, sheet={"camera_side": "+y"}, y_mm=y)
+    assert np.isclose(view.depth_mm[0, 40], 200.0)
+    merged = EdgeMixing(line_sd_um=100.0, merge_um=2000.0).signature(view)[0, 40]
+    apart = EdgeMixing(line_sd_um=100.0, merge_um=0.0).signature(view)[0, 40]
+    block = 0.5 * math.erfc(0.5 / math.sqrt(2))  # share of the line's light on the block
+    assert np.isclose(merged, -0.5 * block, atol=0.04)
+    floor_centre = 0.1 * math.exp(-0.125) / math.sqrt(2 * math.pi) / (1 - block)
+    assert np.isclose(apart, floor_centre * 200.0 / (200.0 / COT), atol=0.02)
+
+
+@pytest.mark.parametrize(("ratio", "expected_um"), [(0.5, 28.0), (0.2, 55.0), (0.1, 68.0)])
+def test_brightness_edge_reads_as_a_ridge(view_of, ratio, expected_um):
+    """κ s √(2/π) (1-r)/(1+r) cot θ: 28, 55, 68 µm at s = 60 µm."""
+    dark = Patch(value=ratio * 0.8, x_mm=(-100.0, 100.0), y_mm=(0.0, 100.0))
+    bright = ReflectanceMap(base=0.8, patches=(dark,))
+    far, at_edge = np.array([-5.0, 5.0]), np.array([0.0])
+    for side, sign in (("+y", 1), ("-y", -1)):
+        sheet = {"camera_side": side}
+        effect = ReflectanceEdge(line_sd_um=60.0)
+        view = view_of("plate", sheet=sheet, y_mm=at_edge, reflectance=bright)
+        # the bright side lies at -y: it pulls to where the camera isn't, and reads nearer
+        assert np.isclose(effect.signature(view)[0, 40] * 1e3, -sign * expected_um, rtol=0.03)
+        flat = view_of("plate", sheet=sheet, y_mm=far, reflectance=bright)
+        assert np.abs(effect.signature(flat)).max() < 1e-12
+
+
+def test_brightness_gradient_from_a_recordings_intensity(view_of):
+    """κ s² cot θ ∂y ln I, with I linear between profiles."""
+    y = np.linspace(-2.0, 2.0, 41)
+    intensity = np.repeat(np.exp(0.5 * y)[:, None], 80, axis=1) / 3
+    view = view_of("plate", y_mm=y, intensity=intensity)
+    bias = ReflectanceEdge(line_sd_um=100.0).signature(view)[20, 40]
+    assert np.isclose(bias, 0.1**2 * COT * 0.5, rtol=0.02)
+    back = view_of("plate", y_mm=y[::-1], intensity=intensity[::-1])
+    assert np.isclose(ReflectanceEdge(line_sd_um=100.0).signature(back)[20, 40], bias, rtol=1e-6)
+
+
+def test_without_brightness_there_is_no_brightness_edge(view_of):
+    view = view_of("plate", y_mm=FINE)
+    law = geometric_law(view, None)
+    assert ReflectanceEdge(line_sd_um=100.0).apply(law, view) is law
+
+
+def test_blur_shifts_a_slope_by_half_the_way(view_of):
+    """0.05 mm a profile at 100 Hz is 5 mm/s; 20 ms of exposure are 0.1 mm."""
+    y = np.arange(20) * 0.05
+    for order, sign in ((y, 1), (y[::-1], -1)):
+        view = view_of("plate", solid={"tilt_y_deg": 30.0}, y_mm=order)
+        change = MotionBlur(exposure_ms=20.0).signature(view)
+        slope = -math.tan(math.radians(30.0))  # the plate rises along y: depth falls
+        assert np.allclose(change, sign * slope * 0.05, atol=1e-9)
+
+
+def test_blur_of_a_curve(view_of):
+    """Box of length L from the pose on: bias L²/6 of half the second derivative on the top."""
+    y = np.arange(-20, 21) * 0.05
+    view = view_of("cylinder", solid={"radius": 30.0}, y_mm=y)
+    change = MotionBlur(exposure_ms=40.0).signature(view)[20, 40]
+    assert np.isclose(change, 0.2**2 / (6 * 30.0), rtol=0.02)
+
+
+def test_no_blur_at_rest(view_of):
+    view = view_of("step", y_mm=np.full(5, 9.99))
+    assert np.all(MotionBlur(exposure_ms=20.0).signature(view) == 0.0)
