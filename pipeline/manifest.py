@@ -32,8 +32,8 @@ LIBRARIES: Final = (
     "pyarrow",
 )
 SCAN_COLUMNS: Final = {
-    "scan_id": str, "part": str, "specimen": str, "split": str, "split_by": str, "shard": str, "row": int,
-    "seed": str, "sensor": str, "surface": str, "flaws": int, "flaws_seen": int,
+    "scan_id": str, "part": str, "specimen": str, "split": str, "split_by": str, "shard": str,
+    "row": int, "seed": str, "sensor": str, "surface": str, "flaws": int, "flaws_seen": int,
     "flaws_visible": int, "share_valid": float, "share_flaw": float, "depth_mean_mm": float,
     "length_mm": float, "speed_mm_s": float, "profile_rate_hz": float, "direction": float,
     "standoff_mm": float, "roll_deg": float, "pitch_deg": float, "yaw_deg": float,

@@ -28,17 +28,10 @@ def checksums(folder: Path) -> dict[str, str]:
     return {path.name: file_sha256(path) for path in files}
 
 
-@pytest.fixture
-def once(recipe_path, tmp_path):
-    """The tiny dataset, made without interruption by one process."""
-    out = tmp_path / "once"
-    generate(Recipe.load(recipe_path), out)
-    return out
-
-
 def test_what_comes_out(once):
     said = json.loads((once / "dataset.json").read_text())
-    scans, flaws = pd.read_parquet(once / "manifest.parquet"), pd.read_parquet(once / "flaws.parquet")
+    scans = pd.read_parquet(once / "manifest.parquet")
+    flaws = pd.read_parquet(once / "flaws.parquet")
     assert said["scans"] == len(scans) == 12
     assert said["split_by"] == "part"
     assert set(scans["split"]) == {"train", "test"}

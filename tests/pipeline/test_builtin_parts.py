@@ -152,7 +152,7 @@ def test_plate_sizes_must_fit() -> None:
 
 
 def door_heights(part: Part) -> tuple[DoorShape, np.ndarray]:
-    """The true surface, and what to take off its coordinates to get the part's."""
+    """Give the true surface, and what to take off its coordinates to get the part's."""
     shape = DoorShape(CarDoor())
     grid = np.linspace(-1.0, 1.0, 1025)
     rim = np.concatenate([np.stack([grid, s + 0.0 * grid], 1) for s in (-1.0, 1.0)])
