@@ -15,41 +15,62 @@ if TYPE_CHECKING:
     from sensors.law import Law, RngOf
 
 Floats = NDArray[np.float64]
-BLOCK_POINTS = 1 << 18
+
+# Points drawn at a time, so that temporaries stay in the processor's cache.
+BLOCK_POINTS = 1 << 16
 
 
 def sample(law: "Law", rng_of: "RngOf", view: View) -> tuple[Floats, NDArray[np.uint8]]:
-    """Draw one scan; see `Law.sample`."""
-    depth = _speckle(law, rng_of, view)
-    depth = law.mean_mm.copy() if depth is None else np.add(depth, law.mean_mm, out=depth)
-    if np.any(law.white_sd_mm):
-        _add_white(depth, law.white_sd_mm, rng_of("uncertainty"))
-    if np.any(law.p_outlier):
-        rng = rng_of("outliers")
-        where = np.nonzero(rng.random(depth.shape) < law.p_outlier)
-        width = np.broadcast_to(law.outlier_sd_mm, depth.shape)[where]
-        depth[where] += width * rng.standard_normal(where[0].size)
+    """Draw one scan; see `Law.sample`.
+
+    Each stream is used row by row, so that a draw doesn't depend on how rows are grouped.
+    """
+    depth = speckle_of(law, rng_of, view)
+    if depth is None:
+        depth = np.empty(law.shape)
+        depth[...] = law.mean_mm
+    else:
+        depth += law.mean_mm
     reason = law.reason.copy()
-    if np.any(law.p_missing):
-        lost = _uniform(law.missing_patch_mm, rng_of("dropout"), view) < law.p_missing
-        lost &= reason == Reason.VALID
-        depth[lost] = np.nan
-        reason[lost] = Reason.DROPOUT
-    if law.step_mm:
-        depth = quantise(depth, law.step_mm)
+    white = rng_of("uncertainty") if np.any(law.white_sd_mm) else None
+    outliers = rng_of("outliers") if np.any(law.p_outlier) else None
+    dropout = rng_of("dropout") if np.any(law.p_missing) else None
+    patches = None
+    if dropout is not None and law.missing_patch_mm > 0:
+        patches = _patches(law.missing_patch_mm, dropout, view)
+    n, m = law.shape
+    rows = max(1, BLOCK_POINTS // max(1, m))
     sheet = view.datasheet
-    beyond = (depth < sheet.depth_min_mm) | (depth > sheet.depth_max_mm)
-    if beyond.any():
-        depth[beyond] = np.nan
-        reason[beyond] = Reason.OUT_OF_RANGE
+    for start in range(0, n, rows):
+        part = slice(start, min(start + rows, n))
+        block, why = depth[part], reason[part]
+        if white is not None:
+            noise = white.standard_normal(block.shape)
+            noise *= _rows(law.white_sd_mm, part, n)
+            block += noise
+        if outliers is not None:
+            chance, spike = outliers.random(block.shape), outliers.standard_normal(block.shape)
+            spike *= _rows(law.outlier_sd_mm, part, n)
+            block += np.where(chance < _rows(law.p_outlier, part, n), spike, 0.0)
+        if law.step_mm:
+            block[...] = quantise(block, law.step_mm)
+        beyond = (block < sheet.depth_min_mm) | (block > sheet.depth_max_mm)
+        if beyond.any():
+            block[beyond] = np.nan
+            why[beyond] = Reason.OUT_OF_RANGE
+        if dropout is not None:
+            chance = dropout.random(block.shape) if patches is None else patches[part]
+            lost = (chance < _rows(law.p_missing, part, n)) & (why == Reason.VALID)
+            block[lost] = np.nan
+            why[lost] = Reason.DROPOUT
     return depth, reason
 
 
-def _speckle(law: "Law", rng_of: "RngOf", view: View) -> Floats | None:
+def speckle_of(law: "Law", rng_of: "RngOf", view: View) -> Floats | None:
+    """Draw the law's speckle, (n, m) mm; None without any."""
     if law.speckle is None:
         return None
-    x_mm, y_mm = view.column_x_mm, view.travel_mm
-    rng = rng_of("speckle")
+    x_mm, y_mm, rng = view.column_x_mm, view.travel_mm, rng_of("speckle")
     if law.lay_ratio == 1.0:
         speckle = law.speckle.sample(x_mm, y_mm, rng)
     else:
@@ -59,25 +80,19 @@ def _speckle(law: "Law", rng_of: "RngOf", view: View) -> Floats | None:
     return speckle
 
 
-def _add_white(depth: Floats, sd_mm: Floats | float, rng: np.random.Generator) -> None:
-    """Add independent Gaussian noise in place, some rows at a time."""
-    rows = max(1, BLOCK_POINTS // max(1, depth.shape[1]))
-    sd = np.broadcast_to(sd_mm, depth.shape) if isinstance(sd_mm, np.ndarray) else sd_mm
-    for start in range(0, len(depth), rows):
-        block = depth[start : start + rows]
-        noise = rng.standard_normal(block.shape)
-        noise *= sd[start : start + rows] if isinstance(sd, np.ndarray) else sd
-        block += noise
+def _rows(value: Floats | float, part: slice, n: int) -> Floats | float:
+    """Cut the rows `part` out of what broadcasts to n rows."""
+    if isinstance(value, np.ndarray) and value.ndim == 2 and len(value) == n:
+        return value[part]
+    return value
 
 
-def _uniform(patch_mm: float, rng: np.random.Generator, view: View) -> Floats:
-    """Uniform numbers, (n, m), equal within patches of about `patch_mm`.
+def _patches(patch_mm: float, rng: np.random.Generator, view: View) -> Floats:
+    """Uniform numbers, (n, m), alike within patches of about `patch_mm`.
 
     White Gaussian noise smoothed by a Gaussian of that full width at half maximum, standardised,
     put through its distribution function.
     """
-    if patch_mm == 0.0:
-        return rng.random(view.shape)
     from scipy.ndimage import gaussian_filter
     from scipy.special import ndtr
 
