@@ -330,6 +330,28 @@ class TestDamage:
             flawforge.dataset.open(damaged)
 
 
+def test_it_reads_what_the_generator_writes(small_dataset: Path) -> None:
+    from pipeline.shards import read_scan
+
+    scans = flawforge.dataset.open(small_dataset)
+    assert len(scans) == 4
+    assert scans.classes[1] == "dent"
+    assert scans.splits == {"train": 2, "test": 2}
+    for at, row in enumerate(scans.manifest.itertuples()):
+        scan, written = scans[at], read_scan(small_dataset / str(row.shard), int(row.row))
+        assert set(scan) == set(written)
+        for name, values in scan.items():
+            np.testing.assert_array_equal(values, written[name])
+        np.testing.assert_array_equal(np.isnan(scan["depth"]), scan["invalid_reason"] > 0)
+        own = scans.flaws_of(at).set_index("instance")
+        assert own["pixels"].sum() == (scan["mask"] > 0).sum() > 0
+        for number in np.unique(scan["instance"][scan["instance"] > 0]):
+            labels = scan["mask"][scan["instance"] == number]
+            assert {scans.classes[int(label)] for label in labels} == {own.loc[number, "kind"]}
+        below = scans.points(at, depth="depth_clean", pose="pose_true")
+        assert below[:, 2].max() <= 5.2, "on the plate of 5 mm, in its own frame"
+
+
 def test_the_reader_needs_numpy_h5py_and_pandas_only() -> None:
     tree = ast.parse(Path(flawforge.dataset.__file__).read_text())
     names = set()
