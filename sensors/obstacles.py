@@ -168,16 +168,19 @@ def _draw(
 
 @njit(cache=True)
 def is_free(
-    low: Floats, high: Floats, camera_low: Floats, camera_high: Floats, reach: float, ratio: float,
+    low: Floats, high: Floats, camera_low: Floats, camera_high: Floats,
+    begin: float, end: float, reach: float, ratio: float,
     least: Floats, offset: NDArray[np.int64], shape: NDArray[np.int64],
     corner: Floats, cell: float, top: float,
 ) -> bool:  # fmt: skip
-    """Whether all lines from a box of points to a box of cameras stay nearer than every obstacle.
+    """Whether lines from a box of points to a box of cameras stay nearer than every obstacle.
 
     Parameters
     ----------
     low, high, camera_low, camera_high : (3,)
         The boxes, leg's axes, mm; the camera nearer (z) than the points.
+    begin, end
+        The part of their way that is looked at, 0 at the point and 1 at the camera.
     reach
         How far the lines run along y, mm.
     ratio
@@ -187,14 +190,14 @@ def is_free(
     """
     if camera_high[2] >= low[2]:
         return False
-    share = 0.0
-    while share < 1.0:
+    share = begin
+    while share < end:
         # The deepest that the lines can be from here on.
         deepest = (1.0 - share) * high[2] + share * camera_high[2] + _PAD_MM
         if deepest < top:
             return True
         step = max(cell, share * reach * ratio)
-        then = min(1.0, share + step / reach)
+        then = min(end, share + step / reach)
         x0 = min(
             (1.0 - share) * low[0] + share * camera_low[0],
             (1.0 - then) * low[0] + then * camera_low[0],

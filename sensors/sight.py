@@ -20,6 +20,8 @@ from sensors.section import Floats, Ints, turn
 
 _CLEARANCE_MM = 1e-6  # what is closer than 1 nm to a sight line's ends doesn't block it
 _TILE_PROFILES, _TILE_POINTS = 8, 16
+_PART_PROFILES, _PART_POINTS = 2, 4
+_NEAR_CELLS = 6.0  # of the map
 _HIDDEN, _SEEN, _OPEN = 0, 1, 2
 
 
@@ -123,58 +125,121 @@ def _screen(
     least: Floats, offset: NDArray[np.int64], shape: NDArray[np.int64],
     corner: Floats, cell: float, top: float,
 ) -> None:  # fmt: skip
-    """Mark as seen the open points whose sight line stays nearer than every obstacle."""
+    """Mark as seen the open points whose sight line stays nearer than every obstacle.
+
+    Lines are looked at in tiles, then in parts of those tiles, then one by one; and apart near the
+    surface, where a tile may be too coarse, and far from it, where it rarely is.
+    """
     n, m = depth.shape
-    low, high = np.empty(3), np.empty(3)
-    camera_low, camera_high = np.empty(3), np.empty(3)
+    reach = abs(b)
+    near = min(1.0, _NEAR_CELLS * cell / reach)
+    box = np.empty((4, 3))
     for first in range(0, n, _TILE_PROFILES):
         last = min(n, first + _TILE_PROFILES)
-        for axis in range(3):
-            camera_low[axis] = place[first:last, axis].min()
-            camera_high[axis] = place[first:last, axis].max()
-        camera_low[1] += b
-        camera_high[1] += b
         for begin in range(0, m, _TILE_POINTS):
             end = min(m, begin + _TILE_POINTS)
-            low[:], high[:] = np.inf, -np.inf
-            for i in range(first, last):
-                for j in range(begin, end):
-                    if state[i, j] == _OPEN:
-                        x = place[i, 0] + x_mm[j] + slope_x[j] * depth[i, j]
-                        z = place[i, 2] + depth[i, j]
-                        low[0], high[0] = min(low[0], x), max(high[0], x)
-                        low[1], high[1] = min(low[1], place[i, 1]), max(high[1], place[i, 1])
-                        low[2], high[2] = min(low[2], z), max(high[2], z)
-            if low[0] > high[0]:
+            if not _bound(box, state, place, x_mm, slope_x, depth, b, first, last, begin, end):
                 continue
-            free = is_free(
-                low, high, camera_low, camera_high, abs(b), 0.25,
+            far_free = is_free(
+                box[0], box[1], box[2], box[3], near, 1.0, reach, 0.25,
                 least, offset, shape, corner, cell, top,
             )  # fmt: skip
-            for i in range(first, last):
-                for j in range(begin, end):
-                    if state[i, j] == _OPEN and (
-                        free
-                        or _point_is_free(
-                            place[i], x_mm[j] + slope_x[j] * depth[i, j], depth[i, j], b,
-                            least, offset, shape, corner, cell, top,
-                        )
-                    ):  # fmt: skip
-                        state[i, j] = _SEEN
+            near_free = is_free(
+                box[0], box[1], box[2], box[3], 0.0, near, reach, 0.25,
+                least, offset, shape, corner, cell, top,
+            )  # fmt: skip
+            if far_free and near_free:
+                _see(state, first, last, begin, end)
+                continue
+            for row in range(first, last, _PART_PROFILES):
+                for column in range(begin, end, _PART_POINTS):
+                    _screen_part(
+                        box, state, place, x_mm, slope_x, depth, b,
+                        row, min(last, row + _PART_PROFILES),
+                        column, min(end, column + _PART_POINTS),
+                        near, near_free, far_free, least, offset, shape, corner, cell, top,
+                    )  # fmt: skip
 
 
 @njit(cache=True)
-def _point_is_free(
-    place: Floats, x: float, z: float, b: float,
+def _screen_part(
+    box: Floats, state: NDArray[np.uint8], place: Floats, x_mm: Floats, slope_x: Floats,
+    depth: Floats, b: float, first: int, last: int, begin: int, end: int,
+    near: float, near_free: bool, far_free: bool,
     least: Floats, offset: NDArray[np.int64], shape: NDArray[np.int64],
     corner: Floats, cell: float, top: float,
+) -> None:  # fmt: skip
+    """Look at a part of a tile, then at its lines one by one."""
+    if not _bound(box, state, place, x_mm, slope_x, depth, b, first, last, begin, end):
+        return
+    reach = abs(b)
+    far_free = far_free or is_free(
+        box[0], box[1], box[2], box[3], near, 1.0, reach, 0.25,
+        least, offset, shape, corner, cell, top,
+    )  # fmt: skip
+    near_free = near_free or is_free(
+        box[0], box[1], box[2], box[3], 0.0, near, reach, 0.25,
+        least, offset, shape, corner, cell, top,
+    )  # fmt: skip
+    if far_free and near_free:
+        _see(state, first, last, begin, end)
+        return
+    for i in range(first, last):
+        for j in range(begin, end):
+            if not _bound(box, state, place, x_mm, slope_x, depth, b, i, i + 1, j, j + 1):
+                continue
+            if (
+                near_free
+                or is_free(
+                    box[0], box[1], box[2], box[3], 0.0, near, reach, 0.125,
+                    least, offset, shape, corner, cell, top,
+                )
+            ) and (
+                far_free
+                or is_free(
+                    box[0], box[1], box[2], box[3], near, 1.0, reach, 0.125,
+                    least, offset, shape, corner, cell, top,
+                )
+            ):  # fmt: skip
+                state[i, j] = _SEEN
+
+
+@njit(cache=True)
+def _see(state: NDArray[np.uint8], first: int, last: int, begin: int, end: int) -> None:
+    """Mark the open points of a tile as seen."""
+    for i in range(first, last):
+        for j in range(begin, end):
+            if state[i, j] == _OPEN:
+                state[i, j] = _SEEN
+
+
+@njit(cache=True)
+def _bound(
+    box: Floats, state: NDArray[np.uint8], place: Floats, x_mm: Floats, slope_x: Floats,
+    depth: Floats, b: float, first: int, last: int, begin: int, end: int,
 ) -> bool:  # fmt: skip
-    """Whether one sight line stays nearer than every obstacle."""
-    point = np.array((place[0] + x, place[1], place[2] + z))
-    camera = np.array((place[0], place[1] + b, place[2]))
-    return is_free(
-        point, point, camera, camera, abs(b), 0.125, least, offset, shape, corner, cell, top
-    )
+    """Bound a tile's open points (box rows 0, 1) and their cameras (2, 3); False without any."""
+    x0, y0, z0 = np.inf, np.inf, np.inf
+    x1, y1, z1 = -np.inf, -np.inf, -np.inf
+    for axis in range(3):
+        box[2, axis], box[3, axis] = np.inf, -np.inf
+    for i in range(first, last):
+        px, pz = place[i, 0], place[i, 2]
+        there = False
+        for j in range(begin, end):
+            if state[i, j] == _OPEN:
+                x, z = px + x_mm[j] + slope_x[j] * depth[i, j], pz + depth[i, j]
+                x0, x1 = min(x0, x), max(x1, x)
+                z0, z1 = min(z0, z), max(z1, z)
+                there = True
+        if there:
+            y0, y1 = min(y0, place[i, 1]), max(y1, place[i, 1])
+            box[2, 0], box[3, 0] = min(box[2, 0], px), max(box[3, 0], px)
+            box[2, 2], box[3, 2] = min(box[2, 2], pz), max(box[3, 2], pz)
+    box[0, 0], box[0, 1], box[0, 2] = x0, y0, z0
+    box[1, 0], box[1, 1], box[1, 2] = x1, y1, z1
+    box[2, 1], box[3, 1] = y0 + b, y1 + b
+    return x0 <= x1
 
 
 def _lines(
