@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from defects.kind import Kind, size
 from defects.outline import outline
-from defects.patch import Patch, merge
+from defects.patch import Patch, merge, reshape
 from defects.solid import Cutter
 from defects.surface import Site, SiteError, Surface
 
@@ -79,4 +79,4 @@ class Bump(Kind):
         rho = np.concatenate([np.linspace(0, 1, rings + 1)[1:], [1.05, 1.1]])
         patch = Patch.disk(surface, site, radius, rho)
         margin = float(np.clip(0.2 * height, 0.003, 0.05))
-        return patch.reshape(height * (1 - patch.first**self.fullness), None, margin)
+        return reshape(patch, height * (1 - patch.first**self.fullness), None, None, margin)

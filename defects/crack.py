@@ -56,7 +56,7 @@ class Crack(Kind):
         """Walk the path and its branches and sweep the V along them."""
         half = self.length_mm / 2
         bend = max(surface.curvature_per_mm(site, half), 1e-9)
-        edge = float(np.sqrt(8 * sagitta_mm / bend))
+        edge = max(float(np.sqrt(8 * sagitta_mm / bend)), 0.05)
         trunk = Track.walked(
             surface, site.position_mm, site.direction(),
             self._wander(half, edge, rng), self._wander(half, edge, rng),

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from defects.kind import Kind, size
-from defects.patch import Patch
+from defects.patch import Patch, reshape
 from defects.solid import Cutter
 from defects.surface import Site, SiteError, Surface
 
@@ -81,21 +81,37 @@ class Dent(Kind):
         if self.depth_mm > b:
             raise SiteError(f"dent: a depth of {self.depth_mm} mm over a half-width of {b} mm")
         q = self.outer_ratio
-        surface.curvature_per_mm(site, q * b, whole=True)  # refuses early what can't fit
-        bend = max(surface.curvature_per_mm(site, q * a), 1e-9)
-        # Facets: |w''| <= 10 depth along the radius, |w'| <= 2 depth (rho from 0 to q) across it.
-        edge_mm = np.sqrt(8 * sagitta_mm / bend)
-        ring = max(0.0025, min(np.sqrt(0.8 * sagitta_mm / self.depth_mm), edge_mm / a, 0.1))
-        sector = max(0.008, min(np.sqrt(2 * sagitta_mm / self.depth_mm), edge_mm / (q * a), 0.13))
-        inner = np.linspace(0.0, 1.0, int(np.ceil(1 / ring)) + 1)[1:]
-        rim = np.linspace(1.0, q, max(4, int(np.ceil((q - 1) / ring))) + 1)[1:]
+        # An edge of the part in the way is found here, before all the rest is built.
+        bend = max(surface.curvature_per_mm(site, q * a, self.aspect, whole=True), 1e-9)
+        margin = float(np.clip(0.2 * self.depth_mm, 0.005, 0.05))
         skirt = q + 0.06 * np.array([1.0, 2.0])
-        rho = np.concatenate([inner, rim, skirt])
+        lid = self._patch(surface, site, (q, skirt), sagitta_mm, bend)
+        # The pocket only has to stay between the lid's top and its floor.
+        middle = 0.5 * (1.0 + q)
+        pocket = self._patch(surface, site, (middle, skirt[:0]), max(sagitta_mm, margin / 4), bend)
+        return reshape(lid, self.height_mm(lid.first), pocket, self.height_mm(pocket.first), margin)
+
+    def _patch(
+        self,
+        surface: Surface,
+        site: Site,
+        rings: tuple[float, Floats],
+        sagitta: float,
+        bend_per_mm: float,
+    ) -> Patch:
+        """Spread a disk whose facets stand off by `sagitta`, up to a radius ratio and beyond."""
+        a, b = self.length_mm / 2, self.length_mm * self.aspect / 2
+        last, beyond = rings
+        # |w''| <= 10 depth along the radius, |w'| <= 2 depth across it; at a crease of a coarse
+        # mesh, where the curvature has no bound, the facets needn't be finer than the mesh is.
+        edge_mm = max(float(np.sqrt(8 * sagitta / bend_per_mm)), 0.15, a / 50)
+        ring = max(0.0025, min(np.sqrt(0.8 * sagitta / self.depth_mm), edge_mm / a, 0.1))
+        sector = max(
+            0.008, min(np.sqrt(2 * sagitta / self.depth_mm), edge_mm / (last * a), 0.13)
+        )
+        inner = np.linspace(0.0, 1.0, int(np.ceil(1 / ring)) + 1)[1:]
+        rim = np.linspace(1.0, last, max(3, int(np.ceil((last - 1) / ring))) + 1)[1:]
         # A multiple of four, so that the axes are among the headings.
         angles = np.linspace(0, 2 * np.pi, 4 * int(np.ceil(np.pi / 2 / sector)), endpoint=False)
         outline = 1 / np.hypot(np.cos(angles) / a, np.sin(angles) / b)
-        patch = Patch.disk(surface, site, outline, rho)
-        height = self.height_mm(patch.first)
-        middle = rim[len(rim) // 2]
-        margin = float(np.clip(0.2 * self.depth_mm, 0.005, 0.05))
-        return patch.reshape(height, patch.first <= middle, margin)
+        return Patch.disk(surface, site, outline, np.concatenate([inner, rim, beyond]))

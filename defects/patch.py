@@ -161,47 +161,6 @@ class Patch:
             second=self.second,
         )
 
-    def reshape(
-        self, height_mm: Floats, pocket: NDArray[np.bool_] | None, margin_mm: float
-    ) -> Cutter:
-        """Give the skin another surface.
-
-        What lies above the wanted surface goes, and a lid with the wanted surface on top comes,
-        so that removed and added faces never nearly coincide: the pocket is cut `margin_mm`
-        deeper than wanted and the lid is twice that thick. The wanted surface must cross the skin
-        at an angle and end below it.
-
-        Parameters
-        ----------
-        height_mm
-            (n,) wanted surface above the skin along the local normal.
-        pocket
-            (n,) which points the pocket spans: those where the wanted surface lies below the
-            skin and some way on, but less than the lid; None: nothing is removed.
-        margin_mm
-            See above.
-        """
-        low = np.minimum(height_mm, 0.0) - 2 * margin_mm
-        # The lid's floor runs below the pocket's; its top is the wanted surface.
-        lid = self.solid(low, height_mm)
-        removed, above = None, self.skin_mm[:0]
-        if pocket is not None:
-            rise = float(max(height_mm.max(), 0.0)) + 2 * margin_mm
-            high = np.full(len(height_mm), rise)
-            inner = self.part(pocket)
-            removed = inner.solid(np.minimum(height_mm, 0.0) - margin_mm, high)
-            above = (self.skin_mm + rise * self.normals)[np.unique(inner.faces)]
-        top = height_mm > 0.2 * max(float(height_mm.max()), 1e-9)
-        above = np.concatenate([above, (self.skin_mm + height_mm[:, None] * self.normals)[top]])
-        return Cutter(
-            removed=removed,
-            added=lid,
-            skin_mm=self.skin_mm,
-            normals=self.normals,
-            height_mm=height_mm,
-            above_mm=above,
-        )
-
     def _check(self) -> None:
         a, b, c = (self.skin_mm[self.faces[:, i]] for i in range(3))
         cross = np.cross(b - a, c - a)
@@ -214,6 +173,49 @@ class Patch:
 def tangent_frame(site: Site) -> tuple[Floats, Floats]:
     """Return the site's heading and the direction to the left of it, unit vectors (3,)."""
     return site.direction(), site.direction(np.pi / 2)
+
+
+def reshape(
+    lid: Patch,
+    lid_height_mm: Floats,
+    pocket: Patch | None,
+    pocket_height_mm: Floats | None,
+    margin_mm: float,
+) -> Cutter:
+    """Give the skin another surface.
+
+    What lies above the wanted surface goes, and a lid with the wanted surface on top comes,
+    so that removed and added faces never nearly coincide: the pocket is cut `margin_mm`
+    deeper than wanted and the lid is twice that thick. The wanted surface must cross the skin
+    at an angle and end below it.
+
+    Parameters
+    ----------
+    lid, lid_height_mm
+        The whole footprint and (n,) the wanted surface above the skin along the local normal.
+    pocket, pocket_height_mm
+        Where the wanted surface lies below the skin and some way on, but less than the lid;
+        may have coarser facets, as long as they stay within the margin. None: nothing is removed.
+    margin_mm
+        See above.
+    """
+    top = lid_height_mm > 0.2 * max(float(lid_height_mm.max()), 1e-9)
+    above = (lid.skin_mm + lid_height_mm[:, None] * lid.normals)[top]
+    removed = None
+    if pocket is not None and pocket_height_mm is not None:
+        rise = float(max(lid_height_mm.max(), 0.0)) + 2 * margin_mm
+        high = np.full(len(pocket.skin_mm), rise)
+        removed = pocket.solid(np.minimum(pocket_height_mm, 0.0) - margin_mm, high)
+        roof = (pocket.skin_mm + rise * pocket.normals)[np.unique(pocket.faces)]
+        above = np.concatenate([above, roof])
+    return Cutter(
+        removed=removed,
+        added=lid.solid(np.minimum(lid_height_mm, 0.0) - 2 * margin_mm, lid_height_mm),
+        skin_mm=lid.skin_mm,
+        normals=lid.normals,
+        height_mm=lid_height_mm,
+        above_mm=above,
+    )
 
 
 def merge(cutters: list[Cutter]) -> Cutter:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from defects.kind import Kind, size
-from defects.patch import Patch
+from defects.patch import Patch, reshape
 from defects.solid import Cutter
 from defects.surface import Site, SiteError, Surface
 from defects.track import Track, smooth_noise
@@ -72,7 +72,7 @@ class Scratch(Kind):
         end = self.outer ** (1 / self.section)
         out = min(2 * self.width_mm, half / 2)
         bend = max(surface.curvature_per_mm(site, half), 1e-9)
-        edge = float(np.sqrt(8 * sagitta_mm / bend))
+        edge = max(float(np.sqrt(8 * sagitta_mm / bend)), 0.1)
         fine = float(np.clip(np.sqrt(0.8 * sagitta_mm / self.depth_mm), 0.02, 0.12))
         across = np.concatenate([_ramp(1.0, fine), 1.0 + _ramp(end - 1.0, fine)])
         across = a * np.concatenate([across, end + 0.08 * np.array([1.0, 2.0])])
@@ -92,7 +92,7 @@ class Scratch(Kind):
         height = self._height(rho, u, patch.first, rng)
         margin = float(np.clip(0.3 * self.depth_mm, 0.003, 0.05))
         middle = 0.5 * (1.0 + end)
-        return patch.reshape(height, rho < middle, margin)
+        return reshape(patch, height, patch.part(rho < middle), height, margin)
 
     def _height(self, rho: Floats, u: Floats, along: Floats, rng: np.random.Generator) -> Floats:
         x = rho**self.section

@@ -394,17 +394,21 @@ class Surface:
             triangle=int(walk.triangles[0, 0]),
         )
 
-    def curvature_per_mm(self, site: Site, radius_mm: float, whole: bool = False) -> float:
-        """Return the strongest curvature of the smooth normals within `radius_mm` of a site.
+    def curvature_per_mm(
+        self, site: Site, radius_mm: float, aspect: float = 1.0, whole: bool = False
+    ) -> float:
+        """Return the strongest curvature of the smooth normals around a site.
 
         Walks in 16 directions; edges of the part that they meet don't count.
 
         Parameters
         ----------
-        site, radius_mm
-            Where.
+        site
+            Where, and the direction of the ellipse.
+        radius_mm, aspect
+            Half-axis of the ellipse along the heading, and the other over it.
         whole
-            Whether the whole disk must be free of edges.
+            Whether the whole ellipse must be free of edges.
 
         Raises
         ------
@@ -414,11 +418,11 @@ class Surface:
         angles = np.arange(16) * (2 * np.pi / 16)
         start = np.repeat(site.position_mm[None], 16, axis=0)
         directions = np.stack([site.direction(angle) for angle in angles])
-        step = radius_mm / 12
-        walk = self.walk(start, directions, np.full((16, 12), step))
+        step = radius_mm / 12 / np.hypot(np.cos(angles), np.sin(angles) / aspect)[:, None]
+        walk = self.walk(start, directions, np.repeat(step, 12, axis=1))
         if whole and not walk.complete.all():
             raise SiteError("the flaw would cross an edge of the part")
         turn = np.linalg.norm(np.diff(walk.normals, axis=1), axis=2)
         moved = np.linalg.norm(np.diff(walk.points_mm, axis=1), axis=2)
         smooth = (moved > 0.5 * step) & (turn < 2 * np.sin(CREASE_RAD / 2))
-        return float(turn[smooth].max(initial=0.0) / step)
+        return float(np.where(smooth, turn / step, 0.0).max())
