@@ -132,7 +132,8 @@ def find_wanted(recipe: Recipe) -> tuple[list[Wanted], list[dict[str, str]]]:
             try:
                 paths = find_parts(place)
             except PartError as error:
-                failed.append({"part": str(entry.path), "why": str(error)})
+                why = f"{error.wrong}; mend: {error.mend}"
+                failed.append({"part": str(entry.path), "why": why})
                 continue
             found = [(path.stem, path) for path in paths]
         for stem, path in found:
@@ -208,7 +209,9 @@ def _prepare_one(
         }
         return want.name, store_part(part, folder), facts
     except PartError as error:
-        return want.name, None, facts | {"why": str(error)}
+        # without the folder, which is another on each machine
+        why = f"{Path(error.source).name}: {error.wrong}; mend: {error.mend}"
+        return want.name, None, facts | {"why": why}
 
 
 def _make_shards(place: Workplace, plan: Plan, backend: Backend, event: Event) -> None:
