@@ -126,10 +126,12 @@ def _children(pairs: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _overlapping(box: NDArray[np.float64], pairs: NDArray[np.int64]) -> NDArray[np.int64]:
-    one, other = box[pairs[:, 0]], box[pairs[:, 1]]
-    return np.asarray(
-        pairs[((one[:, 0] <= other[:, 1]) & (other[:, 0] <= one[:, 1])).all(axis=1)]
-    )
+    """Pairs of nodes whose boxes overlap, looked at one axis after the other."""
+    for axis in range(3):
+        low, high = box[:, 0, axis], box[:, 1, axis]
+        one, other = pairs[:, 0], pairs[:, 1]
+        pairs = pairs[(low[one] <= high[other]) & (low[other] <= high[one])]
+    return pairs
 
 
 def _cross(

@@ -21,6 +21,10 @@ _SLIMMEST = 6.0
 _MOST_HANGING = 3
 
 
+class TooFineError(ValueError):
+    """The sheet can't be held to such small facets within a bounded number of them."""
+
+
 def close_sheet(
     sheet: Sheet, *, facet_mm: float, start: int = 64
 ) -> tuple[Points, NDArray[np.int32], NDArray[np.int8], Points]:
@@ -44,6 +48,11 @@ def close_sheet(
     tuple
         (V, 3) vertices, mm; (F, 3) faces wound outward; (F,) 0 outer face, 1 inner face, 2
         border; and (F, 2) square coordinates of each face's middle.
+
+    Raises
+    ------
+    TooFineError
+        When that takes more than 400 000 cells.
     """
     size = _LATTICE // start
     low = np.arange(start) * size
@@ -84,7 +93,7 @@ def _refined(sheet: Sheet, cells: NDArray[np.int64], facet_mm: float) -> NDArray
             total += int((~coarse).sum())
         cells = np.concatenate(halves)
         if total + len(cells) > _MOST_CELLS:
-            raise ValueError(f"more than {_MOST_CELLS} cells: facet_mm = {facet_mm:g} is too fine")
+            raise TooFineError(f"takes more than {_MOST_CELLS} cells")
     return np.concatenate(done)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.part import Part, PartError
-from pipeline.parts.adaptive_sheet import close_sheet
+from pipeline.parts.adaptive_sheet import TooFineError, close_sheet
 from pipeline.parts.door_shape import DoorShape
 from pipeline.parts.length import bounded
 
@@ -52,7 +52,12 @@ def make(door: CarDoor, facet_um: float | None) -> Part:
     _check(door)
     shape = DoorShape(door)
     facet_mm = (DEFAULT_FACET_UM if facet_um is None else facet_um) / 1000.0
-    vertices, faces, side, middle = close_sheet(shape.sheet, facet_mm=0.8 * facet_mm)
+    try:
+        vertices, faces, side, middle = close_sheet(shape.sheet, facet_mm=0.8 * facet_mm)
+    except TooFineError as error:
+        raise PartError(
+            "builtin:car_door", f"facet_um = {facet_um:g} {error}", "coarser facets"
+        ) from error
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     vertices = vertices - [(low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0, low[2]]
     x, y, fold, window = shape.where(middle[:, 0], middle[:, 1])

@@ -13,6 +13,7 @@ from pipeline.parts.round_profile import arc_steps
 from pipeline.parts.sheet import close_grid
 
 DEFAULT_FACET_UM = 20.0
+MOST_CELLS = 300_000
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -59,6 +60,12 @@ def make(plate: SteelPlate, facet_um: float | None) -> Part:
     facet_mm = (DEFAULT_FACET_UM if facet_um is None else facet_um) / 1000.0
     flat_mm = plate.width_mm / 2.0 - radius
     x, y_flat = _flat_knots(plate, flat_mm, 0.45 * facet_mm)
+    if len(x) * len(y_flat) > MOST_CELLS:
+        raise PartError(
+            source,
+            f"facet_um = {1000.0 * facet_mm:g} takes {len(x) * len(y_flat)} cells for these waves",
+            f"coarser facets or gentler waves, allowed: {MOST_CELLS} cells",
+        )
     # The wave's sagitta and the arc's add up on the rolled edges: half for each.
     share = 0.5 if plate.wave_height_mm > 0.0 else 1.0
     arc = np.linspace(0.0, np.pi / 2.0, 1 + arc_steps(radius, np.pi / 2.0, share * facet_mm))

@@ -144,6 +144,8 @@ def test_plate_waves_stay_within_facet(facet_um: float) -> None:
 
 
 def test_plate_sizes_must_fit() -> None:
+    with pytest.raises(PartError, match="facet_um = 1 takes .* cells for these waves"):
+        build("steel_plate", 1.0, wave_height_mm=10.0, wave_length_mm=100.0)
     with pytest.raises(PartError, match="edge_radius_mm = 20 doesn't fit"):
         build("steel_plate", edge_radius_mm=20.0)
 
