@@ -9,10 +9,13 @@ image; light from beyond a jump makes a second peak, which merges with the first
 closer than `merge_mm`, and otherwise wins if it is brighter.
 """
 
+import dataclasses
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from sensors.view import View
@@ -27,6 +30,10 @@ STEEPEST = 4.0
 """Depth rise over displacement beyond which neighbouring sub-lines count as a jump (76°)."""
 
 
+BLOCK_POINTS = 1_000_000
+"""Points of a scan that are worked on at a time."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Line:
     """What the operator gives at each point, (n, m).
@@ -34,11 +41,15 @@ class Line:
     Attributes
     ----------
     depth_mm : the reading; NaN where no light reaches the camera
+    spot_mm : plain mean over the sub-lines of the centre's peak: no camera, no brightness
+    even_mm : the same with κ η cot θ, which differs where the line is cut
     light : share of the line's light that reaches the camera, 0 to 1
     whole : where every sub-line is seen and belongs to one peak
     """
 
     depth_mm: Floats
+    spot_mm: Floats
+    even_mm: Floats
     light: Floats
     whole: NDArray[np.bool_]
 
@@ -107,71 +118,149 @@ def read_line(
     merge_mm : float or None
         Distance of two peaks' readings up to which they merge; None: the centre's peak alone.
     """
+    n, m = view.shape
     offsets = offsets_mm if offsets_mm.ndim == 2 else offsets_mm[:, None]
-    middle = offsets.mean(axis=1)
-    lean = 1.0 / view.datasheet.camera_offset_mm if camera else 0.0
-    zero = np.zeros(view.shape)
-    own_light, own_sum, far_light, far_sum, total = (zero.copy() for _ in range(5))
-    whole = view.valid.copy()
-    for side in (middle >= 0, middle < 0):
-        last_depth, last_offset, joined = view.depth_mm, np.zeros(1), view.valid
-        for k in sorted(np.nonzero(side)[0], key=lambda i: abs(middle[i])):
-            eta = offsets[k] if offsets.shape[1] > 1 else offsets[k, 0]
-            sub = view.shifted(dy_mm=eta) if axis == "y" else view.shifted(dx_mm=eta)
-            depth = sub.depth_mm
-            gap = np.abs(offsets[k] - last_offset)[:, None]
-            joined = joined & (np.abs(depth - last_depth) <= STEEPEST * gap)
-            light = np.broadcast_to(np.asarray(weights[k], dtype=np.float64), view.shape)
-            total += light
-            counted = sub.visible if visible else sub.valid
-            light = np.where(counted, light, 0.0)
-            if brightness:
-                light = light * _brightness(view, sub, offsets[k])
-            reading = np.where(counted, depth, 0.0)
-            reading = reading * (1.0 + lean * offsets[k][:, None])
-            own_light += np.where(joined, light, 0.0)
-            own_sum += np.where(joined, light * reading, 0.0)
-            far_light += np.where(joined, 0.0, light)
-            far_sum += np.where(joined, 0.0, light * reading)
-            whole &= joined & counted
-            last_depth, last_offset = depth, offsets[k]
-    return _located(own_light, own_sum, far_light, far_sum, total, whole, merge_mm)
+    rows = max(1, BLOCK_POINTS // max(1, m))
+    parts = [slice(start, min(start + rows, n)) for start in range(0, n, rows)]
+    lines = [
+        _read_rows(
+            view if len(parts) == 1 else view.rows(part),
+            offsets if offsets.shape[1] == 1 else offsets[:, part],
+            [w[part] if isinstance(w, np.ndarray) else w for w in weights],
+            axis=axis,
+            lean=1.0 / view.datasheet.camera_offset_mm if camera else 0.0,
+            visible=visible,
+            intensity=_intensity_rows(view, part) if brightness else None,
+            brightness=brightness,
+            merge_mm=merge_mm,
+        )
+        for part in parts
+    ]
+    if len(lines) == 1:
+        return lines[0]
+    fields = [field.name for field in dataclasses.fields(Line)]
+    return Line(**{k: np.concatenate([getattr(line, k) for line in lines]) for k in fields})
 
 
-def _located(
-    own_light: Floats,
-    own_sum: Floats,
-    far_light: Floats,
-    far_sum: Floats,
-    total: Floats,
-    whole: NDArray[np.bool_],
+IntensityAt = Callable[[Floats], Floats]
+
+
+def _read_rows(
+    view: View,
+    offsets: Floats,
+    weights: list[Floats | float],
+    *,
+    axis: str,
+    lean: float,
+    visible: bool,
+    intensity: IntensityAt | None,
+    brightness: bool,
     merge_mm: float | None,
 ) -> Line:
+    n, _ = view.shape
+    middle = offsets.mean(axis=1)
+    sums = np.zeros((8, *view.shape))
+    whole = view.valid.copy()
+    one = np.ones((1, 1))
+    for side in (middle >= 0, middle < 0):
+        last_depth, last_offset, joined = view.depth_mm, np.zeros(1), view.valid.copy()
+        for k in sorted(np.nonzero(side)[0], key=lambda i: abs(middle[i])):
+            eta = offsets[k]
+            place = eta if len(eta) > 1 else eta[0]
+            sub = view.shifted(dy_mm=place) if axis == "y" else view.shifted(dx_mm=place)
+            light = one
+            if intensity is not None:
+                light = intensity(eta)
+            elif brightness and sub.brightness is not None:
+                light = sub.brightness
+            _add(
+                sums,
+                joined,
+                whole,
+                sub.depth_mm,
+                last_depth,
+                sub.visible if visible else sub.valid,
+                np.broadcast_to(np.abs(eta - last_offset), n),
+                np.broadcast_to(lean * eta, n),
+                np.atleast_2d(np.asarray(weights[k], dtype=np.float64)),
+                light,
+            )
+            last_depth, last_offset = sub.depth_mm, eta
+    return _located(sums, whole, merge_mm)
+
+
+@njit(cache=True)
+def _add(
+    sums: Floats,
+    joined: NDArray[np.bool_],
+    whole: NDArray[np.bool_],
+    depth: Floats,
+    last: Floats,
+    counted: NDArray[np.bool_],
+    gap: Floats,
+    lean: Floats,
+    weight: Floats,
+    bright: Floats,
+) -> None:
+    """Add one sub-line to the sums: own light, own depth, far light, far depth, ..."""
+    n, m = depth.shape
+    for i in range(n):
+        steepest = STEEPEST * gap[i]
+        wi = i if weight.shape[0] > 1 else 0
+        bi = i if bright.shape[0] > 1 else 0
+        for j in range(m):
+            z = depth[i, j]
+            w = weight[wi, j if weight.shape[1] > 1 else 0]
+            sums[7, i, j] += w
+            here = joined[i, j] and abs(z - last[i, j]) <= steepest
+            joined[i, j] = here
+            seen = counted[i, j]
+            if not (here and seen):
+                whole[i, j] = False
+            if here:
+                sums[4, i, j] += w
+                sums[5, i, j] += w * z
+                sums[6, i, j] += w * z * (1.0 + lean[i])
+            if not seen:
+                continue
+            light = w * bright[bi, j if bright.shape[1] > 1 else 0]
+            if not light > 0.0:
+                continue
+            k = 0 if here else 2
+            sums[k, i, j] += light
+            sums[k + 1, i, j] += light * z * (1.0 + lean[i])
+
+
+def _located(sums: Floats, whole: NDArray[np.bool_], merge_mm: float | None) -> Line:
+    own_light, own_sum, far_light, far_sum, spot_light, spot_sum, even_sum, total = sums
     with np.errstate(divide="ignore", invalid="ignore"):
         own = own_sum / own_light
-        if merge_mm is None:
-            return Line(depth_mm=own, light=own_light / total, whole=whole)
-        far = far_sum / far_light
-        both = (own_sum + far_sum) / (own_light + far_light)
-        merged = ~(np.abs(own - far) > merge_mm)  # also where one of them has no light
-        empty = own_light + far_light == 0
-        depth = np.where(merged & ~empty, both, np.where(far_light > own_light, far, own))
-        depth = np.where(own_light == 0, far, np.where(far_light == 0, own, depth))
-    return Line(depth_mm=depth, light=(own_light + far_light) / total, whole=whole)
+        spot, even = spot_sum / spot_light, even_sum / spot_light
+        light = own_light / total
+        depth = own
+        if merge_mm is not None:
+            far = far_sum / far_light
+            both = (own_sum + far_sum) / (own_light + far_light)
+            brighter = np.where(far_light > own_light, far, own)
+            depth = np.where(np.abs(own - far) <= merge_mm, both, brighter)
+            light = (own_light + far_light) / total
+    return Line(depth_mm=depth, spot_mm=spot, even_mm=even, light=light, whole=whole)
 
 
-def _brightness(view: View, sub: View, offset_mm: Floats) -> Floats:
-    """Brightness of a sub-line: the part's there, or a recording's rows interpolated."""
+def _intensity_rows(view: View, part: slice) -> IntensityAt | None:
+    """Return a function of a displacement: a recording's brightness there, between its rows."""
     if view.intensity is None:
-        bright = sub.brightness
-        return np.ones(1) if bright is None else np.where(sub.valid, bright, 0.0)
-    step = view.travel_step_mm
-    n = len(step)
-    safe = np.where(step == 0.0, 1.0, step)
-    row = np.clip(np.arange(n) + np.where(step == 0.0, 0.0, offset_mm / safe), 0, n - 1)
-    low = np.minimum(row.astype(np.int64), max(n - 2, 0))
-    high = np.minimum(low + 1, n - 1)
-    share = (row - low)[:, None]
-    bright = np.asarray(view.intensity, dtype=np.float64)
-    bright = np.where(np.isfinite(bright), bright, 0.0)
-    return np.asarray((1.0 - share) * bright[low] + share * bright[high])
+        return None
+    bright = np.where(np.isfinite(view.intensity), view.intensity, 0.0)
+    step, n = view.travel_step_mm[part], len(bright)
+    still = step == 0.0
+
+    def at(offset_mm: Floats) -> Floats:
+        way = np.where(still, 0.0, offset_mm / np.where(still, 1.0, step))
+        row = np.clip(np.arange(n)[part] + way, 0, n - 1)
+        low = np.minimum(row.astype(np.int64), max(n - 2, 0))
+        share = (row - low)[:, None]
+        mixed = (1.0 - share) * bright[low] + share * bright[np.minimum(low + 1, n - 1)]
+        return np.ascontiguousarray(mixed)
+
+    return at

@@ -350,6 +350,25 @@ class View:
             start_time_s=self.start_time_s,
         )
 
+    def rows(self, part: slice) -> "View":
+        """Return the view of some of the profiles."""
+        hits = self.__dict__.get("hits")
+        if hits is not None:
+            from sensors.scene import Hits
+
+            hits = Hits(depth_mm=hits.depth_mm[part], triangle=hits.triangle[part])
+        return View(
+            self.scene,
+            self.datasheet,
+            self.poses[part],
+            self.time_s[part],
+            laser=self.laser,
+            hits=hits,
+            reflectance=self.reflectance,
+            intensity=None if self.intensity is None else self.intensity[part],
+            start_time_s=self.start_time_s,
+        )
+
     def shifted(
         self, dx_mm: ArrayLike = 0.0, dy_mm: ArrayLike = 0.0, dz_mm: ArrayLike = 0.0
     ) -> "View":

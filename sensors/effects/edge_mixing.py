@@ -76,7 +76,6 @@ class EdgeMixing(Effect):
         seen = read_line(
             view, offsets, weights, camera=True, visible=True, merge_mm=self.merge_um * 1e-3
         )
-        spot = read_line(view, offsets, weights)
-        base = np.where(np.isfinite(spot.depth_mm), spot.depth_mm, view.depth_mm)
+        base = np.where(np.isfinite(seen.spot_mm), seen.spot_mm, view.depth_mm)
         mixed = np.isfinite(seen.depth_mm) & ~seen.whole
         return replace(law, mean_mm=law.mean_mm + np.where(mixed, seen.depth_mm - base, 0.0))

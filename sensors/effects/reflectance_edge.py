@@ -70,6 +70,5 @@ class ReflectanceEdge(Effect):
         offsets = sub_lines(float(np.max(sd)))
         weights = gaussian_weights(offsets, sd)
         bright = read_line(view, offsets, weights, camera=True, brightness=True)
-        even = read_line(view, offsets, weights, camera=True)
-        change = bright.depth_mm - even.depth_mm
+        change = bright.depth_mm - bright.even_mm
         return replace(law, mean_mm=law.mean_mm + np.where(np.isfinite(change), change, 0.0))
