@@ -91,8 +91,8 @@ def _rows(dataset: Path, scans: Iterable[str] | None) -> list[tuple[str, str, in
     wanted = list(known) if scans is None else list(dict.fromkeys(scans))
     for name in wanted:
         if name not in known:
-            some = ", ".join(list(known)[:5])
-            raise RecipeError("no such scan", where=dataset, value=name, allowed=f"{some}, ...")
+            some = ", ".join(list(known)[:5] + ["..."] * (len(known) > 5))
+            raise RecipeError("no such scan", where=dataset, value=name, allowed=some)
     return [known[name] for name in wanted]
 
 

@@ -65,8 +65,9 @@ def draw_scan(folder: str | Path, path: str | Path, *, scan_id: str | None = Non
     scan_id = most_visible(manifest, flaws) if scan_id is None else scan_id
     found = manifest[manifest["scan_id"] == scan_id]
     if found.empty:
-        some = ", ".join(manifest["scan_id"].head(5))
-        raise RecipeError("no such scan", where=folder, value=scan_id, allowed=f"{some}, ...")
+        names = [str(name) for name in manifest["scan_id"]]
+        some = ", ".join(names[:5] + ["..."] * (len(names) > 5))
+        raise RecipeError("no such scan", where=folder, value=scan_id, allowed=some)
     row = found.iloc[0]
     scan = read_scan(Path(folder) / str(row["shard"]), int(row["row"]))
     own = flaws[flaws["scan_id"] == scan_id]
@@ -262,7 +263,7 @@ def _label_image(
     from matplotlib.colors import to_rgb
     from matplotlib.patches import Patch
 
-    relief = chart.image(_relief(chart, scan))
+    relief = _relief(chart, scan)
     picture = np.repeat(relief[..., None], 3, axis=2)
     instance = chart.largest(scan["instance"])
     seen = chart.largest(np.where(scan["mask_visible"] > 0, scan["instance"], 0))
@@ -311,18 +312,18 @@ def _number(axes: "Axes", chart: _Chart, instance: Numbers, kinds: Mapping[int, 
 
 
 def _relief(chart: _Chart, scan: Mapping[str, Any]) -> Floats:
-    """Brightness (n, m) of the noise-free surface under a low light, slopes exaggerated."""
-    height = -np.asarray(scan["depth_ideal"], dtype=float)
-    x = np.empty_like(chart.x_mm)
-    x[chart.order] = chart.x_mm
-    step_x = np.gradient(x)
-    step_y = np.gradient(chart.travel_mm) if len(chart.travel_mm) > 1 else np.ones(1)
+    """Picture of the noise-free surface under a low light, slopes exaggerated (brightness)."""
+    # what is finer than a display pixel needs no shading of its own
+    thin_y, thin_x = (max(1, count // LONGEST_PX) for count in scan["depth"].shape)
+    height = -np.asarray(scan["depth_ideal"][::thin_y, chart.order[::thin_x]], dtype=float)
+    step_x = np.gradient(chart.x_mm[::thin_x])
+    step_y = np.gradient(chart.travel_mm[::thin_y])
     with np.errstate(invalid="ignore", divide="ignore"):
         slope_x = np.gradient(height, axis=1) / step_x
         slope_y = np.gradient(height, axis=0) / step_y[:, None]
     known = np.isfinite(slope_x) & np.isfinite(slope_y)
     if not known.any():
-        return np.full(height.shape, 0.9)
+        return chart.image(np.full(scan["depth"].shape, 1.0))
     slope_x = slope_x - np.median(slope_x[known])
     slope_y = slope_y - np.median(slope_y[known])
     typical = np.percentile(np.hypot(slope_x, slope_y)[known], 97)
@@ -331,7 +332,9 @@ def _relief(chart: _Chart, scan: Mapping[str, Any]) -> Floats:
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     towards = np.array([-0.55, 0.55, 0.63])
     shade = 0.30 + 0.85 * np.clip(normal @ (towards / np.linalg.norm(towards)), 0.0, 1.0)
-    return np.where(known, np.clip(shade, 0.0, 0.97), 1.0)
+    shade = np.where(known, np.clip(shade, 0.0, 0.97), 1.0)
+    picked = shade[np.ix_(chart.rows // thin_y, chart.columns // thin_x)]
+    return np.asarray(picked if chart.upright else picked.T)
 
 
 def _cut(axes: "Axes", chart: _Chart, scan: Mapping[str, Any], kinds: Mapping[int, str]) -> None:

@@ -11,6 +11,7 @@ import pipeline.preview as preview
 from pipeline.parts import build
 from pipeline.preview import draw_scan, most_visible
 from pipeline.preview_setup import draw_setup, spread
+from pipeline.shards import read_scan
 from sensors.datasheet import Datasheet
 from sensors.typed_yaml import RecipeError
 
@@ -27,6 +28,22 @@ def test_a_scan_is_drawn(small_dataset: Path, tmp_path: Path) -> None:
     path = draw_scan(small_dataset, tmp_path / "scan.png")
     assert path == tmp_path / "scan.png"
     assert ink(path) > 0.25
+
+
+def test_a_scan_that_saw_nothing_is_drawn_too(
+    small_dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def blind(path: Path, row: int) -> dict[str, object]:
+        scan = read_scan(path, row)
+        for name in ("depth", "depth_ideal", "depth_clean"):
+            scan[name] = np.full_like(scan[name], np.nan)
+        for name in ("mask", "mask_visible", "instance"):
+            scan[name] = np.zeros_like(scan[name])
+        scan["invalid_reason"] = np.ones_like(scan["invalid_reason"])
+        return scan
+
+    monkeypatch.setattr(preview, "read_scan", blind)
+    assert ink(draw_scan(small_dataset, tmp_path / "blind.png")) > 0.01
 
 
 def test_the_default_is_the_scan_with_the_flaw_that_stands_out_most() -> None:
