@@ -46,8 +46,8 @@ def flatness_mm(
 def make(plate: SteelPlate, facet_um: float | None) -> Part:
     """Tessellate the plate with facets within `facet_um` of the true surface.
 
-    Regions: ``top`` (flat face and its rolled edges), ``face`` (the flat face alone), ``edge``
-    (the rolled edges of the top), ``side``, ``bottom``.
+    Regions: ``outer`` (the upper side: flat face and its rolled edges), ``face`` (the flat face
+    alone), ``edge`` (the rolled edges of the upper side), ``side``, ``bottom``.
     """
     source = "builtin:steel_plate"
     radius, thickness = plate.edge_radius_mm, plate.thickness_mm
@@ -84,7 +84,7 @@ def make(plate: SteelPlate, facet_um: float | None) -> Part:
         vertices_mm=vertices,
         faces=faces,
         regions={
-            "top": side == 0,
+            "outer": side == 0,
             "face": (side == 0) & (centre < flat_mm),
             "edge": (side == 0) & (centre >= flat_mm),
             "side": side >= 2,
