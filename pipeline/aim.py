@@ -15,12 +15,16 @@ from sensors.scene import Scene
 Floats = NDArray[np.float64]
 
 STEEPEST_RAD = np.radians(80.0)  # faces steeper than this to the look give no useful return
+PASSES = 200  # poses of a given path at which its sweep is looked at
 AIMS = 16  # points of the surface among which one in the open is looked for
 CHECK_PROFILES, CHECK_POINTS = 24, 96  # the coarse scan that judges a drawn path
 
 
 class Outlook:
-    """What of a part can be seen from far away along the nominal look.
+    """What of a part the scans of a recipe can see.
+
+    From a path that the recipe gives: what lies in the fan and the working range somewhere along
+    it. From drawn paths: whatever has a free way along the nominal look.
 
     Attributes
     ----------
@@ -28,15 +32,37 @@ class Outlook:
         Faces that are turned towards the sensor; parts of them may lie in the shade of others.
     """
 
-    def __init__(self, part: Part, scene: Scene, motion: Motion) -> None:
+    def __init__(
+        self, part: Part, scene: Scene, motion: Motion, datasheet: Datasheet, profiles: int
+    ) -> None:
         self._scene = scene
+        self._datasheet = datasheet
+        self._path: Trajectory | None = None
+        if motion.path is not None:
+            centre = part.bounds_mm.mean(axis=0)
+            self._path = follow(motion.path, motion, datasheet, profiles, centre)
         self._look = frame(motion.look, motion.travel)[:, 2]
         self._far_mm = float(np.ptp(part.bounds_mm, axis=0).sum()) * 2
         self.facing: NDArray[np.bool_] = -(scene.normals @ self._look) > np.cos(STEEPEST_RAD)
 
     def free(self, points_mm: Floats) -> NDArray[np.bool_]:
-        """Whether points (k, 3) of the surface, part frame, have a free way to the sensor."""
-        return ~self._scene.blocked(points_mm, points_mm - self._far_mm * self._look)
+        """Tell which points (k, 3) of the surface, part frame, the sensor can see."""
+        free = ~self._scene.blocked(points_mm, points_mm - self._far_mm * self._look)
+        return free if self._path is None else free & self._passed(self._path, points_mm)
+
+    def _passed(self, path: Trajectory, points_mm: Floats) -> NDArray[np.bool_]:
+        """Tell which points (k, 3) the laser plane sweeps, within fan and working range."""
+        poses = path.poses[np.unique(np.linspace(0, len(path.poses) - 1, PASSES).astype(int))]
+        local = np.einsum("nkj,nji->nki", points_mm - poses[:, None, :3, 3], poses[:, :3, :3])
+        x, y, z = np.moveaxis(local, -1, 0)
+        within = np.abs(z - self._datasheet.working_distance_mm) <= self._datasheet.z_range_mm / 2
+        half = self._datasheet.x_fov_mm / 2
+        if self._datasheet.columns == "even_angle":
+            within &= np.abs(x) <= half * z / self._datasheet.working_distance_mm
+        else:
+            within &= np.abs(x) <= half
+        crossed = np.diff(np.signbit(y), axis=0) & within[1:] & within[:-1]
+        return np.asarray(crossed.any(axis=0))
 
 
 class Aimer:

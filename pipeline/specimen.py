@@ -135,7 +135,7 @@ def make_specimen(recipe: Recipe, planned: PlannedPart, number: int, folder: Pat
     file = recipe.file
     part, clean_scene, skin = stored_part(folder / planned.stored)
     motion = planned.entry.motion or file.motion
-    outlook = Outlook(part, clean_scene, motion)
+    outlook = Outlook(part, clean_scene, motion, recipe.datasheet, file.profiles)
     flawed = inject(
         part,
         flaw_plan(recipe, planned.entry),
