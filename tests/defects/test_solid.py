@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from defects.inside import Inside, in_boxes
-from defects.solid import Block, BooleanError, Cutter, Solid
+from defects.solid import Block, BooleanError, Cutter, Solid, is_closed
 
 
 def cube(low, high):
@@ -135,3 +135,19 @@ def test_carving_keeps_bits_and_origins():
     assert whole.sum() > 0.9 * len(part.faces)
     for one, other in zip(corners[whole], source[whole], strict=True):
         assert {tuple(v) for v in one} == {tuple(v) for v in other}
+
+
+def test_closedness():
+    faces = np.array(trimesh.creation.icosphere(subdivisions=3).faces, np.int32)
+    assert is_closed(faces)
+    assert is_closed(np.vstack([faces, faces + faces.max() + 1]))
+    assert not is_closed(faces[1:])
+    assert not is_closed(faces[:0])
+    turned = faces.copy()
+    turned[7] = turned[7, ::-1]
+    assert not is_closed(turned)
+    moved = faces.copy()
+    moved[5, 1] = (moved[5, 1] + 100) % faces.max()
+    assert not is_closed(moved)
+    doubled = np.vstack([faces, [[3, 3, 4]]])
+    assert not is_closed(doubled)
