@@ -411,4 +411,4 @@ def _fit_searched(
 
 
 def _total(ws: Workspace, model: Model, masks: Sequence[Mask]) -> float:
-    return float(ws.block_scores(ws.log_densities(model), masks).sum())
+    return float(ws.block_scores(ws.log_densities(ws.levelled(model)), masks).sum())

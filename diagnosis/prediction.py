@@ -80,6 +80,7 @@ def predict(
     noise: NoiseModel,
     *,
     softness: tuple[Field, Field] | None = None,
+    level: float = 1.0,
 ) -> Prediction:
     """Predict a patch.
 
@@ -89,7 +90,7 @@ def predict(
         What a small error of the pose may do at edges: further standard deviation (mm) and the
         chance that the point belongs to the other side.
     """
-    law = law_of(view, effects, noise)
+    law = law_of(view, effects, noise if level == 1.0 else replace(noise, sd_mm=noise.sd_mm * level))
     shape = view.shape
     mean = np.array(np.broadcast_to(law.mean_mm, shape))
     sd = np.array(law.sd_mm(view))

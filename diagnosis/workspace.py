@@ -1,7 +1,7 @@
 """The recordings under study, with what every step asks of them: predictions and scores."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,8 @@ class Model:
 
     effects: tuple[Effect, ...] = ()
     own: OwnParameters = field(default_factory=dict)
+    level: float = 1.0
+    """Factor on the calibrated noise, where an effect changes what it was calibrated over."""
 
     def with_effect(
         self, effect: Effect, own: Mapping[int, Mapping[str, float]] | None = None
@@ -32,13 +34,14 @@ class Model:
         merged = {r: {k: v for k, v in e.items() if k != effect.name} for r, e in self.own.items()}
         for recording, values in (own or {}).items():
             merged.setdefault(recording, {})[effect.name] = values
-        return Model(effects=(*kept, effect), own=merged)
+        return Model(effects=(*kept, effect), own=merged, level=self.level)
 
     def without(self, name: str) -> "Model":
         """Take an effect out."""
         return Model(
             effects=tuple(e for e in self.effects if e.name != name),
             own={r: {k: v for k, v in e.items() if k != name} for r, e in self.own.items()},
+            level=self.level,
         )
 
     def of(self, recording: int) -> tuple[Effect, ...]:
@@ -80,9 +83,28 @@ class Workspace:
     def predict(self, model: Model) -> list[Prediction]:
         """Predict every patch."""
         return [
-            predict(p.view, model.of(p.recording), self.noise, softness=p.softness)
+            predict(
+                p.view, model.of(p.recording), self.noise, softness=p.softness, level=model.level
+            )
             for p in self.patches
         ]
+
+    def levelled(self, model: Model) -> Model:
+        """Refit the noise's overall level where an effect shapes it over the scan."""
+        if not any("variance" in e.channels for e in model.effects):
+            return replace(model, level=1.0)
+        for _ in range(2):
+            states = self.states(self.predict(model))
+            squares = np.concatenate(
+                [
+                    np.minimum(s.innovations[m & s.used & ~p.edge] ** 2, 9.0)
+                    for p, s, m in zip(self.patches, states, self.masks(), strict=True)
+                ]
+            )
+            # a clipped normal's mean square is 0.995
+            factor = float(np.sqrt(squares.mean() / 0.995)) if squares.size else 1.0
+            model = replace(model, level=model.level * factor)
+        return model
 
     def states(self, predictions: Sequence[Prediction]) -> list[Whitened]:
         """Whiten every patch's residual."""

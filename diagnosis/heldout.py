@@ -1,0 +1,152 @@
+"""Judging on readings that nothing was fitted to: score, size, distribution, coverage.
+
+Only the placement is refitted, and parameters that belong to a recording are estimated on a small
+part of it that is then not scored; the same for both models.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from diagnosis.fit import phase_is_own, solve_linear
+from diagnosis.noise import Field, Mask, NoiseModel
+from diagnosis.patch import Patch
+from diagnosis.score import log_density, placements, whitened
+from diagnosis.workspace import Model, Workspace, bootstrap_interval
+
+OWN_SHARE = 5
+"""Every fifth group of profiles serves a recording's own parameters and isn't scored."""
+GROUP = 6
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Judgement:
+    """One model on held-out readings.
+
+    Attributes
+    ----------
+    log_score : nats per reading, lower is better
+    rms_um : of reading minus expectation, spikes included up to 6 deviations
+    ks : largest gap between the distribution of standardised readings and the normal's
+    coverage : share of readings inside the central 50 % and 90 %
+    brier : mean square of missing minus its probability
+    blocks : log score of each block, summed; `counts` its readings
+    residuals_mm : for each patch (n, m), NaN where there is none
+    """
+
+    log_score: float
+    rms_um: float
+    ks: float
+    coverage: tuple[float, float]
+    brier: float
+    blocks: Field
+    counts: Field
+    residuals_mm: tuple[Field, ...]
+    means_mm: tuple[Field, ...]
+    rms_in_um: float | None = None
+    rms_out_um: float | None = None
+
+    def as_json(self, rng: np.random.Generator) -> dict[str, object]:
+        """Return the figures for diagnosis.json."""
+        total = float(self.counts.sum())
+        low, high = bootstrap_interval(self.blocks, rng)
+        out: dict[str, object] = {
+            "log_score": self.log_score,
+            "rms_um": self.rms_um,
+            "ks": self.ks,
+            "log_score_low": -high / total,
+            "log_score_high": -low / total,
+            "coverage_50": self.coverage[0],
+            "coverage_90": self.coverage[1],
+            "missing_brier": self.brier,
+        }
+        if self.rms_in_um is not None:
+            out["rms_in_regions_um"] = self.rms_in_um
+        if self.rms_out_um is not None:
+            out["rms_outside_regions_um"] = self.rms_out_um
+        return out
+
+
+def judging_masks(patches: Sequence[Patch], share_own: bool) -> tuple[list[Mask], list[Mask]]:
+    """Readings for a recording's own parameters, and readings to score."""
+    small, scored = [], []
+    for patch in patches:
+        inside = patch.scored & patch.counted
+        group = (np.arange(patch.shape[0]) // GROUP) % OWN_SHARE == 0
+        part = np.broadcast_to(group[:, None], patch.shape) & inside
+        if not share_own:
+            part = np.zeros_like(inside)
+        small.append(part)
+        scored.append(inside & ~part)
+    return small, scored
+
+
+def settle_own(ws: Workspace, model: Model, small: Sequence[Mask]) -> Model:
+    """Estimate each recording's own parameters on the small part."""
+    for effect in model.effects:
+        if not phase_is_own(effect):
+            continue
+        rest = model.without(effect.name)
+        states = ws.states(ws.predict(rest))
+        fitted = solve_linear(effect, ws, states, small)
+        if fitted is not None:
+            # the amplitude stays the instrument's, only the phases are the recording's
+            model = rest.with_effect(effect, fitted.own)
+    return model
+
+
+def judge(
+    patches: Sequence[Patch],
+    noise: NoiseModel,
+    model: Model,
+    *,
+    share_own: bool,
+    regions: Sequence[Mask] | None = None,
+) -> Judgement:
+    """Score one model on the readings held out."""
+    ws = Workspace.build(patches, noise)
+    small, scored = judging_masks(patches, share_own)
+    if share_own:
+        model = settle_own(ws, model, small)
+    predictions = ws.predict(model)
+    states = [whitened(p, q, noise) for p, q in zip(patches, predictions, strict=True)]
+    pose_masks = [p.scored & p.counted for p in patches]
+    moved = placements(patches, states, pose_masks)
+    densities, residuals, means, standard, inside, missing = [], [], [], [], [], []
+    for patch, prediction, mask in zip(patches, predictions, scored, strict=True):
+        shift = moved[patch.recording]
+        densities.append(log_density(patch, prediction, noise, shift))
+        mean = prediction.mean_mm + patch.columns @ shift
+        means.append(mean)
+        residual = np.where(mask & patch.observed, patch.depth_mm - mean, np.nan)
+        residuals.append(residual)
+        both = np.isfinite(residual)
+        standard.append((residual / prediction.sd_mm)[both])
+        inside.append(both)
+        missing.append(((~patch.observed).astype(float) - prediction.p_missing)[mask] ** 2)
+    z = np.concatenate(standard)
+    e = np.concatenate([r[b] for r, b in zip(residuals, inside, strict=True)])
+    limit = 1.0  # mm; a reading on another level isn't noise of the mean
+    clipped = np.clip(e, -limit, limit)
+    blocks = ws.block_scores(densities, scored)
+    counts = ws.block_scores([m.astype(float) for m in scored], scored)
+    rms = [None, None]
+    if regions is not None:
+        for k, wanted in enumerate((True, False)):
+            part = np.concatenate([r[b & (g == wanted)] for r, b, g in zip(residuals, inside, regions, strict=True)])
+            rms[k] = 1e3 * float(np.sqrt(np.mean(np.clip(part, -limit, limit) ** 2))) if part.size else None
+    return Judgement(
+        log_score=-float(blocks.sum()) / max(float(counts.sum()), 1.0),
+        rms_um=1e3 * float(np.sqrt(np.mean(clipped**2))) if e.size else float("nan"),
+        ks=float(stats.kstest(z, "norm").statistic) if z.size else float("nan"),
+        coverage=(float(np.mean(np.abs(z) < 0.6745)), float(np.mean(np.abs(z) < 1.6449))) if z.size else (0.0, 0.0),
+        brier=float(np.concatenate(missing).mean()) if z.size else 0.0,
+        blocks=blocks,
+        counts=counts,
+        residuals_mm=tuple(residuals),
+        means_mm=tuple(means),
+        rms_in_um=rms[0],
+        rms_out_um=rms[1],
+    )  # fmt: skip

@@ -1,0 +1,122 @@
+"""Full-resolution maps of each recording: mask, score, plain and explained expectation."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.locate import Region, departure_mask, free_mask, regions_of, smoothed_score
+from diagnosis.noise import Field, Mask, NoiseModel
+from diagnosis.patch import edge_softness, in_range
+from diagnosis.prediction import Prediction, predict
+from diagnosis.registration import PRIOR_SD, Placement, hits_normal, pose_columns
+from diagnosis.workspace import Model
+from sensors.datasheet import Datasheet
+from sensors.laser import Laser
+from sensors.recording import Recording, repeated_rows
+from sensors.scene import Scene
+from sensors.view import View
+
+CHUNK = 450_000
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class RecordingMaps:
+    """What mismatch.h5 holds of one recording, (n, m) each."""
+
+    name: str
+    depth_mm: NDArray[np.float32]
+    mask: Mask
+    score: NDArray[np.float32]
+    simulated: NDArray[np.float32]
+    explained: NDArray[np.float32]
+    regions: tuple[Region, ...]
+
+    def silenced(self) -> "RecordingMaps":
+        """The same without a mismatch."""
+        return replace(self, mask=np.zeros_like(self.mask), regions=())
+
+
+def map_recording(
+    number: int,
+    recording: Recording,
+    placement: Placement,
+    scene: Scene,
+    datasheet: Datasheet,
+    laser: Laser,
+    noise: NoiseModel,
+    model: Model,
+    shifts: Mapping[str, Mapping[int, Field]],
+    lateral_mm: float,
+) -> RecordingMaps:
+    """Predict a whole recording piece by piece and mark where it departs."""
+    n, m = recording.depth_mm.shape
+    rows = max(8, min(n, CHUNK // m))
+    settled: Model = shifts["model"][0]  # type: ignore[assignment]  # see _final_shifts
+    plain_shift, final_shift = shifts["plain"][number], shifts["final"][number]
+    pieces: dict[str, list[Field]] = {k: [] for k in ("plain", "final", "sd", "lost", "pure", "soft")}
+    single: dict[str, list[Mask]] = {e.name: [] for e in settled.effects}
+    for start in range(0, n, rows):
+        part = slice(start, min(start + rows, n))
+        view = View(
+            scene, datasheet, placement.poses[part], recording.time_s[part], laser=laser,
+            intensity=None if recording.intensity is None else recording.intensity[part],
+            start_time_s=recording.start_time_s,
+        )  # fmt: skip
+        columns = pose_columns(
+            view.poses, laser, view.hits.depth_mm, hits_normal(scene, view.hits), placement.centre_mm
+        )
+        columns = np.where(np.isfinite(view.depth_mm)[..., None], columns, 0.0) * PRIOR_SD
+        soft = edge_softness(view, view.depth_mm, lateral_mm)
+        before = predict(view, (), noise, softness=soft)
+        effects = settled.of(number)
+        after = predict(view, effects, noise, softness=soft, level=settled.level)
+        pieces["plain"].append(before.mean_mm + columns @ plain_shift)
+        final = after.mean_mm + columns @ final_shift
+        pieces["final"].append(np.where(after.p_missing > 0.5, np.nan, final))
+        pieces["sd"].append(before.sd_mm)
+        pieces["lost"].append(after.p_missing - before.p_missing)
+        pieces["pure"].append(np.where(before.seen, np.nan_to_num(after.mean_mm - before.mean_mm), 0.0))
+        pieces["soft"].append(soft[1])
+        for effect in effects:
+            alone = predict(view, (effect,), noise, softness=soft)
+            single[effect.name].append(_one(before, alone))
+    whole = {k: np.concatenate(v) for k, v in pieces.items()}
+    depth = in_range(recording.depth_mm, datasheet)
+    depth[repeated_rows(recording.depth_mm)] = np.nan
+    residual = depth - whole["plain"]
+    score = smoothed_score(residual, whole["sd"], noise)
+    plain_seen = np.isfinite(whole["plain"])
+    wrong = (np.isfinite(depth) != plain_seen) & (whole["soft"] < 0.01)
+    wrong[repeated_rows(recording.depth_mm)] = False
+    if settled.effects:
+        mask = departure_mask(whole["pure"], whole["lost"], whole["sd"], plain_seen)
+        mask |= _random_losses(settled, wrong)
+    else:
+        mask = free_mask(score, np.isfinite(residual), wrong)
+    named = [(name, np.concatenate(parts)) for name, parts in single.items()]
+    size = 1e3 * np.where(np.isfinite(residual), residual, 0.0)
+    pure = 1e3 * whole["pure"]
+    shown = np.where(np.abs(pure) > 0, pure, size)
+    return RecordingMaps(
+        name=recording.name,
+        depth_mm=depth.astype(np.float32),
+        mask=mask,
+        score=score,
+        simulated=whole["plain"].astype(np.float32),
+        explained=whole["final"].astype(np.float32),
+        regions=tuple(regions_of(recording.name, mask, shown, named)),
+    )
+
+
+def _one(before: Prediction, alone: Prediction) -> Mask:
+    moved = np.abs(np.nan_to_num(alone.mean_mm - before.mean_mm)) > 0.1 * before.sd_mm
+    return np.asarray(moved | (alone.p_missing - before.p_missing > 0.002) | (alone.sd_mm > 1.1 * before.sd_mm))
+
+
+def _random_losses(model: Model, wrong: Mask) -> Mask:
+    """Points lost at random are marked one by one where such an effect was found."""
+    if any("missing" in e.channels for e in model.effects):
+        return wrong
+    return np.zeros_like(wrong)

@@ -1,0 +1,83 @@
+"""What a diagnosis leaves behind: diagnosis.json, mismatch.h5, sensor.yaml, report.html."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from diagnosis.diagnose import Diagnosis
+from sensors.typed_yaml import plain
+
+FORMAT = "profilometer-diagnosis"
+
+
+def write_outputs(
+    result: Diagnosis,
+    folder: Path,
+    *,
+    part_name: str = "part",
+    progress: Callable[[str], None] = lambda text: None,
+) -> None:
+    """Write the four files into a folder, which is made where it isn't there."""
+    folder.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(plain(as_json(result)), indent=1, ensure_ascii=False)
+    (folder / "diagnosis.json").write_text(text + "\n", encoding="utf-8")
+    result.datasheet.save(folder / "sensor.yaml")
+    with h5py.File(folder / "mismatch.h5", "w") as file:
+        file.attrs["format"] = "profilometer-mismatch"
+        file.attrs["version"] = 1
+        for maps in result.maps:
+            group = file.create_group(maps.name)
+            for key in ("mask", "score", "simulated", "explained"):
+                group.create_dataset(
+                    key, data=getattr(maps, key), compression="gzip", compression_opts=4
+                )
+    progress("writing the report")
+    from diagnosis.report import write_report
+
+    write_report(result, folder / "report.html", part_name=part_name)
+
+
+def as_json(result: Diagnosis) -> dict[str, object]:
+    """The content of diagnosis.json."""
+    rng = np.random.default_rng(result.seed)
+    return {
+        "format": FORMAT,
+        "version": 1,
+        "verdict": result.verdict,
+        "effects": [
+            {
+                "name": e.name,
+                "statement": e.statement,
+                "parameters": {
+                    k: {"value": v, "low": low, "high": high}
+                    for k, (v, low, high) in e.parameters.items()
+                },
+                "heldout_gain": e.heldout_gain,
+                "covariate": e.covariate,
+                "frame": e.frame,
+                "alternatives": [{"name": n, "heldout_gain": g} for n, g in e.alternatives],
+            }
+            for e in result.effects
+        ],
+        "mismatch": {
+            "share_of_points": result.share_of_points,
+            "regions": [r.as_json() for r in result.regions],
+            "unexplained": [
+                {
+                    "channel": f.channel,
+                    "covariate": f.words,
+                    "frame": f.frame,
+                    "z": f.z,
+                    "size_sd": f.size,
+                    "detail": f.detail,
+                }
+                for f in result.left[:6]
+            ],
+        },
+        "heldout": {"before": result.before.as_json(rng), "after": result.after.as_json(rng)},
+        "recordings": {"fitted": list(result.fitted), "held_out": list(result.held)},
+        "notes": list(result.notes),
+    }

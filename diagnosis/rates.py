@@ -1,0 +1,165 @@
+"""Detection beside the mean: variance, missing returns, spikes, over every covariate.
+
+Each reading gives a number whose expectation the plain model knows (squared innovation, missing or
+not, spike or not). Their departure is regressed on hat functions of a covariate; blocks of readings
+count as independent, so correlation needs no model (a sandwich over blocks).
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import stats
+from scipy.ndimage import binary_dilation
+
+from diagnosis.families import covariate_values, hats
+from diagnosis.noise import Field, Mask, NoiseModel
+from diagnosis.patch import Patch
+from diagnosis.prediction import Prediction
+from diagnosis.score import Whitened
+from diagnosis.screen import Finding
+from diagnosis.workspace import block_sums
+from sensors.covariates import COVARIATES
+
+TOLERANCES = {"variance": 0.12, "missing": 0.004, "tails": 0.002}
+"""Least departure that is a mismatch: relative change of the noise, share of readings."""
+WATCHED = (
+    "incidence", "slope_x", "slope_y", "half_vector", "depth", "x", "brightness", "hidden",
+    "time", "column",
+)  # fmt: skip
+
+
+def screen_rates(
+    patches: Sequence[Patch],
+    predictions: Sequence[Prediction],
+    states: Sequence[Whitened],
+    noise: NoiseModel,
+    block: tuple[int, int],
+) -> list[Finding]:
+    """Test variance, missing and tails against nothing and against each covariate."""
+    findings: list[Finding] = []
+    for channel in ("variance", "missing", "tails"):
+        values, masks, floor = _numbers(channel, patches, predictions, states, noise)
+        if sum(int(m.sum()) for m in masks) < 200:
+            continue
+        findings += _overall(channel, values, masks, block, floor, noise)
+        for name in WATCHED:
+            covariate = covariate_values(name, patches)
+            if covariate is None or all(np.ptp(c[np.isfinite(c)]) == 0 for c in covariate if np.isfinite(c).any()):
+                continue
+            finding = _against(channel, name, values, masks, covariate, block, floor)
+            if finding is not None:
+                findings.append(finding)
+    return findings
+
+
+def _numbers(
+    channel: str,
+    patches: Sequence[Patch],
+    predictions: Sequence[Prediction],
+    states: Sequence[Whitened],
+    noise: NoiseModel,
+) -> tuple[list[Field], list[Mask], float]:
+    """Departure of each reading from its expectation, where it counts, and its least variance."""
+    values, masks = [], []
+    for patch, prediction, state in zip(patches, predictions, states, strict=True):
+        ambiguous = binary_dilation(patch.softness[1] > 0.01, iterations=1)
+        inside = patch.fit & patch.counted & prediction.seen & ~ambiguous
+        if channel == "variance":
+            square = np.minimum(state.innovations**2, 9.0)
+            values.append(square)
+            masks.append(inside & state.used & ~patch.edge)
+        elif channel == "missing":
+            values.append(np.where(patch.observed, 0.0, 1.0) - prediction.p_missing)
+            masks.append(inside)
+        else:
+            seen = inside & patch.observed & ~patch.edge
+            values.append(np.where(seen & ~state.used, 1.0, 0.0) - noise.tail_share)
+            masks.append(seen)
+    if channel == "variance":
+        everything = np.concatenate([v[m] for v, m in zip(values, masks, strict=True)])
+        level = float(everything.mean()) if everything.size else 1.0
+        values = [v / max(level, 1e-6) - 1 for v in values]
+        return values, masks, 0.5
+    share = noise.missing_share if channel == "missing" else noise.tail_share
+    return values, masks, max(share, 1e-4)
+
+
+def _overall(
+    channel: str,
+    values: Sequence[Field],
+    masks: Sequence[Mask],
+    block: tuple[int, int],
+    floor: float,
+    noise: NoiseModel,
+) -> list[Finding]:
+    """Level of missing or spikes against the plain model's; the noise's level is tested apart."""
+    if channel == "variance":
+        return []
+    sums = np.concatenate([block_sums(np.where(m, v, 0.0), block) for v, m in zip(values, masks, strict=True)])
+    count = sum(int(m.sum()) for m in masks)
+    spread = np.sqrt((sums**2).sum() * sums.size / max(sums.size - 1, 1) + floor * count)
+    share = float(sums.sum() / count)
+    z = float(sums.sum() / spread) if share > 0 else 0.0
+    events = sum(float(v[m].sum()) for v, m in zip(values, masks, strict=True)) + floor * count
+    return [
+        Finding(
+            channel=channel, name=f"level:{channel}", words="nothing in particular", frame="sensor",
+            z=z if events > 12 else 0.0, size=share, tolerance=0.0015 if channel == "missing" else 0.0007,
+            gain=max(0.0, 0.5 * z * z), coefficients=np.array([share]),
+        )
+    ]  # fmt: skip
+
+
+def _against(
+    channel: str,
+    name: str,
+    values: Sequence[Field],
+    masks: Sequence[Mask],
+    covariate: Sequence[Field],
+    block: tuple[int, int],
+    floor: float,
+) -> Finding | None:
+    fields = hats([np.where(m, c, np.nan) for m, c in zip(masks, covariate, strict=True)], 6)
+    if fields[0] is None or len(fields[0]) < 2:
+        return None
+    weight = np.array([sum(float(f[k][m].sum()) for f, m in zip(fields, masks, strict=True) if f is not None) for k in range(len(fields[0]))])
+    kept = weight > 50
+    if kept.sum() < 2:
+        return None
+    sums = []
+    weights = []
+    for value, mask, field in zip(values, masks, fields, strict=True):
+        assert field is not None
+        sums.append(np.stack([block_sums(np.where(mask, value * f, 0.0), block) for f in field[kept]], axis=1))
+        weights.append(np.stack([block_sums(np.where(mask, f, 0.0), block) for f in field[kept]], axis=1))
+    total, mass = np.concatenate(sums), np.concatenate(weights)
+    rate = total.sum(axis=0) / mass.sum(axis=0)
+    if channel == "variance":
+        centre = float(total.sum() / mass.sum())
+    else:
+        centre = 0.0
+    departure = total - centre * mass
+    score = departure.sum(axis=0)
+    blocks = int((mass.sum(axis=1) > 0).sum())
+    rest = total - rate * mass
+    spread = rest.T @ rest * blocks / max(blocks - 1, 1) + np.diag(floor * mass.sum(axis=0))
+    dof = int(kept.sum()) - (1 if channel == "variance" else 0)
+    if blocks <= 2 * dof + 4:
+        return None
+    solved, *_ = np.linalg.lstsq(spread, score, rcond=1e-8)
+    statistic = float(score @ solved)
+    # Hotelling's small-sample correction
+    f = statistic * (blocks - dof) / (dof * max(blocks - 1, 1))
+    log_tail = stats.f.logsf(f, dof, blocks - dof)
+    z = float(stats.norm.isf(np.exp(log_tail))) if log_tail > -600 else float(np.sqrt(-2 * log_tail))
+    if channel == "variance":
+        size = float(np.quantile(np.abs(np.sqrt(np.clip(1 + rate - centre, 0.05, None)) - 1), 0.9))
+    else:
+        size = float(rate.max())
+        if rate.max() <= 0:
+            z = 0.0
+    c = COVARIATES[name]
+    return Finding(
+        channel=channel, name=f"{channel}:{name}", words=c.words, frame=c.frame, z=z, size=size,
+        tolerance=TOLERANCES[channel], gain=0.5 * max(statistic - dof, 0.0), coefficients=rate,
+    )  # fmt: skip

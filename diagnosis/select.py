@@ -1,0 +1,242 @@
+"""Selection: which effects, by the density of readings that took no part in the fit.
+
+Forward: the effect whose cross-fitted gain is largest joins, as long as its block-bootstrap
+interval excludes zero and the screening still finds something. Then all are refitted together,
+and what no longer pays is dropped. Rivals within the uncertainty of the choice are kept beside it.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.families import effect_families, free_families
+from diagnosis.fit import Fitted, fit_effect
+from diagnosis.noise import Field, Mask
+from diagnosis.rates import screen_rates
+from diagnosis.screen import Finding, Screening, screen_mean
+from diagnosis.workspace import Model, Workspace, bootstrap_interval
+from sensors.effects import CATALOGUE
+from sensors.effects.base import Effect
+
+MOST = 4
+NOT_SEARCHED = {"pose_error", "empirical", "roughness_level", "anisotropic_lay"}
+LAST_RESORT = {"form_error", "column_offset"}
+"""Flexible shapes: chosen only where no more specific effect does nearly as well."""
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Choice:
+    """One effect that was chosen.
+
+    Attributes
+    ----------
+    blocks : cross-fitted gain of each block, nats
+    alternatives : (name, gain) of rivals within the uncertainty
+    """
+
+    name: str
+    gain: float
+    blocks: Field
+    alternatives: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Selection:
+    """Outcome: the model, why, and what is left."""
+
+    model: Model
+    choices: tuple[Choice, ...]
+    first: Screening
+    last: Screening
+
+
+def screen(
+    ws: Workspace, model: Model, rng: np.random.Generator, withheld: Iterable[str]
+) -> Screening:
+    """All channels' findings beyond a model."""
+    predictions = ws.predict(model)
+    states = ws.states(predictions)
+    families = free_families(ws.patches) + effect_families(
+        ws.patches, predictions, ws.noise, accepted=model.effects, withheld=withheld
+    )
+    mean = screen_mean(ws.patches, states, families, ws.noise, rng)
+    rates = screen_rates(ws.patches, predictions, states, ws.noise, ws.block)
+    findings = sorted([*mean.findings, *rates], key=lambda f: -f.z)
+    return Screening(findings=tuple(findings), threshold=mean.threshold)
+
+
+def select(
+    ws: Workspace,
+    rng: np.random.Generator,
+    *,
+    withheld: Iterable[str] = (),
+    progress: Progress = lambda text: None,
+    start: Model | None = None,
+) -> Selection:
+    """Choose effects until nothing significant is left or nothing more pays."""
+    withheld = set(withheld)
+    model = start or Model()
+    progress("looking for mismatches")
+    first = last = screen(ws, model, rng, withheld)
+    choices: list[Choice] = []
+    while len(choices) < MOST and last.significant():
+        progress(f"explaining: {last.significant()[0].name}")
+        step = _best(ws, model, last.significant(), rng, withheld)
+        if step is None:
+            break
+        model, choice = step
+        choices.append(choice)
+        last = screen(ws, model, rng, withheld)
+    model, choices = _prune(ws, model, choices, rng)
+    return Selection(model=model, choices=tuple(choices), first=first, last=last)
+
+
+def _best(
+    ws: Workspace,
+    model: Model,
+    findings: Sequence[Finding],
+    rng: np.random.Generator,
+    withheld: set[str],
+) -> tuple[Model, Choice] | None:
+    channels = {f.channel for f in findings}
+    if "tails" in channels:
+        channels.add("mean")
+    predictions = ws.predict(model)
+    states = ws.states(predictions)
+    quick: list[tuple[float, str]] = []
+    for name, kind in CATALOGUE.items():
+        if name in NOT_SEARCHED | withheld or name in model.names() or not channels & set(kind.channels):
+            continue
+        fitted = fit_effect(kind, ws, model, predictions, states, polish=False)
+        if fitted is not None and np.isfinite(fitted.gain) and not fitted.effect.is_null:
+            quick.append((fitted.gain - fitted.free, name))
+    quick.sort(reverse=True)
+    if not quick or quick[0][0] < 3:
+        return None
+    shortlist = [n for g, n in quick if g > max(3.0, 0.15 * quick[0][0])][:7]
+    base = ws.log_densities(model)
+    base_blocks = ws.block_scores(base)
+    candidates: dict[str, tuple[Model, Field]] = {}
+    for name in shortlist:
+        fitted = fit_effect(CATALOGUE[name], ws, model, predictions, states)
+        if fitted is None:
+            continue
+        trial = ws.levelled(model.with_effect(fitted.effect, fitted.own))
+        blocks = crossfitted(ws, model, CATALOGUE[name], fitted, base)
+        candidates[name] = (trial, blocks - _penalty(fitted, blocks))
+    del base_blocks
+    if not candidates:
+        return None
+    order = sorted(candidates, key=lambda n: -float(candidates[n][1].sum()))
+    best = order[0]
+    # a flexible shape gives way to a specific effect that does nearly as well
+    if best in LAST_RESORT:
+        for name in order[1:]:
+            gain, top = float(candidates[name][1].sum()), float(candidates[best][1].sum())
+            if name not in LAST_RESORT and gain > 0.85 * top:
+                best = name
+                break
+    trial, blocks = candidates[best]
+    low, _ = bootstrap_interval(blocks, rng)
+    gain = float(blocks.sum())
+    if low <= 0 or gain < 4:
+        return None
+    rivals = []
+    for name in order:
+        if name == best:
+            continue
+        other = candidates[name][1]
+        difference = blocks - other
+        spread = float(np.sqrt(np.sum((difference - difference.mean()) ** 2)))
+        if float(other.sum()) > 3 and float(difference.sum()) < max(2 * spread, 2.0):
+            rivals.append((name, float(other.sum())))
+    return trial, Choice(name=best, gain=gain, blocks=blocks, alternatives=tuple(rivals))
+
+
+def _penalty(fitted: Fitted, blocks: Field) -> Field:
+    """Spread a nat for each fitted number over the blocks, where nothing was left out."""
+    cross = len(fitted.effect.to_mapping()) > 0 and fitted.free > 6
+    return np.full(blocks.size, 0.0 if cross else fitted.free / blocks.size)
+
+
+def crossfitted(
+    ws: Workspace, model: Model, kind: type[Effect], fitted: Fitted, base: Sequence[Field]
+) -> Field:
+    """Gain of each block, from parameters that its own half didn't fit where they are many."""
+    trial = ws.levelled(model.with_effect(fitted.effect, fitted.own))
+    if fitted.free <= 6:
+        after = ws.log_densities(trial)
+        return ws.block_scores([a - b for a, b in zip(after, base, strict=True)])
+    halves = fold_masks(ws)
+    predictions = ws.predict(model)
+    states = ws.states(predictions)
+    total: Field | float = 0.0
+    for fit_on, judge in (halves, halves[::-1]):
+        part = fit_effect(
+            kind, ws, model, predictions, states, masks=fit_on, start=fitted.effect, polish=False
+        )
+        if part is None:
+            return np.zeros(ws.block_scores(base).size)
+        after = ws.log_densities(model.with_effect(part.effect, part.own))
+        total = total + ws.block_scores(
+            [a - b for a, b in zip(after, base, strict=True)],
+            [m & j for m, j in zip(ws.masks(), judge, strict=True)],
+        )
+    return np.asarray(total)
+
+
+def fold_masks(ws: Workspace) -> tuple[list[Mask], list[Mask]]:
+    """Two halves of the readings: whole recordings where there are several, else big tiles."""
+    recordings = sorted({p.recording for p in ws.patches})
+    one, two = [], []
+    for patch, mask in zip(ws.patches, ws.masks(), strict=True):
+        if len(recordings) > 1:
+            side = np.full(patch.shape, recordings.index(patch.recording) % 2 == 0)
+        else:
+            n, m = patch.shape
+            rows = (np.arange(n) * 4 // n)[:, None] + np.zeros((1, m), dtype=int)
+            columns = np.zeros((n, 1), dtype=int) + (np.arange(m) * 4 // m)[None]
+            side = (rows + columns) % 2 == 0
+        one.append(mask & side)
+        two.append(mask & ~side)
+    return one, two
+
+
+def refit(ws: Workspace, model: Model, *, rounds: int = 1) -> Model:
+    """Refit each effect in turn with the others in place."""
+    if not model.effects:
+        return model
+    for _ in range(rounds):
+        for effect in model.effects:
+            rest = model.without(effect.name)
+            predictions = ws.predict(rest)
+            states = ws.states(predictions)
+            fitted = fit_effect(
+                type(effect), ws, rest, predictions, states, start=effect.shared(), polish=True
+            )
+            if fitted is not None and not fitted.effect.is_null:
+                model = ws.levelled(rest.with_effect(fitted.effect, fitted.own))
+    return model
+
+
+def _prune(
+    ws: Workspace, model: Model, choices: list[Choice], rng: np.random.Generator
+) -> tuple[Model, list[Choice]]:
+    """Refit together; drop effects without which the fit is as good."""
+    if len(choices) < 2:
+        return model, choices
+    model = refit(ws, model)
+    kept = list(choices)
+    for choice in list(kept):
+        if len(kept) < 2 or choice.name not in model.names():
+            continue
+        rest = refit(ws, model.without(choice.name))
+        full, less = ws.log_densities(model), ws.log_densities(rest)
+        gain = ws.block_scores([a - b for a, b in zip(full, less, strict=True)])
+        low, _ = bootstrap_interval(gain, rng)
+        if low <= 0 or float(gain.sum()) < 4:
+            model = rest
+            kept.remove(choice)
+    return model, kept

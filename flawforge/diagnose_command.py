@@ -1,0 +1,69 @@
+"""`flawforge diagnose`: recordings against a simulation of them, and what the simulation lacks."""
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.description = (
+        "Compare recordings with a simulation of them: where they differ, which physics the "
+        "simulation leaves out, and a model of the sensor that has it."
+    )
+    parser.add_argument("recordings", nargs="+", metavar="REC.h5", help="recordings to explain")
+    parser.add_argument(
+        "--part", required=True, help="the part's mesh (STL, OBJ, PLY or 3MF), closed"
+    )
+    parser.add_argument(
+        "--part-unit", default="mm", choices=("mm", "cm", "m", "inch", "um"),
+        help="unit of the mesh's coordinates (default: mm)",
+    )  # fmt: skip
+    parser.add_argument("--sensor", required=True, help="the sensor's YAML file, or a preset")
+    parser.add_argument("--surface", help="the surface's YAML file, or a preset: nominal roughness")
+    parser.add_argument(
+        "--reference", nargs="+", default=[], metavar="PLATE.h5",
+        help="scans of a flat plate by the same instrument, to calibrate its noise",
+    )  # fmt: skip
+    parser.add_argument(
+        "--holdout", nargs="+", default=[], metavar="REC.h5",
+        help="recordings for judging alone (default: the last one; of a single one, blocks)",
+    )  # fmt: skip
+    parser.add_argument("--out", required=True, help="folder for diagnosis.json, report.html, ...")
+    parser.add_argument("--seed", type=int, default=0, help="of the null's draws (default: 0)")
+    parser.add_argument("--quiet", action="store_true", help="no progress on stderr")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Diagnose and write the results; 0 whatever the verdict."""
+    from diagnosis.diagnose import diagnose
+    from diagnosis.outputs import write_outputs
+    from pipeline.part import load_part
+    from sensors.datasheet import Datasheet
+    from sensors.recording import Recording
+    from sensors.surface import Surface
+
+    began = time.monotonic()
+
+    def progress(text: str) -> None:
+        if not args.quiet:
+            print(f"[{time.monotonic() - began:5.1f} s] {text}", file=sys.stderr, flush=True)
+
+    progress("reading")
+    part = load_part(Path(args.part), unit=args.part_unit)
+    result = diagnose(
+        [Recording.load(path) for path in args.recordings],
+        part.vertices_mm,
+        part.faces,
+        Datasheet.load(args.sensor),
+        surface=None if args.surface is None else Surface.load(args.surface),
+        references=[Recording.load(path) for path in args.reference],
+        holdout=[Recording.load(path) for path in args.holdout],
+        seed=args.seed,
+        progress=progress,
+    )
+    write_outputs(result, Path(args.out), part_name=part.name, progress=progress)
+    names = ", ".join(e.name for e in result.effects) or "none"
+    print(f"{result.verdict}; effects: {names}; see {Path(args.out) / 'report.html'}")
+    return 0
