@@ -89,10 +89,10 @@ class Measured:
         for name, value in self.figures().items():
             if not (value > 0.0 and math.isfinite(value)):
                 raise ValueError(f"{name} must be positive, not {value:g}")
-        if self.pc_per_mm is not None and self.pc_per_mm * self.pitch_x_mm > 1.0 / 3.0:
+        if self.pc_per_mm is not None and self.pc_per_mm * self.pitch_x_mm > 0.5:
             raise ValueError(
-                f"pc_per_mm {self.pc_per_mm:g} is more than white noise has at a pitch of "
-                f"{self.pitch_x_mm:g} mm (one peak in three points)"
+                f"pc_per_mm {self.pc_per_mm:g} is more than there is room for at a pitch of "
+                f"{self.pitch_x_mm:g} mm (a peak at every second point)"
             )
 
     def figures(self) -> dict[str, float]:

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import convolve1d
+from scipy.signal import oaconvolve
 
 Floats = NDArray[np.float64]
 
@@ -75,8 +75,12 @@ def waviness(heights_mm: Floats, pitch_mm: float, cutoff_mm: float, axis: int = 
     weights = np.exp(-math.pi * offsets**2)
     weights /= weights.sum()
     valid = np.isfinite(heights_mm)
-    total = convolve1d(np.where(valid, heights_mm, 0.0), weights, axis=axis, mode="constant")
-    weight = convolve1d(valid.astype(np.float64), weights, axis=axis, mode="constant")
+    weights = np.expand_dims(weights, 1 if axis == 0 else 0)
+    total = oaconvolve(np.where(valid, heights_mm, 0.0), weights, mode="full", axes=axis)
+    weight = oaconvolve(valid.astype(np.float64), weights, mode="full", axes=axis)
+    # "same" would follow the longer of the two, which on a short profile is the filter
+    here = np.arange(reach, reach + heights_mm.shape[axis])
+    total, weight = np.take(total, here, axis=axis), np.take(weight, here, axis=axis)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.where(weight > 1e-9, total / weight, np.nan))
 
