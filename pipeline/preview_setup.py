@@ -116,10 +116,13 @@ def _overview(
     from matplotlib.patches import Patch
 
     x, y, z = poses[len(poses) // 2, :3, :3].T
-    look = z * np.sin(np.radians(33)) + np.cos(np.radians(33)) * (0.62 * y - 0.78 * x)
     shown = np.unique(np.linspace(0, len(poses) - 1, 3).round().astype(int))
     fans = [_fan_mm(datasheet, poses[at]) for at in shown]
     everything = np.concatenate([scene.vertices_mm, *fans])
+    # a high sensor over a small part is seen from higher up, so that the part stays large
+    size = np.ptp(everything @ np.stack([x, y, z], axis=1), axis=0)
+    high = np.radians(np.clip(33.0 + 20.0 * (size[2] / max(size[0], size[1]) - 0.7), 33.0, 54.0))
+    look = z * np.sin(high) + np.cos(high) * (0.62 * y - 0.78 * x)
     camera = Camera.around(everything, look=look, up=-z, pixels=_pixels(axes), foot=0.06)
     picture = render(scene, camera, _colours(instance, named), groups=instance)
     axes.imshow(picture, extent=camera.extent_mm, zorder=1)
@@ -380,11 +383,12 @@ def scale_bar(axes: "Axes", camera: Camera) -> None:
     length = float(max(step for step in (1, 2, 5) if step * round_mm <= length) * round_mm)
     end, level = right - 0.03 * (right - left), bottom + 0.035 * (top - bottom)
     bar = [end - length, end]
-    axes.plot(bar, [level, level], color=DARK, lw=3, solid_capstyle="butt", zorder=11)
+    for colour, width in (("white", 5.5), (DARK, 3)):
+        axes.plot(bar, [level, level], color=colour, lw=width, solid_capstyle="butt", zorder=11)
     text = f"{length:g} mm" if length >= 0.1 else f"{length * 1000:g} µm"
     axes.text(
         end - length / 2, level + 0.012 * (top - bottom), text, ha="center", va="bottom",
-        fontsize=9, zorder=11, bbox={"fc": "white", "ec": "none", "alpha": 0.65, "pad": 1.0},
+        fontsize=9, zorder=10, bbox={"fc": "white", "ec": "none", "alpha": 0.7, "pad": 1.0},
     )  # fmt: skip
 
 
