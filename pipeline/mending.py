@@ -98,6 +98,8 @@ def flip_needles(vertices: Vertices, faces: Faces, tolerance_mm: float) -> tuple
         directed, edge = halfedges(faces)
         order = np.argsort(edge, kind="stable")
         start = np.searchsorted(edge[order], np.arange(edge.max() + 2))
+        near = np.isin(directed, faces[needles]).any(axis=1)
+        present = set(map(tuple, np.sort(directed[near], axis=1).tolist()))
         touched: set[int] = set()
         done = 0
         for needle in needles.tolist():
@@ -115,8 +117,9 @@ def flip_needles(vertices: Vertices, faces: Faces, tolerance_mm: float) -> tuple
             d = int(faces[other, (twin % 3 + 2) % 3])
             if b == d or directed[twin].tolist() != [c, a]:
                 continue
-            if ((faces == b).any(axis=1) & (faces == d).any(axis=1)).any():
+            if (min(b, d), max(b, d)) in present:
                 continue
+            present.add((min(b, d), max(b, d)))
             faces[needle], faces[other] = (a, d, b), (d, c, b)
             touched |= {needle, other}
             done += 1

@@ -17,7 +17,8 @@ SMALLEST_MM: Final = 1e-3
 LARGEST_MM: Final = 1e6
 CONTACT: Final = 1e-6  # of the diagonal: rounding of single-precision files
 HOLE_SHARE: Final = 0.05  # of the diagonal: the widest hole that is filled
-HOLE_EDGES: Final = 200
+HOLE_EDGES: Final = 100
+MOST_HOLES: Final = 2000  # more are no holes, but faces that don't belong together
 
 Vertices = NDArray[np.float64]
 Faces = NDArray[np.int64]
@@ -68,9 +69,9 @@ def make_solid(
         notes.append(f"open sheet grown to a solid of {abs(thicken_mm or 0.0):g} mm")
     elif thicken_mm is not None:
         notes.append("already closed: thicken_mm not applied")
-    vertices, faces = _outward(source, vertices, faces, diagonal, notes)
+    vertices, faces, overlap = _outward(source, vertices, faces, diagonal, notes)
     vertices, faces = _uncrossed(
-        source, vertices, faces, diagonal, notes, parted > 0, len(loops) > 0
+        source, vertices, faces, diagonal, notes, overlap or parted > 0, len(loops) > 0
     )
     status = manifold(vertices, faces).status()
     if status != manifold3d.Error.NoError:
@@ -149,7 +150,10 @@ def _filled(
     """Close slits without area, and fill holes up to HOLE_SHARE of the diagonal wide."""
     filled: list[Faces] = []
     slits, widest = 0, 0.0
-    for loop in mending.open_loops(faces):
+    loops = mending.open_loops(faces)
+    if len(loops) > MOST_HOLES:
+        return faces
+    for loop in loops:
         if len(loop) > HOLE_EDGES:
             continue
         points = vertices[loop]
@@ -186,8 +190,8 @@ def _refuse_open(source: str, vertices: Vertices, faces: Faces, rim: NDArray[np.
 
 def _outward(
     source: str, vertices: Vertices, faces: Faces, diagonal: float, notes: list[str]
-) -> tuple[Vertices, Faces]:
-    """Turn bodies outward, keep cavities, drop bodies without volume."""
+) -> tuple[Vertices, Faces, bool]:
+    """Turn bodies outward, keep cavities, drop bodies without volume; whether solids are nested."""
     body = mending.bodies(faces)
     centre = vertices.mean(axis=0)
     corners = vertices[faces] - centre
@@ -211,22 +215,25 @@ def _outward(
         vertices, faces = _compact(vertices, faces[keep])
         body = mending.bodies(faces)
         volume = volume[~flat]
-    depth, _ = nesting(vertices, faces, body)
-    outer = depth == 0
-    wrong = np.zeros(len(volume), dtype=np.bool_)
-    wrong[outer] = volume[outer] < 0.0
+    depth, inside = nesting(vertices, faces, body)
+    way = np.where(volume > 0.0, 1, -1)
     # A body inside others keeps its way relative to the outermost ones: inward is a cavity.
-    if wrong[outer].all():
-        wrong[:] = True
+    if (way[depth == 0] < 0).all():
+        way = -way
+    overlap = False
+    for number in np.argsort(depth, kind="stable").tolist():
+        solid_around = int(way[inside[number]].sum())
+        if solid_around <= 0:
+            way[number] = 1
+        overlap |= solid_around > 0 and way[number] > 0
+    wrong = way * volume < 0.0
     if wrong.any():
         turn = wrong[body]
         faces = faces.copy()
         faces[turn] = faces[turn][:, ::-1]
-        notes.append(f"{int(wrong.sum())} bodies wound inward turned outward")
-        volume = np.where(wrong, -volume, volume)
-    if volume.sum() <= 0.0:
-        raise PartError(source, "encloses no volume", "export its solid again")
-    return vertices, faces
+        outward = int((way[wrong] > 0).sum())
+        notes.append(f"{int(wrong.sum())} bodies turned, {outward} of them outward")
+    return vertices, faces, overlap
 
 
 def nesting(
@@ -241,14 +248,15 @@ def nesting(
     inside = np.zeros((count, count), dtype=np.bool_)
     if count == 1:
         return np.zeros(1, dtype=np.int64), inside
-    rows = [np.flatnonzero(body == number) for number in range(count)]
+    order = np.argsort(body, kind="stable")
+    rows = np.split(order, np.searchsorted(body[order], np.arange(1, count)))
     low = np.array([vertices[faces[row]].min(axis=(0, 1)) for row in rows])
     high = np.array([vertices[faces[row]].max(axis=(0, 1)) for row in rows])
     for one in range(count):
         point = vertices[faces[rows[one][0], 0]]
-        for other in range(count):
-            if one == other or (low[one] < low[other]).any() or (high[one] > high[other]).any():
-                continue
+        around = (low[one] >= low).all(axis=1) & (high[one] <= high).all(axis=1)
+        around[one] = False
+        for other in np.flatnonzero(around).tolist():
             a, b, c = np.moveaxis(vertices[faces[rows[other]]] - point, 1, 0)
             la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
             above = np.einsum("ij,ij->i", a, np.cross(b, c))

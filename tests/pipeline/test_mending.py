@@ -100,7 +100,7 @@ def test_t_junction_is_closed() -> None:
 def test_inverted_solid_is_turned() -> None:
     vertices, faces, notes = make_solid("b", *box(inward=True))
     assert volume(vertices, faces) == pytest.approx(8.0)
-    assert notes == ("1 bodies wound inward turned outward",)
+    assert notes == ("1 bodies turned, 1 of them outward",)
 
 
 @pytest.mark.parametrize("inward", [False, True])
@@ -108,6 +108,27 @@ def test_cavity_is_kept(inward: bool) -> None:
     outer, inner = box(inward=inward), box(size=1.0, inward=not inward)
     vertices, faces, _ = make_solid("b", *together(outer, inner))
     assert volume(vertices, faces) == pytest.approx(7.0)
+
+
+def test_island_in_a_cavity_is_kept_and_solid_in_solid_is_one() -> None:
+    hollow = together(box(size=4.0), box(size=3.0, inward=True))
+    for inward in (False, True):
+        vertices, faces, _ = make_solid("b", *together(hollow, box(inward=inward)))
+        assert volume(vertices, faces) == pytest.approx(64.0 - 27.0 + 8.0)
+    vertices, faces, notes = make_solid("b", *together(box(size=4.0), box()))
+    assert volume(vertices, faces) == pytest.approx(64.0)
+    assert notes == ("2 bodies that touch or overlap united",)
+
+
+def test_nonsense_ends_soon_and_clearly() -> None:
+    rng = np.random.default_rng(0)
+    soup = rng.uniform(0.0, 100.0, (20_000, 1, 3)) + rng.normal(0.0, 0.5, (20_000, 3, 3))
+    with pytest.raises(PartError, match="60000 open edges in 20000 holes"):
+        make_solid("soup", soup.reshape(-1, 3), np.arange(60_000).reshape(-1, 3))
+    ball = trimesh.creation.icosphere(subdivisions=5)
+    crumpled = np.array(ball.vertices) + rng.normal(0.0, 0.1, ball.vertices.shape)
+    with pytest.raises(PartError, match="self-intersection: at least "):
+        make_solid("crumpled", crumpled, np.array(ball.faces))
 
 
 def test_crossing_bodies_are_united_with_their_cavity() -> None:

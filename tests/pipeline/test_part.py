@@ -43,7 +43,7 @@ REPAIRED = {
     "Offset2.obj": (209026.719, ()),
     "busted.STL": (526.44891, ()),
     "capsule.obj": (7.3214314, ("200 faces without area dropped",)),
-    "multibody.stl": (0.0074231, ("wound like their neighbours", "turned outward")),
+    "multibody.stl": (0.0074231, ("wound like their neighbours", "2 of them outward")),
     "shared.STL": (2.0, ("parted", "2 bodies that touch or overlap united")),
     "wallhole.obj": (3200.0 / 3.0, ("doubled", "without height")),
 }
