@@ -1,15 +1,16 @@
 """A picture of one scan: depth, labels, a cut through a flaw with and without noise, the cloud."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.camera import Camera, light, splat
-from pipeline.preview_setup import COLOURS, DARK, draw_setup, scale_bar, spread, triad
+from pipeline.annotation import COLOURS, colour_of, spread
+from pipeline.preview_chart import LONGEST_PX, Chart
+from pipeline.preview_cloud import DEPTH_MAP, draw_cloud
+from pipeline.preview_cut import draw_cut
 from pipeline.shards import read_scan
 from sensors.typed_yaml import RecipeError
 
@@ -18,15 +19,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["draw_scan", "draw_setup", "most_visible"]
-
 Floats = NDArray[np.float64]
 Numbers = NDArray[Any]
 
 DPI = 120
 WIDE = 2.2  # a longer picture than this gets a row of its own
-LONGEST_PX = 1500
-DEPTH_MAP = "viridis_r"
 REASONS = {  # how a point without a return is drawn
     "no_hit": "#FFFFFF",
     "out_of_range": "#E4E4E4",
@@ -71,7 +68,7 @@ def draw_scan(folder: str | Path, path: str | Path, *, scan_id: str | None = Non
     row = found.iloc[0]
     scan = read_scan(Path(folder) / str(row["shard"]), int(row["row"]))
     own = flaws[flaws["scan_id"] == scan_id]
-    chart = _Chart.of(scan)
+    chart = Chart.of(scan)
     stacked = chart.width_mm > WIDE * chart.height_mm
     figure = Figure(figsize=(14.0, 11.6 if stacked else 10.4), dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
@@ -89,8 +86,8 @@ def draw_scan(folder: str | Path, path: str | Path, *, scan_id: str | None = Non
     kinds = {int(flaw["instance"]): str(flaw["kind"]) for _, flaw in own.iterrows()}
     limits = _depth_image(figure, depth_axes, chart, scan)
     _label_image(label_axes, chart, scan, kinds)
-    _cut(cut_axes, chart, scan, kinds)
-    _cloud(cloud_axes, scan, kinds, limits)
+    draw_cut(cut_axes, chart, scan, kinds)
+    draw_cloud(cloud_axes, scan, kinds, limits)
     figure.savefig(path, dpi=DPI)
     return Path(path)
 
@@ -123,91 +120,8 @@ def _facts(row: "pd.Series[Any]", scan: Mapping[str, Any]) -> str:
     return "   ·   ".join([*facts, f"{valid:.1%} of the points valid"])
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class _Chart:
-    """A scan laid out in mm: x along the laser line, travel across; the longer one horizontal.
-
-    `rows` and `columns` say which profile and point each display pixel shows; both ascend in mm.
-    """
-
-    x_mm: Floats
-    travel_mm: Floats
-    rows: Numbers
-    columns: Numbers
-    order: Numbers
-    upright: bool
-
-    @classmethod
-    def of(cls, scan: Mapping[str, Any]) -> "_Chart":
-        depth = scan["depth"]
-        middle = np.nanmedian(depth) if np.isfinite(depth).any() else 1.0
-        x = scan["ray_x_mm"] + scan["ray_slope"] * middle
-        steps = np.linalg.norm(np.diff(scan["pose"][:, :3, 3], axis=0), axis=1)
-        travel = np.concatenate([[0.0], np.cumsum(steps)])
-        order = np.argsort(x, kind="stable")
-        x = x[order]
-        span = max(np.ptp(x), np.ptp(travel), 1e-9)
-        return cls(
-            x_mm=x,
-            travel_mm=travel,
-            rows=_nearest(travel, span),
-            columns=_nearest(x, span),
-            order=order,
-            upright=bool(np.ptp(x) >= np.ptp(travel)),
-        )
-
-    def image(self, values: Numbers) -> Numbers:
-        """Pick what each pixel shows, (height, width)."""
-        picked = values[:, self.order][np.ix_(self.rows, self.columns)]
-        return np.asarray(picked if self.upright else picked.T)
-
-    def largest(self, values: Numbers) -> Numbers:
-        """Like `image`, but the largest value in each pixel, so that no thin crack is lost."""
-        pooled: Numbers = np.maximum.reduceat(values[:, self.order], self.rows, axis=0)
-        pooled = np.maximum.reduceat(pooled, self.columns, axis=1)
-        return np.asarray(pooled if self.upright else pooled.T)
-
-    @property
-    def extent_mm(self) -> tuple[float, float, float, float]:
-        """Edges for imshow with the origin at the lower left."""
-        x = (float(self.x_mm[0]), float(self.x_mm[-1]))
-        travel = (float(self.travel_mm[0]), float(self.travel_mm[-1]))
-        return (*x, *travel) if self.upright else (*travel, *x)
-
-    @property
-    def backdrop(self) -> dict[str, Any]:
-        """What imshow has to know."""
-        return {"extent": self.extent_mm, "origin": "lower", "interpolation": "nearest"}
-
-    @property
-    def width_mm(self) -> float:
-        """Length of the longer side, mm."""
-        return self.extent_mm[1] - self.extent_mm[0]
-
-    @property
-    def height_mm(self) -> float:
-        """Length of the shorter side, mm."""
-        return self.extent_mm[3] - self.extent_mm[2]
-
-    def name_axes(self, axes: "Axes") -> None:
-        """Label the axes of an image."""
-        along, across = "x along the laser line, mm", "travel, mm"
-        axes.set_xlabel(along if self.upright else across)
-        axes.set_ylabel(across if self.upright else "x, mm")
-        axes.tick_params(labelsize=9)
-        axes.set_aspect("equal")
-
-
-def _nearest(place_mm: Floats, span_mm: float) -> Numbers:
-    """Return the sample that each of evenly spaced pixels shows, never descending."""
-    count = max(2, min(LONGEST_PX, round(LONGEST_PX * float(np.ptp(place_mm)) / span_mm)))
-    even = np.linspace(place_mm[0], place_mm[-1], count)
-    between = (place_mm[1:] + place_mm[:-1]) / 2
-    return np.asarray(np.searchsorted(between, even))
-
-
 def _depth_image(
-    figure: "Figure", axes: "Axes", chart: _Chart, scan: Mapping[str, Any]
+    figure: "Figure", axes: "Axes", chart: Chart, scan: Mapping[str, Any]
 ) -> tuple[float, float]:
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
@@ -258,7 +172,7 @@ def _limits(depth_mm: Floats) -> tuple[float, float]:
 
 
 def _label_image(
-    axes: "Axes", chart: _Chart, scan: Mapping[str, Any], kinds: Mapping[int, str]
+    axes: "Axes", chart: Chart, scan: Mapping[str, Any], kinds: Mapping[int, str]
 ) -> None:
     from matplotlib.colors import to_rgb
     from matplotlib.patches import Patch
@@ -284,7 +198,7 @@ def _label_image(
         _legend_below(axes, handles)
 
 
-def _number(axes: "Axes", chart: _Chart, instance: Numbers, kinds: Mapping[int, str]) -> None:
+def _number(axes: "Axes", chart: Chart, instance: Numbers, kinds: Mapping[int, str]) -> None:
     """Write each flaw's number beside it."""
     numbers = [int(number) for number in np.unique(instance) if number > 0]
     if not numbers:
@@ -311,7 +225,7 @@ def _number(axes: "Axes", chart: _Chart, instance: Numbers, kinds: Mapping[int, 
         )  # fmt: skip
 
 
-def _relief(chart: _Chart, scan: Mapping[str, Any]) -> Floats:
+def _relief(chart: Chart, scan: Mapping[str, Any]) -> Floats:
     """Picture of the noise-free surface under a low light, slopes exaggerated (brightness)."""
     # what is finer than a display pixel needs no shading of its own
     thin_y, thin_x = (max(1, count // LONGEST_PX) for count in scan["depth"].shape)
@@ -337,153 +251,5 @@ def _relief(chart: _Chart, scan: Mapping[str, Any]) -> Floats:
     return np.asarray(picked if chart.upright else picked.T)
 
 
-def _cut(axes: "Axes", chart: _Chart, scan: Mapping[str, Any], kinds: Mapping[int, str]) -> None:
-    """Plot a cut across the most visible flaw, heights over the unflawed surface's line."""
-    instance = scan["instance"][:, chart.order]
-    ideal, clean, reading = (
-        scan[name][:, chart.order].astype(float) for name in ("depth_ideal", "depth_clean", "depth")
-    )
-    deviation = np.abs(np.nan_to_num(ideal - clean))
-    number = _main_instance(scan["mask_visible"][:, chart.order], instance, deviation)
-    if number is None:
-        profile, along = len(ideal) // 2, True
-        window = slice(0, ideal.shape[1])
-    else:
-        profile, window, along = _place_of_cut(instance == number, deviation, chart)
-    take: Any = (profile, window) if along else (window, profile)
-    place = (chart.x_mm if along else chart.travel_mm)[window]
-    base = _line_through(place, clean[take])
-    heights = {name: base - values[take] for name, values in
-               (("clean", clean), ("ideal", ideal), ("reading", reading))}  # fmt: skip
-    span = np.nanmax([np.nanmax(np.abs(h), initial=0.0) for h in heights.values()], initial=0.0)
-    unit, scale = ("µm", 1000.0) if span < 1.0 else ("mm", 1.0)
-    inside = instance[take] > 0
-    for first, last in _runs(inside):
-        half = np.median(np.diff(place)) / 2 if len(place) > 1 else 0.0
-        colour = _colour(kinds, int(instance[take][first]))
-        axes.axvspan(place[first] - half, place[last] + half, color=colour, alpha=0.13, lw=0)
-    style: dict[str, Any] = {"ms": 4.0, "mew": 0.4, "mec": "white", "zorder": 4}
-    axes.plot(place, scale * heights["reading"], "o", color="#5B6B7F", label="reading", **style)
-    axes.plot(place, scale * heights["clean"], "--", color=DARK, lw=1.3, label="unflawed, no noise")
-    named = "flaw" if number is None else kinds.get(number, "flaw")
-    colour = DARK if number is None else _colour(kinds, number)
-    axes.plot(place, scale * heights["ideal"], color=colour, lw=2.0, label=f"{named}, no noise")
-    where = f"profile {profile}" if along else f"point {chart.order[profile]}"
-    which = "the middle" if number is None else f"flaw {number} ({named})"
-    axes.set_title(f"Cut through {which}, {where}", loc="left", fontsize=11.5)
-    axes.set_xlabel("x along the laser line, mm" if along else "travel, mm")
-    axes.set_ylabel(f"height over the unflawed line, {unit}")
-    axes.tick_params(labelsize=9)
-    axes.grid(color="#E6E8EB", lw=0.8)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.margins(x=0.01)
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + 0.2 * (high - low))
-    axes.legend(loc="upper right", ncols=3, frameon=False, fontsize=9, columnspacing=1.2)
-
-
-def _main_instance(visible: Numbers, instance: Numbers, deviation: Floats) -> int | None:
-    """Find the number of the flaw that stands out most, None where there is none."""
-    if not (instance > 0).any():
-        return None
-    counted = np.where(visible > 0, instance, 0) if (visible > 0).any() else instance
-    weight = np.bincount(counted.ravel(), weights=deviation.ravel() + 1e-9)
-    weight[0] = 0.0
-    return int(weight.argmax())
-
-
-def _place_of_cut(here: Numbers, deviation: Floats, chart: _Chart) -> tuple[int, slice, bool]:
-    """Return the line to cut along, the window on it, and whether it is a profile (or travel)."""
-    rows, columns = np.nonzero(here)
-    length_x = float(np.ptp(chart.x_mm[columns]))
-    length_y = float(np.ptp(chart.travel_mm[rows]))
-    along = length_x <= 2.5 * length_y
-    strength = (deviation * here).sum(axis=1 if along else 0)
-    middle = int(np.median(rows if along else columns))
-    line = int(strength.argmax()) if strength.max() > 0 else middle
-    on = np.flatnonzero(here[line] if along else here[:, line])
-    count = here.shape[1] if along else here.shape[0]
-    room = max(12, round(0.8 * (on[-1] - on[0] + 1)))
-    return line, slice(max(0, int(on[0]) - room), min(count, int(on[-1]) + room + 1)), along
-
-
-def _line_through(place: Floats, depth_mm: Floats) -> Floats:
-    """Return the best straight line through the depths, at every place."""
-    known = np.isfinite(depth_mm)
-    if known.sum() < 2:
-        return np.full(len(place), np.nanmean(depth_mm) if known.any() else 0.0)
-    return np.asarray(np.polyval(np.polyfit(place[known], depth_mm[known], 1), place))
-
-
-def _runs(flags: Numbers) -> list[tuple[int, int]]:
-    """First and last index of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
-    return [(int(first), int(last) - 1) for first, last in edges.reshape(-1, 2)]
-
-
-def _cloud(
-    axes: "Axes", scan: Mapping[str, Any], kinds: Mapping[int, str], limits: tuple[float, float]
-) -> None:
-    """Draw the readings as shaded points, seen from the sensor's side at an angle."""
-    from matplotlib import colormaps
-    from matplotlib.colors import to_rgb
-
-    step = max(1, round(np.sqrt(scan["depth"].size / 1.5e6)))
-    thin = np.s_[::step, ::step]
-    depth, instance = scan["depth"][thin], scan["instance"][thin]
-    rays = scan["ray_x_mm"][::step], scan["ray_slope"][::step]
-    poses = scan["pose"][::step]
-    points = _points_part(depth, rays, poses)
-    valid = np.isfinite(depth)
-    axes.set_title("Point cloud, part frame", loc="left", fontsize=11.5)
-    axes.set_axis_off()
-    if valid.sum() < 3:
-        axes.text(0.5, 0.5, "no valid points", ha="center", transform=axes.transAxes)
-        return
-    x, y, z = poses[len(poses) // 2, :3, :3].T
-    look = z * np.sin(np.radians(36)) + np.cos(np.radians(36)) * (0.80 * y - 0.60 * x)
-    box = axes.get_window_extent()
-    pixels = (round(box.width * 1.2), round(box.height * 1.2))
-    camera = Camera.around(points[valid], look=look, up=-z, pixels=pixels, foot=0.09)
-    colours = colormaps[DEPTH_MAP]((depth - limits[0]) / (limits[1] - limits[0]))[..., :3]
-    for number in np.unique(instance[instance > 0]):
-        colours[instance == number] = to_rgb(_colour(kinds, int(number)))
-    normal = _normals(_points_part(scan["depth_ideal"][thin].astype(float), rays, poses), -z)
-    seen = normal[valid] @ camera.frame.T
-    brightness = 0.25 + 0.85 * light(seen)
-    cloud = points[valid]
-    footprint = np.ptp(camera.window_mm[:2]) / pixels[0]
-    gaps = np.linalg.norm(np.diff(points, axis=1), axis=2), np.linalg.norm(
-        np.diff(points, axis=0), axis=2
-    )
-    spacing = max(float(np.nanmedian(gap)) for gap in gaps if np.isfinite(gap).any())
-    radius = int(np.clip(np.ceil(0.5 * spacing / footprint) + 1, 2, 7))
-    picture = splat(
-        cloud, np.clip(colours[valid] * brightness[:, None], 0, 1), camera, radius_px=radius
-    )
-    axes.imshow(picture, extent=camera.extent_mm)
-    scale_bar(axes, camera)
-    triad(axes, camera)
-
-
-def _points_part(depth_mm: Floats, rays: tuple[Floats, Floats], poses: Floats) -> Floats:
-    x = rays[0] + depth_mm * rays[1]
-    sensor = np.stack([x, np.zeros_like(depth_mm), depth_mm], axis=-1)
-    return np.asarray(sensor @ poses[:, :3, :3].transpose(0, 2, 1) + poses[:, None, :3, 3])
-
-
-def _normals(points_mm: Floats, otherwise: Floats) -> Floats:
-    """Find the normals of a grid of points (n, m, 3), turned to the side of `otherwise`."""
-    if min(points_mm.shape[:2]) < 2:
-        return np.broadcast_to(otherwise, points_mm.shape)
-    normal = np.cross(np.gradient(points_mm, axis=1), np.gradient(points_mm, axis=0))
-    length = np.linalg.norm(normal, axis=2, keepdims=True)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        normal = normal / length
-    normal = np.where((normal @ otherwise)[..., None] < 0, -normal, normal)
-    return np.where(np.isfinite(normal), normal, otherwise)
-
-
 def _colour(kinds: Mapping[int, str], number: int) -> str:
-    return COLOURS.get(kinds.get(number, "flaw"), COLOURS["flaw"])
+    return colour_of(kinds.get(number, "flaw"))

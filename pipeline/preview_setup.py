@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.annotation import DARK, colour_of, scale_bar, spread, triad
 from pipeline.camera import Camera, render
 from sensors.datasheet import Datasheet
 from sensors.laser import Laser
@@ -18,16 +19,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 STEEL = np.array([0.70, 0.73, 0.77])
-COLOURS: Mapping[str, str] = {
-    "dent": "#E69F00",
-    "crack": "#D62728",
-    "pit": "#8E44AD",
-    "scratch": "#1F77B4",
-    "bump": "#2CA02C",
-    "flaw": "#D62728",
-}
 LASER = "#E6007A"
-DARK = "#22252B"
 DPI = 120
 CLOSE_UPS = 3
 
@@ -148,7 +140,7 @@ def _overview(
     ]
     for kind in dict.fromkeys(named.values()):
         count = sum(other == kind for other in named.values())
-        handles.append(Patch(facecolor=_colour_name(kind), label=f"{kind} ({count})"))
+        handles.append(Patch(facecolor=colour_of(kind), label=f"{kind} ({count})"))
     axes.legend(
         handles=handles,
         loc="upper center",
@@ -235,7 +227,7 @@ def _markers(
     pixel = (camera.window_mm[1] - camera.window_mm[0]) / camera.pixels[0]
     labels = spread(at + pixel * np.array([26.0, 24.0]), at, 30.0 * pixel)
     for flaw, (number, kind) in enumerate(named.items()):
-        colour = _colour_name(kind)
+        colour = colour_of(kind)
         axes.plot(
             *at[flaw], "o", ms=11, mfc="none", mec=colour, mew=1.6,
             alpha=0.45 if hidden[flaw] else 1.0, zorder=9,
@@ -246,23 +238,6 @@ def _markers(
             ha="center", va="center", fontsize=9, color="white", weight="bold", zorder=10,
             bbox={"boxstyle": "circle,pad=0.22", "fc": colour, "ec": "white", "lw": 0.8},
         )  # fmt: skip
-
-
-def spread(labels: Floats, fixed: Floats, distance: float) -> Floats:
-    """Push labels (k, 2) apart, and off the points `fixed`, until `distance` lies between them."""
-    labels = labels + np.linspace(0, 1e-6, labels.size).reshape(labels.shape) * distance
-    for _ in range(200):
-        push = np.zeros_like(labels)
-        for others, reach in ((labels, distance), (fixed, 0.75 * distance)):
-            gap = labels[:, None] - others[None]
-            length = np.linalg.norm(gap, axis=2)
-            close = (length < reach) & (length > 0)
-            share = np.where(close, (reach - length) / np.maximum(length, 1e-12), 0.0)
-            push += (gap * share[..., None]).sum(axis=1) * 0.5
-        labels = labels + push
-        if np.abs(push).max() < 1e-3 * distance:
-            break
-    return np.asarray(labels)
 
 
 def _close_up(
@@ -296,7 +271,7 @@ def _close_up(
     picture = render(scene, camera, tinted, groups=instance, relief=True)
     axes.imshow(picture, extent=camera.extent_mm)
     size = f"{spread_mm[0]:.3g} × {spread_mm[1]:.3g} mm"
-    axes.set_title(f"{number}  {kind}, {size}", fontsize=10, loc="left", color=_colour_name(kind))
+    axes.set_title(f"{number}  {kind}, {size}", fontsize=10, loc="left", color=colour_of(kind))
     scale_bar(axes, camera)
     _bare(axes, camera, frame=True)
 
@@ -362,53 +337,13 @@ def _colours(instance: NDArray[Any], named: Mapping[int, str], *, tint: float = 
 
     palette = np.tile(STEEL, (int(instance.max(initial=0)) + 1, 1))
     for number, kind in named.items():
-        palette[number] = (1 - tint) * STEEL + tint * np.array(to_rgb(_colour_name(kind)))
+        palette[number] = (1 - tint) * STEEL + tint * np.array(to_rgb(colour_of(kind)))
     return np.asarray(palette[instance])
-
-
-def _colour_name(kind: str) -> str:
-    return COLOURS.get(kind, COLOURS["flaw"])
 
 
 def _pixels(axes: "Axes", finer: float = 1.25) -> tuple[int, int]:
     box = axes.get_window_extent()
     return round(box.width * finer), round(box.height * finer)
-
-
-def scale_bar(axes: "Axes", camera: Camera) -> None:
-    """Draw a bar of a round length in the lower right corner."""
-    left, right, bottom, top = camera.window_mm
-    length = 0.24 * (right - left)
-    round_mm = 10.0 ** np.floor(np.log10(length))
-    length = float(max(step for step in (1, 2, 5) if step * round_mm <= length) * round_mm)
-    end, level = right - 0.03 * (right - left), bottom + 0.035 * (top - bottom)
-    bar = [end - length, end]
-    for colour, width in (("white", 5.5), (DARK, 3)):
-        axes.plot(bar, [level, level], color=colour, lw=width, solid_capstyle="butt", zorder=11)
-    text = f"{length:g} mm" if length >= 0.1 else f"{length * 1000:g} µm"
-    axes.text(
-        end - length / 2, level + 0.012 * (top - bottom), text, ha="center", va="bottom",
-        fontsize=9, zorder=10, bbox={"fc": "white", "ec": "none", "alpha": 0.7, "pad": 1.0},
-    )  # fmt: skip
-
-
-def triad(axes: "Axes", camera: Camera) -> None:
-    """Draw the part frame's axes in the lower left corner."""
-    left, right, bottom, top = camera.window_mm
-    size = 0.055 * (right - left)
-    origin = np.array([left + 1.5 * size, bottom + 1.4 * size])
-    for name, axis, colour in zip("xyz", np.eye(3), ("#C0392B", "#27864A", "#2457A6"), strict=True):
-        tip = camera.plane_mm(axis) * size
-        axes.annotate(
-            "", xy=tuple(origin + tip), xytext=tuple(origin), zorder=11,
-            arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.6, "shrinkA": 0},
-        )  # fmt: skip
-        if np.linalg.norm(tip) > 0.2 * size:
-            place = origin + tip * (1 + 0.32 * size / np.linalg.norm(tip))
-            axes.text(
-                float(place[0]), float(place[1]), name, color=colour, fontsize=10,
-                ha="center", va="center", zorder=11,
-            )  # fmt: skip
 
 
 def _bare(axes: "Axes", camera: Camera, *, frame: bool = False) -> None:

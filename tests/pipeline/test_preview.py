@@ -8,9 +8,12 @@ import pytest
 from PIL import Image
 
 import pipeline.preview as preview
+from pipeline.annotation import spread
 from pipeline.parts import build
 from pipeline.preview import draw_scan, most_visible
-from pipeline.preview_setup import draw_setup, spread
+from pipeline.preview_chart import Chart
+from pipeline.preview_cut import place_of_cut
+from pipeline.preview_setup import draw_setup
 from pipeline.shards import read_scan
 from sensors.datasheet import Datasheet
 from sensors.typed_yaml import RecipeError
@@ -69,7 +72,7 @@ def test_an_unknown_scan_or_folder_is_said_in_one_line(
         draw_scan(tmp_path, tmp_path / "x.png")
 
 
-def chart_of(x_mm: np.ndarray, travel_mm: np.ndarray) -> preview._Chart:
+def chart_of(x_mm: np.ndarray, travel_mm: np.ndarray) -> Chart:
     poses = np.tile(np.eye(4), (len(travel_mm), 1, 1))
     poses[:, 1, 3] = travel_mm
     scan = {
@@ -78,7 +81,7 @@ def chart_of(x_mm: np.ndarray, travel_mm: np.ndarray) -> preview._Chart:
         "ray_slope": np.zeros(len(x_mm)),
         "pose": poses,
     }
-    return preview._Chart.of(scan)
+    return Chart.of(scan)
 
 
 def test_an_image_puts_each_reading_where_it_lies() -> None:
@@ -121,13 +124,13 @@ def test_a_cut_runs_across_the_flaw_where_it_is_deepest() -> None:
     here[10:20, 20:30] = True
     depth = np.where(here, 1.0, 0.0)
     depth[13] *= 2
-    line, window, along = preview._place_of_cut(here, depth, chart)
+    line, window, along = place_of_cut(here, depth, chart)
     assert (line, along) == (13, True)
     assert window.start < 20
     assert window.stop > 30
     along_x = np.zeros((40, 60), bool)
     along_x[12:14, 5:55] = True
-    line, window, along = preview._place_of_cut(along_x, np.where(along_x, 1.0, 0.0), chart)
+    line, window, along = place_of_cut(along_x, np.where(along_x, 1.0, 0.0), chart)
     assert not along, "a groove along the line is cut across"
     assert window.start < 12
     assert window.stop > 14
