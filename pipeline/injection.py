@@ -143,6 +143,7 @@ class _Placed:
     """A flaw that passed all its checks, with its neighbourhood for the distance to others."""
 
     plan: KindPlan
+    number: int
     tier: str
     flaw: Kind
     site: Site
@@ -215,8 +216,8 @@ def inject(
                 try:
                     placed.append(
                         _try(
-                            skin, block, plan, kind_plan, placed, allowed, forbidden, visible_at,
-                            seed, failed + missed,
+                            skin, block, plan, kind_plan, i, placed, allowed, forbidden,
+                            visible_at, seed, failed + missed,
                         )  # fmt: skip
                     )
                     break
@@ -296,6 +297,7 @@ def _try(
     block: Block,
     plan: FlawPlan,
     kind_plan: KindPlan,
+    number: int,
     placed: list[_Placed],
     allowed: Floats,
     forbidden: Bools,
@@ -326,6 +328,7 @@ def _try(
             raise _Misplaced("too near to another flaw")
     return _Placed(
         plan=kind_plan,
+        number=number,
         tier=tier,
         flaw=flaw,
         site=site,
@@ -383,9 +386,8 @@ def _carve(
                 carve([*kept, one])
                 kept.append(one)
             except BooleanError as error:
-                lost.append(f"{one.plan.kind}: {error}")
-        carved, _, _ = _carve(block, part, []) if not kept else (carve(kept), [], [])
-        return carved, kept, lost
+                lost.append(f"{one.plan.kind} {one.number}: {error}")
+        return (carve(kept) if kept else _carve(block, part, [])[0]), kept, lost
 
 
 def _inside(solid: Any) -> Inside | None:

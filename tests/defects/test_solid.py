@@ -96,6 +96,9 @@ def test_failures_are_told():
         block.trial(cutter(removed=cube((2, 2, 8), (4, 5, 11)), above=[[3, 3, 9]]))
     with pytest.raises(BooleanError, match="nothing is left"):
         block.trial(cutter(removed=cube((-1, -1, -1), (11, 11, 11))))
+    hole = cutter(removed=cube((2, 2, 8), (4, 5, 11)))
+    with pytest.raises(BooleanError, match="don't add up"):
+        block.carve([hole], [replace(block.trial(hole), removed_mm3=11.0)])
     inverted = replace(part, faces=part.faces[:, ::-1].copy())
     with pytest.raises(BooleanError, match="volume"):
         Block(*vars_of(inverted))

@@ -8,11 +8,12 @@ import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from defects.solid import Solid, is_closed
+from defects.solid import Block, BooleanError, Solid, is_closed
 from defects.surface import Surface
 from pipeline.flawplan import FlawPlan, exactly
 from pipeline.injection import PLACES, cutter_of, inject
 from pipeline.part import Part
+from pipeline.parts import build
 from pipeline.seeds import streams
 
 EVERY = {"dent": 1, "crack": 1, "pit": 1, "scratch": 1, "bump": 1}
@@ -256,6 +257,29 @@ def test_a_boolean_that_fails_is_drawn_again_and_counted():
     assert (result.removed_at(part.vertices_mm) == 0).all()
 
 
+def test_a_flaw_that_spoils_the_whole_is_left_out(top, monkeypatch):
+    """Should the common boolean fail although each alone passed, the guilty one goes."""
+    plan = FlawPlan.from_mapping({"pit": {"number": 3, "pits": 1}})
+    good = inject(plate(), plan, rng_of=streams(6), visible_faces=top)
+    guilty = good.cutters[1].skin_mm[0]
+    carve = Block.carve
+
+    def spoilt(self, cutters, changes):
+        if any(np.array_equal(cutter.skin_mm[0], guilty) for cutter in cutters):
+            raise BooleanError("the volumes don't add up")
+        return carve(self, cutters, changes)
+
+    monkeypatch.setattr(Block, "carve", spoilt)
+    result = inject(plate(), plan, rng_of=streams(6), visible_faces=top)
+    assert result.dropped == ("pit 1: the volumes don't add up",)
+    assert result.redrawn == 1
+    assert [flaw.instance for flaw in result.flaws] == [1, 2]
+    kept = [good.flaws[0], good.flaws[2]]
+    for flaw, before in zip(result.flaws, kept, strict=True):
+        np.testing.assert_array_equal(flaw.position_mm, before.position_mm)
+    assert set(np.unique(result.instance)) == {0, 1, 2}
+
+
 def test_a_flaw_larger_than_the_part_is_given_up():
     plan = FlawPlan(kinds=(exactly("dent", length_mm=50.0, aspect=1.0, depth_mm=0.5),))
     result = inject(plate(20, 20), plan, rng_of=streams(0))
@@ -263,6 +287,30 @@ def test_a_flaw_larger_than_the_part_is_given_up():
     assert result.misplaced == PLACES
     assert result.redrawn == 0
     assert result.dropped == ("dent 0: the flaw would cross an edge of the part",)
+
+
+def test_cracks_across_the_doors_recess_keep_their_depth_along_the_normal():
+    door = build("car_door", facet_um=100.0)
+    sizes = {"length_mm": 30.0, "opening_mm": 0.2, "depth_mm": 0.35, "meander": 0.6}
+    plan = FlawPlan(kinds=(exactly("crack", number=4, **sizes),), where=("wall",))
+    surface = Surface.of(door.vertices_mm, door.faces)
+    result = inject(door, plan, rng_of=streams(3), surface=surface)
+    assert len(result.flaws) == 4
+    bent = []
+    for flaw, cutter in zip(result.flaws, result.cutters, strict=True):
+        made = np.unique(result.faces[result.instance == flaw.instance])
+        corners = {tuple(v) for v in result.vertices_mm[made]}
+        floor = cutter.height_mm < -0.1
+        points = (cutter.skin_mm + cutter.height_mm[:, None] * cutter.normals)[floor]
+        there = np.array([tuple(p) in corners for p in points])
+        assert there.mean() > 0.8  # the rest vanishes where branches join
+        onto = surface.project(points[there])[0]
+        measured = np.linalg.norm(points[there] - onto, axis=1)
+        np.testing.assert_allclose(measured, -cutter.height_mm[floor][there], rtol=0.05)
+        turned = cutter.normals[floor] @ cutter.normals[floor].T
+        bent.append(np.degrees(np.arccos(np.clip(turned.min(), -1, 1))))
+        assert flaw.depth_mm == pytest.approx(0.35, rel=0.001)
+    assert max(bent) > 55.0
 
 
 @settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.too_slow])
