@@ -54,6 +54,8 @@ def datasheet(
     """Nominal datasheet of an instrument, as its maker prints it."""
     camera, sheet = device.camera, device.sheet
     half = np.tan(camera.fov_rad / 2)
+    depths = camera.working_distance_mm + np.array([-0.5, 0.5]) * device.z_range_mm
+    ends = camera.row_of(np.zeros(2), np.zeros(2), depths)  # rows over the working range
     return {
         "name": "profilometer",
         "working_distance_mm": float(camera.working_distance_mm),
@@ -70,7 +72,7 @@ def datasheet(
         "line_width_um": float(round(4e3 * sheet.waist_mm, 3)),
         "wavelength_nm": float(sheet.wavelength_mm * 1e6),
         "exposure_s": float(sheet.exposure_s),
-        "camera_rows": int(camera.rows),
+        "camera_rows": int(round(float(ends[1] - ends[0]))),
         "effects": effects,
     }
 

@@ -89,16 +89,24 @@ def bosses(rng: np.random.Generator) -> manifold3d.Manifold:
     return part ^ keep
 
 
-def corners(rng: np.random.Generator) -> manifold3d.Manifold:
-    """Set inclined walls that meet the floor in concave corners."""
+def corners(rng: np.random.Generator, fillet_mm: float = 0.0) -> manifold3d.Manifold:
+    """Set inclined walls that meet the floor in concave corners, filleted or sharp."""
     part = _plate()
     for _ in range(2):
         high = rng.uniform(2.0, 4.0)
         lean = high / np.tan(np.radians(rng.uniform(40, 56)))
         wall = _prism([(-3, -0.5), (3 + lean, -0.5), (3 + lean, 0), (3, high), (-3, high)], 14.0)
-        part += _turned(wall, rng.choice([0.0, 90.0, 180.0, 270.0]) + rng.uniform(-10, 10)).translate(
-            [rng.uniform(-7, 7), rng.uniform(-6, 6), 0]
-        )
+        if fillet_mm > 0:
+            lean_rad = np.arctan2(high, lean)
+            tangent = fillet_mm / np.tan((np.pi - lean_rad) / 2)
+            turn = np.linspace(-np.pi / 2, -np.pi / 2 - lean_rad, 33)
+            arc = [
+                (3 + lean + tangent + fillet_mm * np.cos(a), fillet_mm * (1 + np.sin(a)))
+                for a in turn
+            ]
+            wall += _prism([(3 + lean - 0.2, -0.3), (3 + lean + tangent, -0.3), *arc], 14.0)
+        heading = rng.choice([0.0, 90.0, 180.0, 270.0]) + rng.uniform(-10, 10)
+        part += _turned(wall, heading).translate([rng.uniform(-7, 7), rng.uniform(-6, 6), 0])
     return part
 
 
@@ -155,7 +163,7 @@ def plate(rng: np.random.Generator) -> Solid:
 
 
 def bent(solid: Solid, sag_mm: float, twist_mm: float, seed: int) -> Solid:
-    """The same part, warped smoothly: a sag over its length and a gentle wave.
+    """Return the same part, warped smoothly: a sag over its length and a gentle wave.
 
     The mesh is refined first, so that long facets bend too.
     """

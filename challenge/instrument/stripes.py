@@ -98,6 +98,27 @@ def spacings(sheet: LaserSheet, camera: Camera, pitch_mm: float) -> tuple[float,
     return pitch_mm / ceil(pitch_mm / widest), ceil(camera.column_pitch_mm / (1.3 * grain))
 
 
+def first_hits(
+    tree: Tree, y_mm: NDArray[np.float64], camera: Camera
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Cast one ray for each column at positions along the travel: pure geometry.
+
+    Returns
+    -------
+    depth_mm : (n, columns)
+        NaN where nothing is hit.
+    normal : (n, columns, 3)
+    visible : (n, columns) bool
+        The sight line to the camera is free.
+    """
+    slope = np.asarray(np.tan(camera.angles_rad()), np.float64)
+    depth, triangle, visible = _cast(
+        tree.corner, tree.edge_1, tree.edge_2, tree.box, tree.child,
+        np.asarray(y_mm, np.float64), slope, camera.side * camera.base_mm,
+    )  # fmt: skip
+    return depth, tree.normal[triangle], visible
+
+
 def lay_out(
     tree: Tree,
     to_part: NDArray[np.float64],

@@ -1,0 +1,170 @@
+"""A case: draw its world from a seed, render its recordings, write what strangers get."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path as FilePath
+
+import numpy as np
+from numpy.typing import NDArray
+
+from challenge.cases import files
+from challenge.cases.devices import Scans, draw_instrument, draw_scans
+from challenge.cases.nominal import repeatability_um, usual_effects
+from challenge.cases.parts import SHAPES, plate, solid_of
+from challenge.cases.seeds import child, number
+from challenge.cases.switches import DECOY, SINGLE, UNKNOWN, Switch, World
+from challenge.instrument.finish import Finish
+from challenge.instrument.instrument import Instrument, Path
+
+SWITCHES: dict[str, Switch] = {**SINGLE, **UNKNOWN, **DECOY}
+RECORDINGS = ("a", "b", "c")
+PLATES = ("plate-1", "plate-2")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Secret:
+    """What a case hides.
+
+    Attributes
+    ----------
+    kind
+        ``null``, ``one``, ``two``, ``unknown``, ``decoy`` or ``undecidable``.
+    switches
+        Names of the switches that are on.
+    strength
+        0 weak, 1 medium, 2 strong.
+    shape
+        Name of the part.
+    recordings
+        How many recordings a stranger gets.
+    seed
+        Entropy of everything drawn in the case.
+    """
+
+    kind: str
+    switches: tuple[str, ...]
+    strength: int
+    shape: str
+    recordings: int
+    seed: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Staged:
+    """A case ready to be scanned.
+
+    Attributes
+    ----------
+    on, off
+        The world as it is, and as the maker's word has it; both calibrated.
+    good
+        The well-made instrument whose file is given.
+    plates
+        Paths of the reference scans.
+    """
+
+    on: World
+    off: World
+    good: Instrument
+    plates: tuple[Path, ...]
+    seed: int
+
+
+def stage(secret: Secret) -> Staged:
+    """Draw a case's world, apply its switches and calibrate the instruments."""
+    shape = solid_of(SHAPES[secret.shape](child(secret.seed, "part")))
+    device = draw_instrument(child(secret.seed, "instrument"))
+    top = float(np.percentile(shape.vertices_mm[:, 2], 90))
+    scans = draw_scans(
+        child(secret.seed, "scans"), device, count=secret.recordings, top_mm=max(top, 0.5)
+    )
+    wanted = [SWITCHES[name] for name in secret.switches]
+    slow = [switch.slow for switch in wanted if switch.slow is not None]
+    if slow and slow[0]:
+        rate = float(np.exp(child(secret.seed, "rate").uniform(np.log(2.0), np.log(5.0))))
+        scans = replace(scans, paths=tuple(replace(p, rate_hz=rate) for p in scans.paths))
+    off = World(device=device, finish=Finish(), solid=shape, nominal=shape, scans=scans,
+                seed=secret.seed)  # fmt: skip
+    on = off
+    for name in secret.switches:
+        on = SWITCHES[name].apply(on, secret.strength, child(secret.seed, "switch", name))
+    # a coarse camera is stated; what follows from it is not
+    good = replace(device, finder=on.device.finder)
+    if "pixel_locking" in secret.switches:
+        good = replace(good, camera=on.device.camera)
+    off = replace(off, device=good.calibrated(child(secret.seed, "calibration")))
+    mine, theirs = on.device, off.device
+    if (mine.sheet.waist_mm, mine.camera, mine.finder, mine.plan) == (
+        theirs.sheet.waist_mm, theirs.camera, theirs.finder, theirs.plan
+    ):  # fmt: skip
+        on = replace(on, device=replace(mine, calibration=theirs.calibration))
+    else:
+        on = replace(on, device=mine.calibrated(child(secret.seed, "calibration")))
+    flat = Path(
+        start=_above_plate(device),
+        direction=1,
+        profiles=scans.paths[0].profiles,
+        pitch_mm=scans.paths[0].pitch_mm,
+        rate_hz=scans.paths[0].rate_hz,
+        start_s=0.0,
+    )
+    plates = tuple(
+        replace(flat, start=_shifted(flat.start, 4.0 * k), start_s=1000.0 + 500.0 * k)
+        for k in range(len(PLATES))
+    )
+    return Staged(on=on, off=off, good=off.device, plates=plates, seed=secret.seed)
+
+
+def _above_plate(device: Instrument) -> NDArray[np.float64]:
+    pose = np.diag([1.0, -1.0, -1.0, 1.0])
+    pose[:3, 3] = (0.0, 9.0, device.camera.working_distance_mm)
+    return pose
+
+
+def _shifted(pose: NDArray[np.float64], x_mm: float) -> NDArray[np.float64]:
+    moved = pose.copy()
+    moved[0, 3] += x_mm
+    return moved
+
+
+def scan(
+    world: World, scans: Scans, index: int, *, specimen: int, rng: np.random.Generator
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Scan the case's part in one of its poses."""
+    return world.device.scan(
+        world.solid,
+        world.finish,
+        scans.paths[index],
+        rng,
+        specimen=specimen,
+        misplaced=scans.misplaced[index],
+    )
+
+
+def write(secret: Secret, staged: Staged, folder: FilePath) -> None:
+    """Write recordings, reference plates, part and datasheet into an empty folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    world = staged.on
+    for k in range(secret.recordings):
+        depth, bright = scan(
+            world, world.scans, k,
+            specimen=number(secret.seed, "specimen"),
+            rng=child(secret.seed, "noise", RECORDINGS[k]),
+        )  # fmt: skip
+        name = RECORDINGS[k]
+        files.write_recording(folder / f"{name}.h5", depth, bright, world.scans.paths[k], name)
+    flat = plate(child(secret.seed, "plate"))
+    for name, path in zip(PLATES, staged.plates, strict=True):
+        depth, bright = world.device.scan(
+            flat, Finish(), path, child(secret.seed, "noise", name),
+            specimen=number(secret.seed, "specimen", name),
+        )  # fmt: skip
+        files.write_recording(folder / f"{name}.h5", depth, bright, path, name)
+    files.write_stl(folder / "part.stl", world.nominal)
+    effects = usual_effects(staged.good, child(secret.seed, "maker"))
+    repeat = repeatability_um(staged.good, flat, _flat_scans(staged), child(secret.seed, "repeat"))
+    sheet = files.datasheet(staged.good, world.scans.paths[0], effects, round(repeat, 3))
+    files.write_yaml(folder / "sensor.yaml", sheet)
+
+
+def _flat_scans(staged: Staged) -> Scans:
+    return Scans(paths=staged.plates, misplaced=(np.eye(4),) * len(staged.plates))

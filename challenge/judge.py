@@ -1,0 +1,143 @@
+"""`challenge judge`: open the keys, check the seals, score every answer."""
+
+import hashlib
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from challenge.cases.case import RECORDINGS
+from challenge.score import Score, judge_case
+from challenge.sealed import commitment
+
+
+def judge(out: Path) -> dict[str, Any]:
+    """Score a set.
+
+    Returns
+    -------
+    dict
+        ``seed``, ``protocol``, and for each case its secret, facts, run, answer and score.
+
+    Raises
+    ------
+    ValueError
+        When a seal is broken or the set is not complete.
+    """
+    public = json.loads((out / "commitments.json").read_text())
+    cases: dict[str, Any] = {}
+    for name, listed in sorted(public["cases"].items()):
+        key = (out / "keys" / f"{name}.key.json").read_bytes()
+        kept = json.loads((out / "keys" / f"{name}.seal.json").read_text())
+        if commitment(kept["nonce"], key) != listed["commitment"]:
+            raise ValueError(f"{name}: the key is not the one that was committed")
+        for file, digest in listed["files"].items():
+            found = hashlib.sha256((out / "cases" / name / file).read_bytes()).hexdigest()
+            if found != digest:
+                raise ValueError(f"{name}/{file} is not the file that was sealed")
+        opened = json.loads(key)
+        record_file = out / "answers" / name / "run.json"
+        if not record_file.exists():
+            raise ValueError(f"{name} has no answer yet: run `challenge run` first")
+        cases[name] = _case(out, name, opened, json.loads(record_file.read_text()))
+    master = json.loads((out / "keys" / "master.json").read_text())
+    result = {"seed": master["seed"], "protocol": public["protocol"], "cases": cases}
+    (out / "scores.json").write_text(json.dumps(result, indent=1))
+    return result
+
+
+def _case(out: Path, name: str, opened: dict[str, Any], record: dict[str, Any]) -> dict[str, Any]:
+    secret, facts = opened["secret"], opened["facts"]
+    folder = out / "answers" / name
+    answer = None
+    if record["code"] == 0:
+        answer = json.loads((folder / "diagnosis.json").read_text())
+    region = located = None
+    gain, free = 0.0, 0.0
+    maps_file = out / "keys" / f"{name}.npz"
+    if maps_file.exists():
+        if hashlib.sha256(maps_file.read_bytes()).hexdigest() != facts["maps_sha256"]:
+            raise ValueError(f"{name}: the maps are not the committed ones")
+        region = np.load(maps_file)["region"]
+    if answer is not None and (folder / "mismatch.h5").exists():
+        last = RECORDINGS[secret["recordings"] - 1]
+        located, gain, free = compare(out / "cases" / name, folder / "mismatch.h5", last, facts)
+    score: Score = judge_case(secret, facts, answer, located, region, gain)
+    free_score = judge_case(secret, facts, answer, located, region, free)
+    return {
+        "secret": secret,
+        "facts": {k: v for k, v in facts.items() if k != "switched"},
+        "switched": facts.get("switched", {}),
+        "run": record,
+        "verdict": answer["verdict"] if answer else "none",
+        "effects": answer["effects"] if answer else [],
+        "score": asdict(score),
+        "free_form_recovered": free_score.recovered,
+    }
+
+
+def compare(
+    case: Path, mismatch: Path, last: str, facts: dict[str, Any]
+) -> tuple[NDArray[np.bool_], float, float]:
+    """Read what the answer says about the held-out recording.
+
+    Returns
+    -------
+    located : (n, m) bool
+    gain : float
+        ln(RMS of measured - simulated over RMS of measured - explained), clipped at 10 σ.
+    free : float
+        The same for the baseline: a smooth surface over the sensor's frame, fitted to the
+        other recordings' residuals without any physics.
+    """
+    cut = 1e-2 * float(facts.get("noise_um", 15.0))
+    with h5py.File(mismatch) as found:
+        group = found[last]
+        located = np.asarray(group["mask"], bool)
+        simulated = np.asarray(group["simulated"], float)
+        explained = np.asarray(group["explained"], float)
+        with h5py.File(case / f"{last}.h5") as recording:
+            depth = np.asarray(recording["depth"], float)
+        use = np.isfinite(depth) & np.isfinite(simulated)
+        before = _rms(depth - simulated, use, cut)
+        after = _rms(depth - np.where(np.isfinite(explained), explained, simulated), use, cut)
+        rests = []
+        for other in found:
+            if other != last and (case / f"{other}.h5").exists():
+                with h5py.File(case / f"{other}.h5") as recording:
+                    rest = np.asarray(recording["depth"], float)
+                rests.append(rest - np.asarray(found[other]["simulated"], float))
+    free = before
+    if rests:
+        free = _rms(depth - simulated - _smooth(rests, depth.shape, cut), use, cut)
+    tiny = 1e-9
+    return located, float(np.log((before + tiny) / (after + tiny))), float(
+        np.log((before + tiny) / (free + tiny))
+    )
+
+
+def _rms(rest: NDArray[np.float64], use: NDArray[np.bool_], cut: float) -> float:
+    return float(np.sqrt(np.mean(np.clip(rest[use], -cut, cut) ** 2))) if use.any() else 0.0
+
+
+def _smooth(
+    rests: list[NDArray[np.float64]], shape: tuple[int, ...], cut: float
+) -> NDArray[np.float64]:
+    """Polynomial of degree 5 over column and profile through other recordings' residuals."""
+
+    def design(rows: int, columns: int) -> NDArray[np.float64]:
+        v, u = np.meshgrid(np.linspace(-1, 1, rows), np.linspace(-1, 1, columns), indexing="ij")
+        basis = np.polynomial.legendre.legvander2d(v, u, [5, 5])
+        return np.asarray(basis.reshape(rows, columns, -1), np.float64)
+
+    basis, target = [], []
+    for rest in rests:
+        use = np.isfinite(rest) & (np.abs(rest) < cut)
+        basis.append(design(*rest.shape)[use])
+        target.append(rest[use])
+    found = np.linalg.lstsq(np.concatenate(basis), np.concatenate(target), rcond=None)[0]
+    return np.asarray(design(shape[0], shape[1]) @ found)

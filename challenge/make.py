@@ -1,0 +1,137 @@
+"""`challenge make`: draw, render and seal a set of cases; continues where it was stopped."""
+
+import hashlib
+import io
+import json
+import shutil
+import sys
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from challenge.cases.case import Secret, stage, write
+from challenge.cases.seeds import child
+from challenge.cases.truth import NULL_LIMIT, facts, null_departure
+from challenge.sealed import FULL, PROTOCOL, SMALL, draw, entropy, seal, write_whole
+
+_TRIES = 5
+
+
+def make(out: Path, *, seed: int | None, small: bool, jobs: int) -> int:
+    """Make a sealed set in a folder.
+
+    Parameters
+    ----------
+    out
+        Gets ``cases/`` for the diagnosis, ``keys/`` for the judge, ``commitments.json``.
+    seed
+        Master seed; by default the operating system's entropy.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    (out / "cases").mkdir(parents=True, exist_ok=True)
+    (out / "keys").mkdir(exist_ok=True)
+    master_file = out / "keys" / "master.json"
+    if master_file.exists():
+        plan = json.loads(master_file.read_text())
+        if seed is not None and plan["seed"] != seed:
+            raise ValueError(f"{out} holds a set of another seed; choose another folder")
+    else:
+        plan = {"seed": entropy() if seed is None else seed, "counts": SMALL if small else FULL}
+        write_whole(master_file, json.dumps(plan).encode())
+    cases = draw(plan["seed"], plan["counts"])
+    names = [f"case-{k + 1:03d}" for k in range(len(cases))]
+    todo = [(n, c) for n, c in zip(names, cases, strict=True) if not _done(out, n)]
+    print(f"{len(cases)} cases, {len(todo)} to make", flush=True)
+    if jobs == 1:
+        for k, (name, secret) in enumerate(todo):
+            _make_one(str(out), name, secret)
+            print(f"{name} sealed ({k + 1} of {len(todo)})", flush=True)
+    elif todo:
+        with ProcessPoolExecutor(jobs) as pool:
+            waiting = {pool.submit(_make_one, str(out), n, c): n for n, c in todo}
+            for k, ready in enumerate(as_completed(waiting)):
+                ready.result()
+                print(f"{waiting[ready]} sealed ({k + 1} of {len(todo)})", flush=True)
+    listed = {}
+    for name in names:
+        kept = json.loads((out / "keys" / f"{name}.seal.json").read_text())
+        listed[name] = {"commitment": kept["commitment"], "files": _digests(out / "cases" / name)}
+    public = {"protocol": PROTOCOL, "cases": listed}
+    write_whole(out / "commitments.json", json.dumps(public, indent=1).encode())
+    print(f"commitments: {out / 'commitments.json'}", file=sys.stderr)
+    return 0
+
+
+def _done(out: Path, name: str) -> bool:
+    sealed = out / "keys" / f"{name}.seal.json"
+    if not sealed.exists():
+        return False
+    kept: dict[str, Any] = json.loads(sealed.read_text())
+    return bool(kept["files"] == _digests(out / "cases" / name))
+
+
+def _digests(folder: Path) -> dict[str, str]:
+    if not folder.is_dir():
+        return {}
+    files = sorted(p for p in folder.iterdir() if p.is_file())
+    return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
+
+
+def _make_one(root: str, name: str, secret: Secret) -> None:
+    """Render one case, verify it, seal it; the seal is written last."""
+    out = Path(root)
+    folder, aside = out / "cases" / name, out / "cases" / f".{name}"
+    for old in (folder, aside):
+        shutil.rmtree(old, ignore_errors=True)
+    known: dict[str, Any] = {}
+    again = child(secret.seed, "again")
+    for attempt in range(_TRIES):
+        try:
+            staged = stage(secret)
+        except ValueError:  # the part's booleans failed
+            secret = replace(secret, seed=int(again.integers(2**62)))
+            continue
+        if secret.kind != "null":
+            break
+        departure, noise_um = null_departure(staged, secret)
+        known = {"departure": departure, "noise_um": noise_um, "redrawn": attempt}
+        if departure < NULL_LIMIT:
+            break
+        secret = replace(secret, seed=int(again.integers(2**62)))
+    else:
+        raise RuntimeError(f"{name}: {_TRIES} draws in a row were no valid case")
+    if secret.kind != "null":
+        seen = facts(staged, secret)
+        known = {
+            "noise_um": seen.noise_um,
+            "oracle_gain": seen.oracle_gain,
+            "concealed": seen.concealed,
+            "region_share": float(seen.region.mean()),
+        }
+        maps = io.BytesIO()
+        np.savez_compressed(maps, on=seen.on_mm, off=seen.off_mm, region=seen.region)
+        write_whole(out / "keys" / f"{name}.npz", maps.getvalue())
+        known["maps_sha256"] = hashlib.sha256(maps.getvalue()).hexdigest()
+    world = staged.on
+    known["switched"] = {
+        "finish": asdict(world.finish),
+        "motion": asdict(world.device.motion),
+        "faults": asdict(world.device.faults),
+        "plan": asdict(world.device.plan),
+        "sheet": asdict(world.device.sheet),
+        "camera": asdict(world.device.camera),
+        "finder": asdict(world.device.finder),
+    }
+    write(secret, staged, aside)
+    aside.replace(folder)
+    key, nonce, commitment = seal(secret, known)
+    write_whole(out / "keys" / f"{name}.key.json", key)
+    kept = {"nonce": nonce, "commitment": commitment, "files": _digests(folder)}
+    write_whole(out / "keys" / f"{name}.seal.json", json.dumps(kept).encode())

@@ -1,0 +1,90 @@
+"""`challenge run`: diagnose each sealed case in a process and a folder that hold no key."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any
+
+from challenge.sealed import write_whole
+
+KEPT = ("diagnosis.json", "mismatch.h5", "sensor.yaml")
+
+
+def run(out: Path, *, jobs: int, timeout_s: float) -> int:
+    """Diagnose all cases of a set that have no answer yet.
+
+    Returns
+    -------
+    int
+        0, or 1 when the diagnosis failed on some cases (they count against it).
+    """
+    sealed = out / "commitments.json"
+    if not sealed.exists():
+        raise ValueError(f"{out} has no commitments.json: finish `challenge make` first")
+    names = sorted(json.loads(sealed.read_text())["cases"])
+    (out / "answers").mkdir(exist_ok=True)
+    todo = [name for name in names if not (out / "answers" / name / "run.json").exists()]
+    print(f"{len(names)} cases, {len(todo)} to diagnose", flush=True)
+    with ThreadPoolExecutor(max(jobs, 1)) as pool:
+        waiting = {pool.submit(_diagnose, out, name, timeout_s): name for name in todo}
+        try:
+            for k, ready in enumerate(as_completed(waiting)):
+                code, seconds = ready.result()
+                word = "answered" if code == 0 else f"failed ({code})"
+                print(f"{waiting[ready]} {word} in {seconds:.0f} s ({k + 1} of {len(todo)})",
+                      flush=True)  # fmt: skip
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    failed = [n for n in names if _record(out, n).get("code") != 0]
+    if failed:
+        print(f"no answer for {len(failed)} cases: {', '.join(failed)}", file=sys.stderr)
+    return 1 if failed else 0
+
+
+def _record(out: Path, name: str) -> dict[str, Any]:
+    file = out / "answers" / name / "run.json"
+    return dict(json.loads(file.read_text())) if file.exists() else {}
+
+
+def _diagnose(out: Path, name: str, timeout_s: float) -> tuple[int, float]:
+    """Copy one case away, diagnose it there, bring the answer back."""
+    answer = out / "answers" / name
+    with tempfile.TemporaryDirectory(prefix="flawforge-case-") as bare:
+        here = Path(bare)
+        for file in (out / "cases" / name).iterdir():
+            shutil.copyfile(file, here / file.name)
+        recordings = sorted(p.name for p in here.glob("[a-z].h5"))
+        plates = sorted(p.name for p in here.glob("plate-*.h5"))
+        words = [
+            sys.executable, "-m", "flawforge.cli", "diagnose", *recordings,
+            "--part", "part.stl", "--sensor", "sensor.yaml", "--reference", *plates,
+            "--part-unit", "mm", "--out", "diagnosis",
+        ]  # fmt: skip
+        one_core = {f"{lib}_NUM_THREADS": "1" for lib in ("OMP", "NUMBA", "OPENBLAS", "MKL")}
+        begin = time.time()
+        try:
+            done = subprocess.run(
+                words, cwd=here, env={**os.environ, **one_core}, capture_output=True,
+                timeout=timeout_s, check=False, text=True,
+            )  # fmt: skip
+            code, tail = done.returncode, (done.stdout + done.stderr)[-2000:]
+        except subprocess.TimeoutExpired:
+            code, tail = 124, f"stopped after {timeout_s:.0f} s"
+        seconds = time.time() - begin
+        shutil.rmtree(answer, ignore_errors=True)
+        answer.mkdir(parents=True)
+        for kept in KEPT:
+            if (here / "diagnosis" / kept).exists():
+                shutil.copyfile(here / "diagnosis" / kept, answer / kept)
+    if code == 0 and not (answer / "diagnosis.json").exists():
+        code, tail = 3, "no diagnosis.json\n" + tail
+    record = {"code": code, "seconds": seconds, "began": begin, "said": tail}
+    write_whole(answer / "run.json", json.dumps(record).encode())
+    return code, seconds

@@ -1,0 +1,121 @@
+"""Scores of one answer against its key, and of a whole set."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import beta
+
+from challenge.cases.case import SWITCHES
+from challenge.sealed import UNDECIDABLE
+
+STRANGE = ("unexplained", "partly_explained")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Score:
+    """How one answer did; NaN where a figure has no meaning for the case.
+
+    Attributes
+    ----------
+    reported, offered
+        Names of the effects found; those and their alternatives.
+    alarm
+        Something was found.
+    top_1
+        The effect with the largest held-out gain is right.
+    precision, recall
+        Shares, rivals and alternatives counting a half.
+    covered, set_size
+        The truth is among what was offered; how many names were offered.
+    flagged
+        The verdict says that physics outside the catalogue is at work.
+    iou, recovered
+        Overlap of the located region with the true one; share of the oracle's gain.
+    """
+
+    reported: tuple[str, ...]
+    offered: tuple[str, ...]
+    alarm: bool
+    top_1: float
+    precision: float
+    recall: float
+    covered: float
+    set_size: int
+    flagged: bool
+    iou: float
+    recovered: float
+
+
+def clopper_pearson(hits: int, of: int, level: float = 0.95) -> tuple[float, float]:
+    """Exact two-sided interval of a share."""
+    tail = (1 - level) / 2
+    low = 0.0 if hits == 0 else float(beta.ppf(tail, hits, of - hits + 1))
+    high = 1.0 if hits == of else float(beta.ppf(1 - tail, hits + 1, of - hits))
+    return low, high
+
+
+def judge_case(
+    secret: dict[str, Any],
+    facts: dict[str, Any],
+    answer: dict[str, Any] | None,
+    located: NDArray[np.bool_] | None,
+    region: NDArray[np.bool_] | None,
+    gain: float,
+) -> Score:
+    """Score one answer.
+
+    Parameters
+    ----------
+    secret, facts
+        From the key.
+    answer
+        diagnosis.json, None where the diagnosis failed.
+    located, region
+        Mask of the answer and of the truth in the held-out recording.
+    gain
+        ln(RMS before / RMS after) that the answer reached there.
+    """
+    effects = answer["effects"] if answer else []
+    ranked = sorted(effects, key=lambda e: -float(e.get("heldout_gain") or 0))
+    reported = tuple(str(e["name"]) for e in ranked if e["name"] != "empirical")
+    also = {str(a["name"]) for e in ranked for a in e.get("alternatives", [])}
+    offered = tuple(dict.fromkeys([*reported, *sorted(also - {"empirical"})]))
+    verdict = answer["verdict"] if answer else "none"
+    sets = [set(SWITCHES[name].accept) for name in secret["switches"]]
+    rivals = {r for name in secret["switches"] for r in SWITCHES[name].rivals}
+    if secret["kind"] == "undecidable":
+        sets = [{name} for name in UNDECIDABLE[secret["switches"][0]]]
+        rivals = set()
+    right = set().union(*sets)
+    hits = [
+        1.0 if accept & set(reported) else 0.5 if accept & set(offered) else 0.0
+        for accept in sets
+        if accept
+    ]
+    if secret["kind"] == "undecidable":
+        hits = [1.0 if accept & set(offered) else 0.0 for accept in sets]
+    worth = [1.0 if n in right else 0.5 if n in rivals else 0.0 for n in reported]
+    nan = float("nan")
+    known = secret["kind"] not in ("null", "unknown")
+    iou = nan
+    if region is not None and 0.01 < region.mean() < 0.8 and known:
+        iou = 0.0
+        if located is not None and located.shape == region.shape:
+            union = (located | region).sum()
+            iou = float((located & region).sum() / union) if union else nan
+    oracle = float(facts.get("oracle_gain", 0.0))
+    return Score(
+        reported=reported,
+        offered=offered,
+        alarm=verdict not in ("match", "none"),
+        top_1=float(bool(reported) and reported[0] in right) if known else nan,
+        precision=float(np.mean(worth)) if known and worth else nan,
+        recall=float(np.mean(hits)) if known and hits else nan,
+        covered=float(all(accept & set(offered) for accept in sets)) if known else nan,
+        set_size=len(offered),
+        flagged=verdict in STRANGE,
+        iou=iou,
+        recovered=float(np.clip(gain / oracle, -1, 2)) if known and oracle > 0.02 else nan,
+    )

@@ -1,0 +1,122 @@
+"""Seals: what a case hides, committed by SHA-256(nonce ‖ key) before anything is diagnosed."""
+
+import hashlib
+import json
+import os
+import secrets
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from challenge.cases.case import SWITCHES, Secret
+from challenge.cases.parts import SHAPES
+from challenge.cases.seeds import child
+from challenge.cases.switches import DECOY, SINGLE, UNKNOWN
+
+# Cases of a full set and of the five-minute subset, by kind.
+FULL = {"null": 60, "one": 60, "two": 12, "unknown": 12, "decoy": 8, "undecidable": 8}
+SMALL = {"null": 4, "one": 4, "two": 1, "unknown": 1, "decoy": 1, "undecidable": 1}
+
+# Frozen before a run: the aims, and what counts as what.
+PROTOCOL: dict[str, Any] = {
+    "version": 1,
+    "false_alarms_of_60": 1,
+    "top_1_medium_and_above": 0.8,
+    "precision_medium_and_above": 0.9,
+    "unknown_flagged": 0.8,
+    "iou": 0.5,
+    "recovered_share_of_oracle_gain": 0.7,
+    "alarm": "verdict other than match on a null",
+    "rival": "counts a half in precision; reported only as alternative counts a half in recall",
+    "null": "block means over 100 speckle draws within 0.1 sigma of the geometry off edges",
+    "region": "5 x 5 means of on - off beyond 0.3 sigma after offset and tilt, or 20 % lost",
+}
+
+# One recording cannot tell these apart; the right answer is the set.
+UNDECIDABLE: dict[str, tuple[str, ...]] = {
+    "line_bow": ("line_bow", "form_error"),
+    "warped_part": ("line_bow", "form_error"),
+    "motion_blur": ("motion_blur", "finite_spot"),
+    "lens_distortion": ("lens_distortion", "form_error"),
+}
+
+
+def draw(master: int, counts: dict[str, int]) -> list[Secret]:
+    """Draw all cases of a set in a shuffled order."""
+    rng = child(master, "set")
+    wanted: list[tuple[str, tuple[str, ...]]] = [("null", ())] * counts["null"]
+    names = list(rng.permutation(list(SINGLE)))
+    wanted += [("one", (str(names[k % len(names)]),)) for k in range(counts["one"])]
+    for _ in range(counts["two"]):
+        first, second = rng.choice(list(SINGLE), 2, replace=False)
+        while _clash(str(first), str(second)):
+            first, second = rng.choice(list(SINGLE), 2, replace=False)
+        wanted.append(("two", (str(first), str(second))))
+    for kind, group in (("unknown", UNKNOWN), ("decoy", DECOY), ("undecidable", UNDECIDABLE)):
+        pool = list(group)
+        wanted += [(kind, (pool[k % len(pool)],)) for k in range(counts[kind])]
+    cases = []
+    for kind, switches in wanted:
+        shapes = set(SHAPES)
+        for name in switches:
+            shapes &= set(SWITCHES[name].shapes or SHAPES)
+        cases.append(
+            Secret(
+                kind=kind,
+                switches=switches,
+                strength=int(rng.choice([0, 1, 2], p=[0.25, 0.45, 0.3])),
+                shape=str(rng.choice(sorted(shapes))),
+                recordings=1 if kind == "undecidable" else 3,
+                seed=int(rng.integers(2**62)),
+            )
+        )
+    return [cases[k] for k in rng.permutation(len(cases))]
+
+
+def _clash(first: str, second: str) -> bool:
+    """Two switches that turn the same screw, or share no part."""
+    same = [
+        {"anisotropic_lay", "roughness_level"},
+        {"line_bow", "lens_distortion", "column_offset", "range_scale"},
+        {"finite_spot", "motion_blur", "pixel_locking"},
+        {"specular_dropout", "interreflection", "reflectance_edge", "volume_scattering"},
+    ]
+    shapes = set(SWITCHES[first].shapes or SHAPES) & set(SWITCHES[second].shapes or SHAPES)
+    return not shapes or any({first, second} <= group for group in same)
+
+
+def entropy() -> int:
+    """Return a master seed from the operating system."""
+    return secrets.randbits(62)
+
+
+def seal(secret: Secret, facts: dict[str, Any]) -> tuple[bytes, str, str]:
+    """Serialise a key and commit to it.
+
+    Returns
+    -------
+    key : bytes
+        JSON, as the judge will read it.
+    nonce : str
+        Hexadecimal, kept with the key.
+    commitment : str
+        SHA-256 of nonce bytes followed by the key's bytes.
+    """
+    key = json.dumps({"secret": asdict(secret), "facts": facts}, sort_keys=True).encode()
+    nonce = secrets.token_hex(32)
+    return key, nonce, commitment(nonce, key)
+
+
+def commitment(nonce: str, key: bytes) -> str:
+    """SHA-256(nonce ‖ key) in hexadecimal."""
+    return hashlib.sha256(bytes.fromhex(nonce) + key).hexdigest()
+
+
+def write_whole(file: Path, data: bytes) -> None:
+    """Write a file aside, sync it, and rename it into place."""
+    aside = file.with_name(f".{file.name}.{os.getpid()}")
+    with aside.open("wb") as out:
+        out.write(data)
+        out.flush()
+        os.fsync(out.fileno())
+    aside.replace(file)

@@ -1,0 +1,65 @@
+"""`flawforge challenge`: make, run and judge sealed cases of an independent instrument."""
+
+import argparse
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's steps and options to a parser."""
+    parser.epilog = (
+        "example:\n"
+        "  flawforge challenge make --out out/proof --jobs 2\n"
+        "  flawforge challenge run out/proof --jobs 2\n"
+        "  flawforge challenge judge out/proof --write docs/proof.md"
+    )
+    steps = parser.add_subparsers(dest="step", metavar="STEP", required=True)
+    make = steps.add_parser("make", help="draw, render and seal a set of cases")
+    make.add_argument("--out", type=Path, required=True, help="folder of the set")
+    make.add_argument(
+        "--seed", type=int, help="master seed (default: the operating system's entropy)"
+    )
+    make.add_argument("--small", action="store_true", help="a dozen cases instead of 160")
+    make.add_argument("--jobs", type=int, default=1, help="processes (default 1)")
+    run_step = steps.add_parser(
+        "run", help="diagnose each case in a process and folder without its key"
+    )
+    run_step.add_argument("set", type=Path, help="folder of the set")
+    run_step.add_argument("--jobs", type=int, default=1, help="processes (default 1)")
+    run_step.add_argument(
+        "--timeout", type=float, default=600.0, help="seconds for a case (default 600)"
+    )
+    judge = steps.add_parser("judge", help="open the keys, check the seals, score the answers")
+    judge.add_argument("set", type=Path, help="folder of the set")
+    judge.add_argument("--write", type=Path, metavar="FILE.md", help="write the page with pictures")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run one step; return the exit code."""
+    from sensors.typed_yaml import RecipeError
+
+    try:
+        return _step(arguments)
+    except (ValueError, FileNotFoundError) as error:
+        raise RecipeError(str(error)) from error
+
+
+def _step(arguments: argparse.Namespace) -> int:
+    if arguments.step == "make":
+        from challenge.make import make
+
+        return make(
+            arguments.out, seed=arguments.seed, small=arguments.small, jobs=arguments.jobs
+        )
+    if arguments.step == "run":
+        from challenge.run import run as diagnose_all
+
+        return diagnose_all(arguments.set, jobs=arguments.jobs, timeout_s=arguments.timeout)
+    from challenge.judge import judge
+    from challenge.proof import scoreboard, write_page
+
+    scored = judge(arguments.set)
+    for line in scoreboard(scored):
+        print(line)
+    if arguments.write is not None:
+        write_page(scored, arguments.set, arguments.write)
+    return 0
