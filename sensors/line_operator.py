@@ -95,6 +95,7 @@ def read_line(
     visible: bool = False,
     brightness: bool = False,
     merge_mm: float | None = None,
+    camera_y_mm: float | None = None,
 ) -> Line:
     """Apply the operator.
 
@@ -117,9 +118,14 @@ def read_line(
         Weigh by the surface's brightness.
     merge_mm : float or None
         Distance of two peaks' readings up to which they merge; None: the centre's peak alone.
+    camera_y_mm : float, optional
+        The camera's place along y where it isn't the datasheet's.
     """
     n, m = view.shape
     offsets = offsets_mm if offsets_mm.ndim == 2 else offsets_mm[:, None]
+    place = camera_y_mm
+    if place is None and (camera or visible):
+        place = view.datasheet.camera_offset_mm
     rows = max(1, BLOCK_POINTS // max(1, m))
     parts = [slice(start, min(start + rows, n)) for start in range(0, n, rows)]
     lines = [
@@ -128,8 +134,8 @@ def read_line(
             offsets if offsets.shape[1] == 1 else offsets[:, part],
             [w[part] if isinstance(w, np.ndarray) else w for w in weights],
             axis=axis,
-            lean=1.0 / view.datasheet.camera_offset_mm if camera else 0.0,
-            visible=visible,
+            lean=1.0 / place if camera and place is not None else 0.0,
+            seen_from=place if visible else None,
             intensity=_intensity_rows(view, part) if brightness else None,
             brightness=brightness,
             merge_mm=merge_mm,
@@ -152,7 +158,7 @@ def _read_rows(
     *,
     axis: str,
     lean: float,
-    visible: bool,
+    seen_from: float | None,
     intensity: IntensityAt | None,
     brightness: bool,
     merge_mm: float | None,
@@ -179,7 +185,7 @@ def _read_rows(
                 whole,
                 sub.depth_mm,
                 last_depth,
-                sub.visible if visible else sub.valid,
+                sub.valid if seen_from is None else sub.visible_from(seen_from),
                 np.broadcast_to(np.abs(eta - last_offset), n),
                 np.broadcast_to(lean * eta, n),
                 np.atleast_2d(np.asarray(weights[k], dtype=np.float64)),

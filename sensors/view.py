@@ -98,11 +98,12 @@ class View:
             raise ValueError(f"time_s must be ({len(self.poses)},), got {self.time_s.shape}")
         self._given_hits = hits
         self._kept: dict[tuple[object, ...], View] = {}
+        self._seen: dict[float, NDArray[np.bool_]] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         kept = ("scene", "datasheet", "poses", "time_s", "laser", "reflectance", "intensity")
         state = {key: self.__dict__[key] for key in (*kept, "start_time_s", "_given_hits")}
-        return state | {"_kept": {}}
+        return state | {"_kept": {}, "_seen": {}}
 
     # ---- the scan itself
 
@@ -279,7 +280,7 @@ class View:
         cosine = np.einsum("nmk,nmk->nm", self.normal, half)
         return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
 
-    @cached_property
+    @property
     def visible(self) -> NDArray[np.bool_]:
         """Where the sight line to the datasheet's camera is free, (n, m); False without a return.
 
@@ -304,9 +305,11 @@ class View:
         -------
         (n, m) bool
         """
-        seen = camera_visible(self.scene, self.laser, self.poses, self.hits, camera_y_mm)
-        seen &= self.in_range
-        return seen
+        if camera_y_mm not in self._seen:
+            seen = camera_visible(self.scene, self.laser, self.poses, self.hits, camera_y_mm)
+            seen &= self.in_range
+            self._seen[camera_y_mm] = seen
+        return self._seen[camera_y_mm]
 
     # ---- second bounces and thickness, by single rays
 

@@ -7,6 +7,7 @@ from typing import ClassVar
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
+from sensors.line_operator import gaussian_weights, read_line, sub_lines
 from sensors.view import Reason, View
 
 
@@ -53,16 +54,45 @@ class CameraOcclusion(Effect):
         typical="+y",
     )
 
+    line_sd_um: float = parameter(
+        "standard deviation of the line across its width; 0: its middle alone must be seen",
+        unit="µm",
+        low=0.0,
+        high=500.0,
+        typical=0.0,
+    )
+    weakest: float = parameter(
+        "share of the line's light that the camera must see, where it has a width",
+        low=0.01,
+        high=0.99,
+        typical=0.5,
+    )
+
     def changed(self, law: Law, view: View) -> Law:
         """Take the return away where the camera doesn't see the point."""
-        sheet = view.datasheet
-        if self.triangulation_angle_deg is None and self.camera_side is None:
-            seen = view.visible
+        offset = self.camera_y_mm(view)
+        if self.line_sd_um == 0.0:
+            seen = view.visible_from(offset)
         else:
-            angle_deg = self.triangulation_angle_deg
-            if angle_deg is None:
-                angle_deg = sheet.require("triangulation_angle_deg")
-            side = sheet.camera_side if self.camera_side is None else self.camera_side
-            offset = sheet.working_distance_mm * math.tan(math.radians(angle_deg))
-            seen = view.visible_from(offset if side == "+y" else -offset)
+            lines = sub_lines(self.line_sd_um * 1e-3)
+            weights = gaussian_weights(lines, self.line_sd_um * 1e-3)
+            read = read_line(view, lines, weights, visible=True, merge_mm=0.0, camera_y_mm=offset)
+            seen = read.light >= self.weakest
         return law.without(view.valid & ~seen, Reason.HIDDEN_FROM_CAMERA)
+
+    def camera_y_mm(self, view: View) -> float:
+        """Return the camera's place along the sensor's y, mm.
+
+        Raises
+        ------
+        RecipeError
+            Where neither the effect nor the datasheet states the angle.
+        """
+        sheet = view.datasheet
+        if self.triangulation_angle_deg is None:
+            offset = abs(sheet.camera_offset_mm)
+        else:
+            angle_rad = math.radians(self.triangulation_angle_deg)
+            offset = sheet.working_distance_mm * math.tan(angle_rad)
+        side = sheet.camera_side if self.camera_side is None else self.camera_side
+        return offset if side == "+y" else -offset

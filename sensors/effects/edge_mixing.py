@@ -33,7 +33,7 @@ class EdgeMixing(Effect):
         " the laser line (standard deviation {line_sd_um:.0f} µm) is seen there, or two levels at"
         " once."
     )
-    channels: ClassVar = ("mean", "missing")
+    channels: ClassVar = ("mean",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "edge_y"
     rivals: ClassVar = ("finite_spot", "camera_occlusion", "reflectance_edge")
@@ -60,6 +60,12 @@ class EdgeMixing(Effect):
         high=100000.0,
         typical=500.0,
     )
+    weakest: float = parameter(
+        "share of the line's light that makes a peak; with less the reading is left alone",
+        low=0.0,
+        high=1.0,
+        typical=0.2,
+    )
     rayleigh_mm: float = parameter(
         "distance from focus at which the line is √2 wider; 0: no defocus",
         unit="mm",
@@ -77,5 +83,5 @@ class EdgeMixing(Effect):
             view, offsets, weights, camera=True, visible=True, merge_mm=self.merge_um * 1e-3
         )
         base = np.where(np.isfinite(seen.spot_mm), seen.spot_mm, view.depth_mm)
-        mixed = np.isfinite(seen.depth_mm) & ~seen.whole
+        mixed = np.isfinite(seen.depth_mm) & ~seen.whole & (seen.light >= self.weakest)
         return replace(law, mean_mm=law.mean_mm + np.where(mixed, seen.depth_mm - base, 0.0))

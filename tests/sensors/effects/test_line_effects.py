@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.special import ndtri
 
 from sensors.effects.camera_occlusion import CameraOcclusion
 from sensors.effects.edge_mixing import EdgeMixing
@@ -43,6 +44,17 @@ def test_shadow_beside_a_step(view_of, height, angle_deg, side, turned):
         assert -10.0 - length - 0.13 <= inside.min() < inside.max() <= -10.0
     else:
         assert 10.0 <= inside.min() < inside.max() <= 10.0 + length + 0.13
+
+
+@pytest.mark.parametrize("weakest", [0.1, 0.5, 0.9])
+def test_shadow_of_a_line_with_a_width(view_of, weakest):
+    """Returns end where the camera sees less of the line: further out the more it must see."""
+    y = np.linspace(-18, -14, 401)  # the shadow of 10 mm ends at -10 - 10 tan 30° = -15.774
+    view = view_of("step", y_mm=y)
+    shade = hidden(view, CameraOcclusion(line_sd_um=300.0, weakest=weakest))[:, 40]
+    border = y[shade].min()
+    expected = -10 - 10 / COT - 0.3 * float(ndtri(weakest))
+    assert np.isclose(border, expected, atol=0.09)  # sub-lines stand 0.15 mm apart
 
 
 def test_driving_backwards_leaves_shadows_in_place(view_of):
