@@ -70,6 +70,7 @@ class Bump(Kind):
     ) -> Cutter:
         a = share * self.length_mm / 2
         b, height = a * self.aspect, share * self.height_mm
+        sagitta *= 3  # the shape is irregular anyway, and spatters have many drops
         sectors = int(np.clip(4 * np.ceil(np.pi / 2 * np.sqrt(height / (2 * sagitta))), 24, 200))
         rings = int(np.clip(np.ceil(self.fullness * np.sqrt(height / (8 * sagitta))), 6, 64))
         angles = np.linspace(0, 2 * np.pi, sectors, endpoint=False)

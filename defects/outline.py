@@ -26,7 +26,7 @@ def outline(angles_rad: Floats, spread: float, rng: np.random.Generator) -> Floa
     ratio
         (k,), kept within 0.5 to 1.6.
     """
-    strength = rng.normal(size=len(ORDERS)) / ORDERS**2
+    strength = rng.uniform(0.3, 1.7, len(ORDERS)) / ORDERS**2
     strength *= spread / np.sqrt(np.sum(strength**2))
     phase = rng.uniform(0, 2 * np.pi, len(ORDERS))
     waves = np.cos(angles_rad[:, None] * ORDERS + phase) @ (np.sqrt(2) * strength)

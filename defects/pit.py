@@ -69,6 +69,7 @@ class Pit(Kind):
         self, surface: Surface, site: Site, share: float, rng: np.random.Generator, sagitta: float
     ) -> Cutter:
         radius, depth = share * self.diameter_mm / 2, share * self.depth_mm
+        sagitta *= 3  # the shape is irregular anyway, and clusters have many facets
         sectors = int(np.clip(4 * np.ceil(np.pi / 2 * np.sqrt(radius / (8 * sagitta))), 32, 160))
         rings = int(np.clip(np.ceil(np.sqrt(depth * self.steepness**2 / (4 * sagitta))), 8, 48))
         angles = np.linspace(0, 2 * np.pi, sectors, endpoint=False)
