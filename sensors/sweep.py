@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from sensors.section import Floats, Ints, clipped, depth_on, edge_slope
 
+_WAITING = 256  # segments found before their points are computed
 _BLOCK = 16  # profiles whose part of the z-buffer stays in the processor's cache
 
 
@@ -206,10 +207,13 @@ def _fill(
 ) -> None:  # fmt: skip
     """Fill the z-buffer, one block of profiles after another."""
     n, m = depth.shape
+    spans = np.empty((_WAITING, 4), dtype=np.int64)
+    ends = np.empty((_WAITING, 6))
+    waiting = 0
     for block in range(len(start) - 1):
         first, last = block * _BLOCK, min(n, (block + 1) * _BLOCK)
         for row in range(first, last):
-            depth[order[row], :] = np.inf
+            depth[order[row], :] = np.nan
             triangle[order[row], :] = -1
         for member in range(start[block], start[block + 1]):
             t = members[member]
@@ -245,29 +249,37 @@ def _fill(
                     continue
                 begin = _left_of(au, aw, x_mm, slope_x, kind, table, origin, scale)
                 end = _left_of(bu, bw, x_mm, slope_x, kind, table, origin, scale)
-                if begin >= end:
-                    continue
-                bottom, top = min(az, bz), max(az, bz)
-                _keep_nearest(
-                    depth, triangle, order[row], begin, end, t,
-                    ax, az, bx - ax, bz - az, bottom, top, x_mm, slope_x,
-                )  # fmt: skip
-        for row in range(first, last):
-            line = depth[order[row]]
-            for j in range(m):
-                line[j] = line[j] if line[j] < np.inf else np.nan
+                spans[waiting, 0], spans[waiting, 1] = begin, end
+                spans[waiting, 2], spans[waiting, 3] = order[row], t
+                ends[waiting, 0], ends[waiting, 1] = ax, az
+                ends[waiting, 2], ends[waiting, 3] = bx - ax, bz - az
+                ends[waiting, 4], ends[waiting, 5] = min(az, bz), max(az, bz)
+                waiting += int(begin < end)
+                if waiting == _WAITING:
+                    _keep_nearest(depth, triangle, spans, ends, waiting, x_mm, slope_x)
+                    waiting = 0
+        _keep_nearest(depth, triangle, spans, ends, waiting, x_mm, slope_x)
+        waiting = 0
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _keep_nearest(
-    depth: Floats, triangle: Ints, row: int, begin: int, end: int, t: int,
-    x0: float, z0: float, dx: float, dz: float, low: float, high: float,
+    depth: Floats, triangle: Ints, spans: NDArray[np.int64], ends: Floats, count: int,
     x_mm: Floats, slope_x: Floats,
 ) -> None:  # fmt: skip
-    """Put the segment's depths where they are nearer than what is there."""
-    r = np.uint64(row)  # unsigned: an index that can't be negative lets the loop be vectorised
-    for j in range(np.uint64(begin), np.uint64(end)):
-        d = depth_on(x0, z0, dx, dz, low, high, x_mm[j], slope_x[j])
-        nearer = (d < depth[r, j]) & (d > 0.0)
-        depth[r, j] = d if nearer else depth[r, j]
-        triangle[r, j] = t if nearer else triangle[r, j]
+    """Put the segments' depths where they are nearer than what is there.
+
+    `spans` holds each segment's first point, the one behind its last, its row and its triangle;
+    `ends` where it starts (x, z), how far it goes (x, z) and its least and largest z.
+    """
+    for k in range(count):
+        # Unsigned: an index that can't be negative lets the loop be vectorised.
+        begin, end = np.uint64(spans[k, 0]), np.uint64(spans[k, 1])
+        r, t = np.uint64(spans[k, 2]), np.int32(spans[k, 3])
+        x0, z0, dx, dz = ends[k, 0], ends[k, 1], ends[k, 2], ends[k, 3]
+        low, high = ends[k, 4], ends[k, 5]
+        for j in range(begin, end):
+            d = depth_on(x0, z0, dx, dz, low, high, x_mm[j], slope_x[j])
+            nearer = (not depth[r, j] <= d) & (d > 0.0)  # also where there is NaN yet
+            depth[r, j] = d if nearer else depth[r, j]
+            triangle[r, j] = t if nearer else triangle[r, j]
