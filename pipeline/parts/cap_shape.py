@@ -8,9 +8,9 @@ import manifold3d
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.bodies import manifold
 from pipeline.parts.round_profile import Pen, arc_steps
 from pipeline.parts.sheet import close_tube
-from pipeline.solid import manifold
 
 if TYPE_CHECKING:
     from pipeline.parts.bearing_cap import BearingCap

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from pipeline.bodies import manifold
 from pipeline.part import Part, PartError
 from pipeline.parts import NAMES, build, describe, parameters_of
 from pipeline.parts.bearing_cap import BearingCap
@@ -15,7 +16,6 @@ from pipeline.parts.car_door import CarDoor
 from pipeline.parts.door_shape import DoorShape
 from pipeline.parts.steel_plate import SteelPlate, flatness_mm
 from pipeline.self_intersection import crossings
-from pipeline.solid import manifold
 
 _BUILT: dict[tuple[str, float | None], Part] = {}
 

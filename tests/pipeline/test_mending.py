@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline import mending
+from pipeline.bodies import manifold
 from pipeline.part import PartError
 from pipeline.self_intersection import crossings
-from pipeline.solid import make_solid, manifold
+from pipeline.solid import make_solid
 
 BOX = trimesh.creation.box((2.0, 2.0, 2.0))
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from pipeline.bodies import manifold
 from pipeline.part import UNITS_MM, Part, PartError, find_parts, load_part
 from pipeline.parts import build
-from pipeline.solid import manifold
 
 # What independent readers (trimesh, per body) say of the volume, in the file's unit.
 CAD = {

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from pipeline.bodies import manifold
 from pipeline.part import PartError, load_part
-from pipeline.solid import manifold
 from pipeline.thicken import thicken, vertex_offsets
 
 
