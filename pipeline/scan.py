@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from defects import KINDS
 from pipeline.injection import FlawedPart
+from pipeline.labels import faces_hit, stand_out
 from pipeline.seeds import RngOf
 from pipeline.trajectory import Trajectory
 from sensors.datasheet import Datasheet
@@ -115,19 +116,23 @@ def take_scan(
         clean_scene, datasheet, view.poses, view.time_s, laser=laser, reflectance=reflectance
     )
     depth, reason = law.sample(rng_of, view)
-    instance = _instances(flawed, view, clean)
-    mask = flawed.classes[instance]
+    instance, moved = faces_hit(
+        view.triangle, flawed.instance, view.depth_mm, clean.depth_mm, SAME_MM
+    )
+    if moved.size:  # what a cut took away is the cut's, too
+        rows, columns = np.divmod(moved, instance.shape[1])
+        instance[rows, columns] = flawed.removed_at(_points(clean, rows, columns))
     _name_flaw_shadows(reason, view, clean)
     noise = law.sd_mm(view)
-    deviation = np.abs(view.depth_mm - clean.depth_mm)
-    gone = np.isnan(view.depth_mm) != np.isnan(clean.depth_mm)
-    seen = np.where(np.isnan(depth), gone, (deviation > visible_at * noise) | gone)
+    mask, mask_visible = stand_out(
+        instance, flawed.classes, depth, view.depth_mm, clean.depth_mm, visible_at * noise
+    )
     return Scan(
         depth_mm=depth,
         depth_ideal_mm=view.depth_mm,
         depth_clean_mm=clean.depth_mm,
         mask=mask,
-        mask_visible=np.where(seen, mask, np.uint8(0)),
+        mask_visible=mask_visible,
         instance=instance,
         invalid_reason=reason,
         noise_mm=noise,
@@ -138,21 +143,8 @@ def take_scan(
     )
 
 
-def _instances(flawed: FlawedPart, view: View, clean: View) -> NDArray[np.uint16]:
-    """Flaw at each pixel: of the face hit first, else of the cut that took the clean hit away."""
-    instance = flawed.instance[view.triangle]
-    instance[view.triangle < 0] = 0
-    with np.errstate(invalid="ignore"):
-        moved = ~(np.abs(view.hits.depth_mm - clean.hits.depth_mm) <= SAME_MM)
-    moved &= (instance == 0) & clean.in_range
-    if moved.any():
-        instance[moved] = flawed.removed_at(_points(clean, moved))
-    return instance
-
-
-def _points(view: View, where: NDArray[np.bool_]) -> Floats:
-    """Points (k, 3) of the pixels `where`, part frame, mm."""
-    rows, columns = np.nonzero(where)
+def _points(view: View, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Floats:
+    """Points (k, 3) of some pixels, part frame, mm."""
     depth = view.depth_mm[rows, columns]
     local = np.stack(
         [view.laser.x_mm[columns] + depth * view.laser.slope_x[columns], 0 * depth, depth], axis=-1
@@ -167,7 +159,7 @@ def _name_flaw_shadows(reason: NDArray[np.uint8], view: View, clean: View) -> No
     rows, columns = np.nonzero(hidden)
     if rows.size == 0:
         return
-    points = _points(clean, hidden)
+    points = _points(clean, rows, columns)
     poses = clean.poses[rows]
     cameras = poses[:, :3, 1] * clean.datasheet.camera_offset_mm + poses[:, :3, 3]
     triangle = clean.triangle[rows, columns]

@@ -18,11 +18,12 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.labels import counts_of
 from pipeline.scan import CLASS_NAMES, REASON_NAMES, Scan
 from sensors.datasheet import Datasheet
 
 FORMAT, VERSION = "flawforge-shard", 1
-FINE_MM = 5e-5  # ideal and clean depths: counts of 0.05 µm
+FINE_MM = 1e-4  # ideal and clean depths: counts of 0.1 µm
 CHUNK_BYTES = 1 << 20
 CHECKED = (  # what a scan's checksum is made of, in this order
     "depth", "depth_ideal", "depth_clean", "mask", "mask_visible", "invalid_reason", "instance",
@@ -56,10 +57,9 @@ class DepthCode:
 
     def encode(self, depth_mm: NDArray[np.float64]) -> NDArray[np.unsignedinteger[Any]]:
         """Turn depths in mm (NaN = missing) into counts."""
-        counts = np.rint(depth_mm / self.scale_mm) - self.first
-        np.clip(counts, 0, self.missing - 1, out=counts)
-        np.copyto(counts, self.missing, where=np.isnan(depth_mm))
-        return counts.astype(self.dtype)
+        counts = np.empty(depth_mm.shape, dtype=self.dtype)
+        counts_of(depth_mm, self.scale_mm, self.first, self.missing, counts)
+        return counts
 
 
 class ShardWriter:
