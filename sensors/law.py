@@ -238,6 +238,22 @@ def plain_law(
     return law_with(view, surface, sheet_effects(view), rng_of)
 
 
+def law_at(
+    true: View, surface: Surface | PerlinField | None, rng_of: RngOf | None = None
+) -> Law:
+    """Law of the sensor's file where `true` comes from `true_view` with the same streams.
+
+    The same as `plain_law` at the commanded poses, without casting the moved sensor again.
+    """
+    from sensors.effects.base import MotionEffect
+
+    law = geometric_law(true, surface)
+    for effect in draw_effects(sheet_effects(true), rng_of):
+        if not isinstance(effect, MotionEffect) or effect.undrawn(true):
+            law = effect.apply(law, true)
+    return law
+
+
 def true_view(view: View, rng_of: RngOf | None = None) -> View:
     """Return the view from where the sheet's effects really put the sensor.
 

@@ -24,57 +24,83 @@ class Mirror:
     Attributes
     ----------
     distance_mm : (n, m) way from the point to the facing wall; NaN without one
-    apparent_mm : (n, m) depth as which the camera reads the second spot; NaN where it doesn't
-        see it, or where no camera is stated
+    landed_mm : (n, m) depth as which the camera reads second spots that fall into this column,
+        their mean where there are several; NaN without one, or where no camera is stated
+    landed_way_mm : (n, m) way from the first spot to them
     """
 
     distance_mm: Floats
-    apparent_mm: Floats
+    landed_mm: Floats
+    landed_way_mm: Floats
 
 
 def mirror(view: "View") -> Mirror:
     """Follow the mirror reflection of every ray once.
 
-    The second spot Q = (x, y, z) lies off the laser's plane; the camera at (0, κb, 0) sees it
-    along a line that meets the plane at depth z / (1 - y / κb): that is the reading it pulls to.
+    The second spot Q = (x, y, z) lies off the laser's plane. The camera at (0, κb, 0) sees it
+    along a line that meets the plane at Q / (1 - y / κb): there it pulls the reading of the
+    column that looks at that place, which isn't always the column it came from.
     """
-    distance = np.full(view.shape, np.nan)
-    apparent = np.full(view.shape, np.nan)
+    distance, depth, way = (np.full(view.shape, np.nan) for _ in range(3))
     has_camera = view.datasheet.triangulation_angle_deg is not None
-    offset = view.datasheet.camera_offset_mm if has_camera else 0.0
     for rows in _blocks(view):
-        normal, points = view.normal[rows], view.part_mm[rows]
+        normal = view.normal[rows]
         ray = np.broadcast_to(view.ray, normal.shape)
-        along = np.einsum("nmk,nmk->nm", normal, ray)[..., None]
-        poses = view.poses[rows]
-        turn = poses[:, :3, :3].transpose(0, 2, 1)
-        out = (ray - 2 * along * normal) @ turn
-        valid = view.valid[rows] & (along[..., 0] < 0)
-        start = points[valid] + CLEARANCE_MM * (normal @ turn)[valid]
-        if len(start) == 0:
+        along = np.einsum("nmk,nmk->nm", normal, ray)
+        row, column = np.nonzero(view.valid[rows] & (along < 0))
+        if row.size == 0:
             continue
-        way, triangle = view.scene.first_hit(start, out[valid])
-        block = np.full(valid.shape, np.nan)
-        block[valid] = way
-        distance[rows] = block
-        if not has_camera:
-            continue
-        met = triangle >= 0
-        row = np.nonzero(valid)[0][met]
-        unit = out[valid][met]
-        unit /= np.linalg.norm(unit, axis=1, keepdims=True)
-        second = start[met] + way[met, None] * unit
-        local = np.einsum("ikj,ik->ij", poses[row, :3, :3], second - poses[row, :3, 3])
-        camera = poses[row, :3, 3] + poses[row, :3, 1] * offset
-        facing = np.einsum("ik,ik->i", view.scene.normals[triangle[met]], camera - second) > 0
-        seen = facing & ~view.scene.blocked(second, camera, triangle[met])
-        reading = np.where(seen, local[:, 2] / (1.0 - local[:, 1] / offset), np.nan)
-        found = np.full(len(start), np.nan)
-        found[met] = reading
-        block = np.full(valid.shape, np.nan)
-        block[valid] = found
-        apparent[rows] = block
-    return Mirror(distance_mm=distance, apparent_mm=apparent)
+        turn = view.poses[rows, :3, :3][row]
+        out = ray[row, column] - 2 * along[row, column, None] * normal[row, column]
+        out = np.einsum("ijk,ik->ij", turn, out)
+        lift = np.einsum("ijk,ik->ij", turn, normal[row, column])
+        start = view.part_mm[rows][row, column] + CLEARANCE_MM * lift
+        length, triangle = view.scene.first_hit(start, out)
+        distance[rows][row, column] = length
+        met = np.nonzero(triangle >= 0)[0]
+        if has_camera and met.size:
+            out = out[met] / np.linalg.norm(out[met], axis=1, keepdims=True)
+            second = start[met] + length[met, None] * out
+            _land(view, rows, row[met], second, triangle[met], length[met], depth, way)
+    return Mirror(distance_mm=distance, landed_mm=depth, landed_way_mm=way)
+
+
+def _land(
+    view: "View",
+    rows: slice,
+    row: NDArray[np.int64],
+    second_mm: Floats,
+    triangle: NDArray[np.int32],
+    length_mm: Floats,
+    depth: Floats,
+    way: Floats,
+) -> None:
+    """Put second spots (k, 3), part frame, where the camera sees them."""
+    offset = view.datasheet.camera_offset_mm
+    poses = view.poses[rows][row]
+    camera = poses[:, :3, 3] + poses[:, :3, 1] * offset
+    facing = np.einsum("ik,ik->i", view.scene.normals[triangle], camera - second_mm) > 0
+    seen = np.nonzero(facing)[0]
+    seen = seen[~view.scene.blocked(second_mm[seen], camera[seen], triangle[seen])]
+    local = np.einsum("ikj,ik->ij", poses[seen, :3, :3], second_mm[seen] - poses[seen, :3, 3])
+    image = local / (1.0 - local[:, 1:2] / offset)
+    laser = view.laser
+    if np.any(laser.slope_x):
+        place, columns = (image[:, 0] - laser.x_mm.mean()) / image[:, 2], laser.slope_x
+    else:
+        place, columns = image[:, 0], laser.x_mm
+    m = len(columns)
+    order = np.argsort(columns)
+    index = np.interp(place, columns[order], np.arange(m), left=-1.0, right=-1.0)
+    inside = index >= 0
+    column = order[np.rint(index[inside]).astype(np.int64)]
+    target = row[seen][inside] * m + column
+    size = (rows.stop - rows.start) * m
+    count = np.bincount(target, minlength=size)
+    for values, out in ((image[inside, 2], depth), (length_mm[seen][inside], way)):
+        total = np.bincount(target, weights=values, minlength=size)
+        mean = np.divide(total, count, out=np.full(size, np.nan), where=count > 0)
+        out[rows] = mean.reshape(-1, m)
 
 
 def thickness_mm(view: "View") -> Floats:

@@ -46,7 +46,7 @@ SHOWN: dict[str, dict[str, Any]] = {
     "incidence_noise": {"exponent": 2.0},
     "thermal_drift": {"time_constant_s": 0.3},
     "travel_ripple": {"period_mm": 8.0},
-    "pixel_locking": {"amplitude_px": 0.1},
+    "pixel_locking": {"amplitude_px": 0.1, "rows": 256.0},
     "specular_dropout": {"lobe_deg": 10.0},
     "outlier_spikes": {"share": 0.02},
     "random_dropout": {"share": 0.05, "patch_mm": 2.0},
@@ -140,7 +140,7 @@ def draw(name: str, view: View) -> None:
     figure.savefig(path, dpi=80)
     plt.close(figure)
     with Image.open(path) as picture:  # few colours do, and make it small
-        picture.convert("RGB").quantize(48).save(path, optimize=True)
+        picture.convert("RGB").quantize(96).save(path, optimize=True)
 
 
 def _plot(axes: Any, name: str, view: View, bare: Law, law: Law) -> None:

@@ -80,7 +80,7 @@ class Interreflection(Effect):
         return replace(law, mean_mm=law.mean_mm + share * pull)
 
     def _pull(self, view: View) -> tuple[Floats, Floats]:
-        seen = np.isfinite(view.mirror.apparent_mm)
-        pull = np.where(seen, view.mirror.apparent_mm - view.depth_mm, 0.0)
-        way = np.where(seen, view.mirror.distance_mm, 0.0)
+        seen = np.isfinite(view.mirror.landed_mm) & view.valid
+        pull = np.where(seen, view.mirror.landed_mm - view.depth_mm, 0.0)
+        way = np.where(seen, view.mirror.landed_way_mm, 0.0)
         return pull, np.where(seen, np.exp(-way / self.reach_mm), 0.0)

@@ -82,7 +82,20 @@ def bench() -> Any:
     return trimesh.boolean.union([groove(), *blocks], engine="manifold")
 
 
+def corner() -> Any:
+    """Return a slope that falls at 45° along x down to a wall that stands upright at x = 10."""
+    block = box((80.0, 200.0, 60.0), (0.0, 0.0, -30.0))
+    outline = np.array([[10.0, 1.0], [10.0, -20.0], [-11.0, 1.0]])
+    cutter = trimesh.creation.extrude_triangulation(outline, np.array([[0, 2, 1]]), 300.0)
+    turn = np.array([[1.0, 0, 0, 0], [0, 0, -1, 150], [0, 1, 0, 0], [0, 0, 0, 1]])
+    cutter.apply_transform(turn)
+    if cutter.volume < 0:
+        cutter.invert()
+    return trimesh.boolean.difference([block, cutter], engine="manifold")
+
+
 SOLIDS = {
+    "corner": corner,
     "bench": bench,
     "plate": plate,
     "step": step,

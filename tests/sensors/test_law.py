@@ -11,7 +11,7 @@ from sensors.effects.line_bow import LineBow
 from sensors.effects.pose_error import PoseError
 from sensors.effects.stage_vibration import StageVibration
 from sensors.effects.travel_ripple import TravelRipple
-from sensors.law import Law, geometric_law, law_with, plain_law, true_view
+from sensors.law import Law, geometric_law, law_at, law_with, plain_law, true_view
 from sensors.perlin import PerlinField
 from sensors.surface import Surface
 from sensors.uncertainty import sigma_mm
@@ -143,6 +143,7 @@ def test_recordings_draw_their_own_parameters(view_of):
     true = true_view(view, streams(1))
     moved = law_with(true, None, [StageVibration(amplitude_um=50.0, frequency_hz=7.0)], streams(1))
     assert np.allclose(moved.mean_mm, one, atol=1e-12)
+    assert np.array_equal(law_at(true, None, streams(1)).mean_mm, one)
     unknown = plain_law(view, None)
     assert np.allclose(unknown.mean_mm, view.depth_mm, atol=1e-3)
     assert np.mean(np.square(unknown.white_sd_mm)) > 0.05**2 / 2

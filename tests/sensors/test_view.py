@@ -146,7 +146,7 @@ def test_camera_needs_its_angle(view_of):
     view = view_of("plate", sheet={"triangulation_angle_deg": None})
     with pytest.raises(RecipeError, match="triangulation_angle_deg"):
         _ = view.visible
-    assert np.isfinite(view.mirror.distance_mm).sum() == 0  # geometry alone needs none
+    assert np.isnan(view.mirror.landed_mm).all()  # and without it nobody sees a second spot
 
 
 def test_view_travels_without_what_it_computed(view_of):

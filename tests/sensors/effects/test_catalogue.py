@@ -232,3 +232,26 @@ def test_turning_sensor_and_part_together_changes_nothing(cls, view_of):
     assert np.allclose(law.mean_mm, turned.mean_mm, atol=1e-9, equal_nan=True)
     assert np.allclose(law.p_missing, turned.p_missing, atol=1e-9)
     assert np.allclose(law.sd_mm(one), turned.sd_mm(other), atol=1e-9)
+
+
+@EVERY
+@pytest.mark.parametrize("columns", ["even_x", "even_angle"])
+@pytest.mark.parametrize("height_mm", [200.0, 290.0])
+def test_missing_points_stay_missing(cls, view_of, rng_of, columns, height_mm):
+    """Scans with gaps, or with nothing in range at all, raise no warning and gain no points."""
+    view = view_of(
+        "end",
+        sheet={"columns": columns},
+        height_mm=height_mm,
+        reflectance=STRIPES,
+        y_mm=np.linspace(-15.0, 15.0, 24),
+    )
+    law = cls.example().apply(geometric_law(view, SURFACE), view)
+    depth, reason = law.sample(rng_of, view)
+    assert np.array_equal(np.isnan(depth), reason > 0)
+    if not issubclass(cls, MotionEffect):
+        assert np.isnan(depth[~view.valid]).all()
+    if cls.channels == ("mean",):
+        assert np.isfinite(law.mean_mm[view.valid]).all()
+    cls.example().grid(view)
+    cls.example().covariate_values(view)

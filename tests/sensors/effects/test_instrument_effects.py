@@ -154,17 +154,28 @@ def test_groove_mirrors_the_spot_across(view_of, side):
     assert np.allclose(view.mirror.distance_mm[:, 40], 2 * np.abs(y), atol=1e-4)
     base = 200.0 / COT * (1 if side == "+y" else -1)
     apparent = depth / (1 + 2 * y / base)  # Q at sensor y = -2 y of the profile
-    assert np.allclose(view.mirror.apparent_mm[:, 40], apparent, atol=1e-4)
+    assert np.allclose(view.mirror.landed_mm[:, 40], apparent, atol=1e-4)
     effect = Interreflection(weight=0.1, reach_mm=5.0)
     pull = 0.1 * np.exp(-2 * np.abs(y) / 5.0) * (apparent - depth)
     assert np.allclose(effect.signature(view)[:, 40], pull, atol=1e-5)
+
+
+def test_second_spot_pulls_the_column_in_which_it_is_seen(view_of):
+    """A 45° wall beside an upright one sends every second spot into the column at the wall."""
+    view = view_of("corner", sheet={"points_per_profile": 121}, y_mm=[-1.0, 0.0, 1.0])
+    x = view.part_mm[1, :, 0]
+    on_slope = (x > -9.9) & (x < 9.9)
+    assert np.allclose(view.mirror.distance_mm[1][on_slope], 10.0 - x[on_slope], atol=1e-3)
+    pulled = np.isfinite(view.mirror.landed_mm[1])
+    assert np.allclose(x[pulled], 10.0, atol=0.5)
+    assert np.all(Interreflection(weight=0.3).signature(view)[1][on_slope] == 0.0)
 
 
 def test_strong_reflection_makes_the_reading_jump(view_of):
     view = view_of("groove", y_mm=np.array([-6.0, -1.0]))
     effect = Interreflection(weight=0.9, reach_mm=5.0, kind="jump")
     change = effect.signature(view)[:, 40]
-    pull = (view.mirror.apparent_mm - view.depth_mm)[1, 40]
+    pull = (view.mirror.landed_mm - view.depth_mm)[1, 40]
     assert change[0] == 0.0
     assert np.isclose(change[1], pull)
 
