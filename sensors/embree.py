@@ -46,14 +46,6 @@ class Rays:
     x_mm: Floats
     slope_x: Floats
 
-    def in_part(self) -> tuple[Floats, Floats]:
-        """Origins (k, 3) and directions (k, 3), part frame; directions have length >= 1."""
-        start = np.einsum("nji,nj->ni", self.frame, self.place) + self.origin
-        across, along = self.frame[:, 0], self.frame[:, 2]
-        origins = start[self.index] + self.x_mm[:, None] * across[self.index]
-        directions = self.slope_x[:, None] * across[self.index] + along[self.index]
-        return origins, directions
-
 
 class Tree:
     """Embree's tree over a triangle mesh; finds the first hit of rays in double precision."""
@@ -115,17 +107,16 @@ class Tree:
         depth: Floats, triangle: Ints,
     ) -> None:  # fmt: skip
         """Fill `depth` and `triangle` for one batch of rays."""
-        origins, directions = rays.in_part()
-        enter, leave = _box_span(origins, directions, self._low, self._high)
-        start = np.maximum(enter, nearest)
-        live = np.flatnonzero((start < leave) & (start < farthest))
+        origins, directions, start, live = _enter(
+            rays.frame, rays.origin, rays.place, rays.index, rays.x_mm, rays.slope_x,
+            self._low, self._high, nearest, farthest,
+        )  # fmt: skip
         best = np.full(len(depth), np.inf)
         for turn in range(_ROUNDS):
             if live.size == 0:
                 break
-            where = origins[live] + start[live, None] * directions[live] - self._centre
             found = self._scene.run(
-                where.astype(np.float32), directions[live].astype(np.float32), output=1
+                *_single_precision(origins, directions, start, live, self._centre), output=1
             )
             live = _judge(
                 self.vertices_mm, self.faces, self.normals, self._ring_start, self._ring,
@@ -174,27 +165,57 @@ def _triangles_at_vertices(faces: Ints, count: int) -> tuple[NDArray[np.int64], 
 
 
 @njit(cache=True, error_model="numpy")
-def _box_span(
-    origins: Floats, directions: Floats, low: Floats, high: Floats
-) -> tuple[Floats, Floats]:
-    """Ray parameters at which each ray enters and leaves a box; enter > leave where it misses."""
-    count = len(origins)
-    enter = np.empty(count)
-    leave = np.empty(count)
+def _enter(
+    frame: Floats, origin: Floats, place: Floats,
+    index: NDArray[np.int64], x_mm: Floats, slope_x: Floats,
+    low: Floats, high: Floats, nearest: Floats, farthest: Floats,
+) -> tuple[Floats, Floats, Floats, NDArray[np.int64]]:  # fmt: skip
+    """Rays in the part frame and where they enter a box.
+
+    Origins (k, 3), directions (k, 3) of length 1 or more, the ray parameter (k,) from which a hit
+    may come, and the numbers of the rays that meet the box within their limits.
+    """
+    count = len(index)
+    origins, directions = np.empty((count, 3)), np.empty((count, 3))
+    start = np.empty(count)
+    live = np.empty(count, dtype=np.int64)
+    size = 0
     for r in range(count):
-        first, last = -np.inf, np.inf
+        f = index[r]
+        first, last = nearest[r], farthest[r]
         for axis in range(3):
-            o, d = origins[r, axis], directions[r, axis]
+            across, along = frame[f, 0, axis], frame[f, 2, axis]
+            o = origin[f, axis] + x_mm[r] * across
+            for k in range(3):
+                o += frame[f, k, axis] * place[f, k]
+            d = slope_x[r] * across + along
+            origins[r, axis], directions[r, axis] = o, d
             if d == 0.0:
                 if o < low[axis] or o > high[axis]:
-                    first, last = np.inf, -np.inf
+                    last = -np.inf
                 continue
             near, far = (low[axis] - o) / d, (high[axis] - o) / d
-            if near > far:
-                near, far = far, near
-            first, last = max(first, near), min(last, far)
-        enter[r], leave[r] = first, last
-    return enter, leave
+            first, last = max(first, min(near, far)), min(last, max(near, far))
+        start[r] = first
+        live[size] = r
+        size += int(first < last)
+    return origins, directions, start, live[:size].copy()
+
+
+@njit(cache=True)
+def _single_precision(
+    origins: Floats, directions: Floats, start: Floats, live: NDArray[np.int64], centre: Floats
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Where the live rays go on, about the mesh's centre, and their directions (k, 3)."""
+    where = np.empty((len(live), 3), dtype=np.float32)
+    way = np.empty((len(live), 3), dtype=np.float32)
+    for i in range(len(live)):
+        r = live[i]
+        for axis in range(3):
+            point = origins[r, axis] + start[r] * directions[r, axis] - centre[axis]
+            where[i, axis] = np.float32(point)
+            way[i, axis] = np.float32(directions[r, axis])
+    return where, way
 
 
 @njit(cache=True)
