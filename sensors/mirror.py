@@ -15,6 +15,8 @@ Floats = NDArray[np.float64]
 BLOCK_RAYS = 250_000
 # How far off the surface a ray starts, so that it doesn't meet its own facet.
 CLEARANCE_MM = 1e-5
+# Share of a second spot that a column must have to be pulled by it.
+LEAST_SHARE = 0.05
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -93,13 +95,17 @@ def _land(
     order = np.argsort(columns)
     index = np.interp(place, columns[order], np.arange(m), left=-1.0, right=-1.0)
     inside = index >= 0
-    column = order[np.rint(index[inside]).astype(np.int64)]
-    target = row[seen][inside] * m + column
+    # each spot is shared by the two columns beside it, so that spread spots leave no gaps
+    left = np.minimum(index[inside].astype(np.int64), max(m - 2, 0))
+    share = index[inside] - left
+    column = order[np.concatenate([left, np.minimum(left + 1, m - 1)])]
+    weight = np.concatenate([1.0 - share, share])
+    target = np.tile(row[seen][inside], 2) * m + column
     size = (rows.stop - rows.start) * m
-    count = np.bincount(target, minlength=size)
+    light = np.bincount(target, weights=weight, minlength=size)
     for values, out in ((image[inside, 2], depth), (length_mm[seen][inside], way)):
-        total = np.bincount(target, weights=values, minlength=size)
-        mean = np.divide(total, count, out=np.full(size, np.nan), where=count > 0)
+        total = np.bincount(target, weights=weight * np.tile(values, 2), minlength=size)
+        mean = np.divide(total, light, out=np.full(size, np.nan), where=light > LEAST_SHARE)
         out[rows] = mean.reshape(-1, m)
 
 
