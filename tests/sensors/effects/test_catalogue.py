@@ -255,3 +255,23 @@ def test_missing_points_stay_missing(cls, view_of, rng_of, columns, height_mm):
         assert np.isfinite(law.mean_mm[view.valid]).all()
     cls.example().grid(view)
     cls.example().covariate_values(view)
+
+
+@EVERY
+def test_bounds_are_workable(cls, view):
+    """Each parameter at either bound gives a law whose numbers are numbers."""
+    law = geometric_law(view, SURFACE)
+    example = cls.example()
+    if cls.name == "empirical":  # a value that is a probability as well
+        example = example.with_parameters(values=(0.0, 0.5))
+    for p in cls.parameters():
+        if p.kind not in ("number", "choice"):
+            continue
+        for value in p.choices or (p.low, p.high):
+            new = example.with_parameters({p.name: value}).apply(law, view)
+            assert np.array_equal(np.isnan(new.mean_mm), new.reason > 0)
+            sd = new.sd_mm(view)[new.reason == 0]
+            assert np.all(np.isfinite(sd) & (sd > 0))
+            for share in (new.p_missing, new.p_outlier):
+                known = np.broadcast_to(share, view.shape)[new.reason == 0]
+                assert np.all((known >= 0) & (known <= 1))
