@@ -113,7 +113,7 @@ def null_departure(staged: Staged, secret: Secret) -> tuple[float, float]:
         draws[:, ~smooth] = np.nan
         if np.isfinite(draws).sum() < 50 * NULL_DRAWS:
             continue
-        sd = float(np.nanstd(draws - np.nanmean(draws, 0)))
+        sd = float(np.nanstd(draws - _mean(draws)))
         sigma = max(sigma, sd)
         middle = np.nanmean(draws)
         for c in range(0, truth.shape[1] - 23, 24):
@@ -151,6 +151,7 @@ class Facts:
 
 def _roughness(rest: NDArray[np.float64]) -> NDArray[np.float64]:
     """Ra, Rq, Rpm, Rvm and peaks of profiles, averaged."""
+    rest = rest[np.isfinite(rest).sum(1) > 20]
     rest = rest - np.nanmean(rest, 1, keepdims=True)
     ordered = np.sort(np.where(np.isfinite(rest), rest, 0.0), 1)
     peaks = (rest[:, 1:-1] > rest[:, :-2]) & (rest[:, 1:-1] > rest[:, 2:])

@@ -1,0 +1,245 @@
+"""The page of the sealed proof: scoreboard, confusion, power, stories, doubts."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from challenge.cases.case import RECORDINGS
+from challenge.proof_pictures import draw_power, draw_story
+from challenge.score import clopper_pearson
+
+_STRENGTHS = ("weak", "medium", "strong")
+_DOUBTS = """\
+## What a sceptic should still doubt
+
+- The instrument and the diagnosis share no code, but they share a project: both were built from
+  the same page of physics. What that page leaves out, both leave out.
+- The instrument is one family of designs (point-by-column camera, Gaussian sheet, fan of evenly
+  spaced angles). Its lens distorts along the rows only, its Scheimpflug focus is perfect, its
+  scattering cells are independent (no micro-facets that shade each other).
+- A null is verified on strips of each recording, off edges. At edges the finite line always
+  shows, and the maker's file describes it with a simpler model than the instrument obeys.
+- Noise is speckle on one kind of matt finish. Its dependence on slope is given to the diagnosis
+  as the maker's two numbers, which are fits.
+- The part lies within 0.03 mm and 0.02 degrees of where the poses say. Worse placing was not tried.
+- The share of the oracle's gain uses clipped RMS in the held-out recording, so it speaks of the
+  mean only; effects on noise or on missing points have none.
+- The free-form baseline is a polynomial surface over the sensor's frame. A diagnosis with
+  shuffled covariates was not run.
+"""
+
+
+def _mean(values: Iterable[float]) -> tuple[float, int]:
+    found = [v for v in values if np.isfinite(v)]
+    return (float(np.mean(found)) if found else float("nan")), len(found)
+
+
+def _figure(value: float, count: int, aim: str) -> str:
+    return f"{value:.2f} ({count}) | {aim}" if count else f"none (0) | {aim}"
+
+
+def scoreboard(scored: dict[str, Any]) -> list[str]:
+    """Return the scoreboard as lines of a Markdown table."""
+    cases = scored["cases"].values()
+
+    def of(*kinds: str, medium: bool = False) -> list[dict[str, Any]]:
+        return [
+            c
+            for c in cases
+            if c["secret"]["kind"] in kinds and (not medium or c["secret"]["strength"] > 0)
+        ]
+
+    def mean(group: list[dict[str, Any]], name: str) -> tuple[float, int]:
+        return _mean(float(c["score"][name]) for c in group)
+
+    nulls = [c for c in of("null") if c["run"]["code"] == 0]
+    alarms = sum(bool(c["score"]["alarm"]) for c in nulls)
+    low, high = clopper_pearson(alarms, len(nulls)) if nulls else (0.0, 1.0)
+    strange = of("unknown")
+    flagged = sum(bool(c["score"]["flagged"]) for c in strange)
+    hidden = [c for c in of("one", "two") if c["facts"].get("concealed")]
+    found = sum(bool(c["score"]["alarm"]) for c in hidden)
+    failed = sum(c["run"]["code"] != 0 for c in cases)
+    seconds = sorted(float(c["run"]["seconds"]) for c in cases)
+    free = _mean(float(c["free_form_recovered"]) for c in of("one", "two"))
+    lines = [
+        "| figure | value (cases) | aim |",
+        "| --- | --- | --- |",
+        f"| alarms on nulls | {alarms} of {len(nulls)}, 95 % interval {low:.3f} to {high:.3f} "
+        "| at most 1 of 60 |",
+    ]
+    rows: list[tuple[str, tuple[float, int], str]] = [
+        ("top-1, medium and strong, one effect", mean(of("one", medium=True), "top_1"), ">= 0.8"),
+        ("top-1, weak", mean([c for c in of("one") if c["secret"]["strength"] == 0], "top_1"), ""),
+        ("precision, medium and strong", mean(of("one", "two", medium=True), "precision"),
+         ">= 0.9"),
+        ("recall, medium and strong", mean(of("one", "two", medium=True), "recall"), ""),
+        ("truth among what was offered", mean(of("one", "two"), "covered"), ""),
+        ("names offered a case", mean(of("one", "two"), "set_size"), ""),
+        ("undecidable: the whole set offered", mean(of("undecidable"), "covered"), ""),
+        ("decoys named rightly", mean(of("decoy"), "top_1"), ""),
+        ("overlap (IoU) of regions", mean(of("one", "two", "decoy"), "iou"), ">= 0.5"),
+        ("share of the oracle's gain", mean(of("one", "two"), "recovered"), ">= 0.7"),
+        ("- baseline: smooth surface, no physics", free, ""),
+        ("- baseline: pose and noise refitted only", (0.0, free[1]), ""),
+    ]  # fmt: skip
+    lines += [f"| {name} | {_figure(*value, aim)} |" for name, value, aim in rows]
+    lines += [
+        f"| unknowns flagged | {flagged} of {len(strange)} | >= 0.8 |",
+        f"| concealed from the usual checks | {len(hidden)} of {len(of('one', 'two'))}, "
+        f"of these detected {found} | at least half concealed |",
+        f"| no answer (counted as misses, not as alarms) | {failed} | 0 |",
+        f"| seconds a case, median and longest | {seconds[len(seconds) // 2]:.0f}, "
+        f"{seconds[-1]:.0f} | |",
+    ]
+    return lines
+
+
+def _confusion(scored: dict[str, Any]) -> list[str]:
+    """Rows: what was hidden. What was reported, most frequent first."""
+    rows: dict[str, list[dict[str, Any]]] = {}
+    for case in scored["cases"].values():
+        secret = case["secret"]
+        label = " + ".join(secret["switches"]) or "nothing"
+        rows.setdefault(f"{secret['kind']}: {label}", []).append(case)
+    lines = ["| hidden | cases | verdicts | reported |", "| --- | --- | --- | --- |"]
+    for label in sorted(rows):
+        verdicts: dict[str, int] = {}
+        names: dict[str, int] = {}
+        for case in rows[label]:
+            verdicts[case["verdict"]] = verdicts.get(case["verdict"], 0) + 1
+            for name in case["score"]["reported"] or ["-"]:
+                names[name] = names.get(name, 0) + 1
+        lines.append(
+            f"| {label} | {len(rows[label])} | {_counted(verdicts)} | {_counted(names)} |"
+        )
+    return lines
+
+
+def _counted(found: dict[str, int]) -> str:
+    ordered = sorted(found.items(), key=lambda item: -item[1])
+    return ", ".join(f"{name} {count}" for name, count in ordered)
+
+
+def _pick_stories(scored: dict[str, Any]) -> list[tuple[str, str]]:
+    """Choose five cases: two good ones, the worst alarm, the worst miss, an unknown."""
+    cases = scored["cases"]
+
+    def first(test: Callable[[dict[str, Any]], bool], key: Callable[[dict[str, Any]], float],
+              taken: list[str]) -> str | None:  # fmt: skip
+        fit = [n for n, c in cases.items() if test(c) and n not in taken]
+        return max(fit, key=lambda n: key(cases[n])) if fit else None
+
+    def gain(case: dict[str, Any]) -> float:
+        return float(case["facts"].get("oracle_gain", 0.0))
+
+    wanted: list[tuple[str, Callable[[dict[str, Any]], bool]]] = [
+        ("Named rightly", lambda c: c["secret"]["kind"] == "one" and c["score"]["top_1"] == 1),
+        (
+            "Concealed from the usual checks, and named",
+            lambda c: bool(c["facts"].get("concealed")) and c["score"]["top_1"] == 1,
+        ),
+        ("A false alarm", lambda c: c["secret"]["kind"] == "null" and c["score"]["alarm"]),
+        (
+            "The worst miss",
+            lambda c: c["secret"]["kind"] in ("one", "two") and c["score"]["recall"] == 0,
+        ),
+        ("Outside the catalogue", lambda c: c["secret"]["kind"] == "unknown"),
+    ]
+    told: list[tuple[str, str]] = []
+    for title, test in wanted:
+        name = first(test, gain, [n for _, n in told])
+        if name is not None:
+            told.append((title, name))
+    return told
+
+
+def _story(title: str, name: str, case: dict[str, Any]) -> list[str]:
+    secret, score = case["secret"], case["score"]
+    hidden = " and ".join(secret["switches"]) or "nothing"
+    lines = [
+        f"### {title}: {name}",
+        "",
+        f"Hidden: {hidden} ({_STRENGTHS[secret['strength']]}), on a part of the kind "
+        f"'{secret['shape']}'. Answer: **{case['verdict']}**; reported "
+        f"{', '.join(score['reported']) or 'nothing'}"
+        + (f"; offered beside it {', '.join(score['offered'])}." if score["offered"] else "."),
+        "",
+    ]
+    lines += [f"> {e['statement']}" for e in case["effects"][:3] if e.get("statement")]
+    return [*lines, "", f"![{name}](pictures/proof-{name}.png)", ""]
+
+
+def write_page(scored: dict[str, Any], out: Path, page: Path) -> None:
+    """Write the page and its pictures; earlier runs' records on it are kept.
+
+    Parameters
+    ----------
+    scored
+        From the judge.
+    out
+        Folder of the set.
+    page
+        Markdown file; pictures go into ``pictures/`` beside it.
+    """
+    pictures = page.parent / "pictures"
+    pictures.mkdir(parents=True, exist_ok=True)
+    draw_power(scored, pictures / "proof-power.png")
+    board = scoreboard(scored)
+    aims = [f"- {k.replace('_', ' ')}: {v}" for k, v in scored["protocol"].items()]
+    lines = [
+        "# The sealed proof",
+        "",
+        "Written by `make proof`. A virtual profilometer at image level (`challenge/`) makes "
+        "recordings with something missing from the maker's word; the diagnosis gets what a "
+        "stranger gets; keys were committed by SHA-256(nonce ‖ key) before the first diagnosis "
+        f"and opened after the last. Master seed, from the operating system: {scored['seed']}.",
+        "",
+        "## Protocol, frozen before the run",
+        "",
+        *aims,
+        "",
+        "## Scoreboard",
+        "",
+        *board,
+        "",
+        "![Detection against strength](pictures/proof-power.png)",
+        "",
+        "## What was hidden, what was said",
+        "",
+        *_confusion(scored),
+        "",
+        "## Cases as stories",
+        "",
+    ]
+    for title, name in _pick_stories(scored):
+        case = scored["cases"][name]
+        last = RECORDINGS[case["secret"]["recordings"] - 1]
+        draw_story(out, name, last, pictures / f"proof-{name}.png")
+        lines += _story(title, name, case)
+    lines += [_DOUBTS, "## Record of sealed runs", ""]
+    lines += _record(scored, board, page)
+    page.write_text("\n".join(lines) + "\n")
+
+
+def _record(scored: dict[str, Any], board: list[str], page: Path) -> list[str]:
+    """One line for every run judged so far, this one last."""
+    before: list[str] = []
+    if page.exists():
+        text = page.read_text().split("## Record of sealed runs")
+        before = [line for line in text[-1].splitlines() if line.startswith("- seed ")]
+    values = {row.split("|")[1].strip(): row.split("|")[2].strip() for row in board[2:]}
+    now = f"- seed {scored['seed']} ({len(scored['cases'])} cases): alarms " + "; ".join(
+        [
+            values["alarms on nulls"],
+            f"top-1 {values['top-1, medium and strong, one effect']}",
+            f"precision {values['precision, medium and strong']}",
+            f"unknowns {values['unknowns flagged']}",
+            f"IoU {values['overlap (IoU) of regions']}",
+            "oracle share " + values["share of the oracle's gain"],
+        ]
+    )
+    same = f"- seed {scored['seed']} "
+    return [*[line for line in before if not line.startswith(same)], now]

@@ -1,0 +1,95 @@
+"""Pictures of the sealed proof: power curves, and one case as a story."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from challenge.score import clopper_pearson
+
+
+def draw_power(scored: dict[str, Any], file: Path) -> None:
+    """Draw detected and rightly named shares against strength, with exact intervals."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    figure, axes = plt.subplots(1, 2, figsize=(10, 4), sharey=True)
+    tests: tuple[tuple[str, Callable[[dict[str, Any]], bool]], ...] = (
+        ("something reported", lambda c: bool(c["score"]["alarm"])),
+        ("the right name first", lambda c: bool(c["score"]["top_1"] == 1)),
+    )
+    for axis, (title, test) in zip(axes, tests, strict=True):
+        for hidden, colour in ((False, "tab:blue"), (True, "tab:orange")):
+            for strength in range(3):
+                group = [
+                    c
+                    for c in scored["cases"].values()
+                    if c["secret"]["kind"] == "one"
+                    and c["secret"]["strength"] == strength
+                    and bool(c["facts"].get("concealed")) == hidden
+                ]
+                if not group:
+                    continue
+                hits = sum(test(c) for c in group)
+                low, high = clopper_pearson(hits, len(group))
+                share = hits / len(group)
+                at = strength + (0.08 if hidden else -0.08)
+                spread = [[share - low], [high - share]]
+                axis.errorbar([at], [share], yerr=spread, fmt="o", color=colour, capsize=3)
+                axis.annotate(f"{hits}/{len(group)}", (at + 0.03, share), fontsize=8)
+        axis.set_xticks(range(3), ["weak", "medium", "strong"])
+        axis.set_ylim(-0.05, 1.05)
+        axis.set_title(title)
+        axis.grid(alpha=0.3)
+    axes[0].set_ylabel("share of one-effect cases")
+    axes[0].plot([], [], "o", color="tab:blue", label="seen by the usual checks")
+    axes[0].plot([], [], "o", color="tab:orange", label="concealed from them")
+    axes[0].legend(fontsize=8, loc="lower right")
+    figure.tight_layout()
+    figure.savefig(file, dpi=90)
+    plt.close(figure)
+
+
+def draw_story(out: Path, name: str, last: str, file: Path) -> None:
+    """Draw the held-out recording: depth, what the effect does, what was said about it."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    with h5py.File(out / "cases" / name / f"{last}.h5") as recording:
+        depth = np.asarray(recording["depth"], float)
+    panels: list[tuple[str, Any, tuple[float, float] | None]] = [("depth, mm", depth, None)]
+    maps = out / "keys" / f"{name}.npz"
+    if maps.exists():
+        truth = np.load(maps)
+        change = 1e3 * (truth["on"] - truth["off"])
+        change -= np.nanmedian(change)
+        panels.append(("truth: effect on - off, µm", change, (-40, 40)))
+        panels.append(("truth: region", truth["region"].astype(float), (0, 1)))
+    mismatch = out / "answers" / name / "mismatch.h5"
+    if mismatch.exists():
+        with h5py.File(mismatch) as found:
+            group = found[last]
+            simulated = np.asarray(group["simulated"], float)
+            explained = np.asarray(group["explained"], float)
+            panels.append(("measured - plain model, µm", 1e3 * (depth - simulated), (-40, 40)))
+            panels.append(("explained - plain model, µm", 1e3 * (explained - simulated), (-40, 40)))
+            panels.append(("region found", np.asarray(group["mask"], float), (0, 1)))
+    figure, axes = plt.subplots(1, len(panels), figsize=(3.2 * len(panels), 3.2), squeeze=False)
+    for axis, (title, image, limits) in zip(axes[0], panels, strict=True):
+        low, high = limits if limits is not None else (None, None)
+        colours = "RdBu_r" if limits is not None and limits[0] < 0 else "viridis"
+        drawn = axis.imshow(image, aspect="auto", vmin=low, vmax=high, cmap=colours)
+        axis.set_title(title, fontsize=8)
+        axis.tick_params(labelsize=6)
+        figure.colorbar(drawn, ax=axis, shrink=0.8).ax.tick_params(labelsize=6)
+    figure.supxlabel("column", fontsize=8)
+    figure.supylabel("profile", fontsize=8)
+    figure.tight_layout()
+    figure.savefig(file, dpi=80)
+    plt.close(figure)

@@ -1,0 +1,278 @@
+"""Seals, scores and files of the sealed proof."""
+
+import ast
+import json
+import struct
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import yaml
+
+from challenge.cases.case import SWITCHES, Secret, stage, write
+from challenge.cases.parts import SHAPES, bent, corners, solid_of
+from challenge.cases.seeds import child
+from challenge.cases.switches import DECOY, SINGLE, UNKNOWN
+from challenge.cases.truth import facts, null_departure
+from challenge.judge import judge
+from challenge.proof import scoreboard, write_page
+from challenge.run import run
+from challenge.score import clopper_pearson, judge_case
+from challenge.sealed import FULL, SMALL, commitment, draw, seal
+
+ROOT = Path(__file__).resolve().parents[2]
+FORMATS = {
+    "camera_occlusion", "finite_spot", "edge_mixing", "reflectance_edge", "incidence_noise",
+    "incidence_bias", "specular_dropout", "interreflection", "volume_scattering",
+    "pixel_locking", "column_offset", "lens_distortion", "line_bow", "range_scale", "pose_error",
+    "stage_vibration", "travel_ripple", "motion_blur", "thermal_drift", "outlier_spikes",
+    "random_dropout", "anisotropic_lay", "roughness_level", "form_error",
+}  # fmt: skip
+
+
+def test_the_challenge_imports_nothing_of_ours():
+    for file in (ROOT / "challenge").rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text())):
+            names = []
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                names = [node.module or ""]
+            for name in names:
+                top = name.split(".")[0]
+                assert top not in {"sensors", "diagnosis", "pipeline", "defects", "flawforge"}, file
+
+
+def test_switches_speak_the_catalogues_names():
+    for name, switch in SWITCHES.items():
+        assert set(switch.accept) | set(switch.rivals) <= FORMATS, name
+        assert set(switch.shapes) <= set(SHAPES), name
+    assert set(SINGLE) <= FORMATS
+    assert not any(UNKNOWN[name].accept for name in UNKNOWN)
+    assert set(DECOY) & set(SINGLE) == set()
+
+
+@pytest.mark.parametrize("shape", list(SHAPES))
+def test_parts_are_closed_solids(shape):
+    for seed in range(3):
+        solid = solid_of(SHAPES[shape](np.random.default_rng(seed)))
+        edges = np.sort(solid.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        _, count = np.unique(edges, axis=0, return_counts=True)
+        assert (count == 2).all()
+        a, b, c = np.moveaxis(solid.vertices_mm[solid.faces], 1, 0)
+        assert np.sum(a * np.cross(b, c)) / 6 > 1000
+
+
+def test_fillet_adds_material_in_the_corner_only():
+    sharp = solid_of(corners(np.random.default_rng(3)))
+    round_ = solid_of(corners(np.random.default_rng(3), 0.8))
+
+    def volume(solid):
+        a, b, c = np.moveaxis(solid.vertices_mm[solid.faces], 1, 0)
+        return np.sum(a * np.cross(b, c)) / 6
+
+    # for each wall (tan(φ/2) - φ/2) r² of section, φ the wall's angle of 40 to 56 degrees
+    added = volume(round_) - volume(sharp)
+    low, high = (0.8**2 * (np.tan(a / 2) - a / 2) for a in np.radians([40, 56]))
+    assert 0.5 * 2 * low * 14 < added < 2.1 * high * 14
+
+
+def test_warp_follows_its_formula():
+    flat = solid_of(SHAPES["terraces"](np.random.default_rng(0)))
+    warped = bent(flat, 0.1, 0.0, 0)
+    ends = np.abs(warped.vertices_mm[:, 0]) > 17.99
+    assert warped.vertices_mm[ends, 2].min() == pytest.approx(-6.0 - 0.1, abs=1e-6)
+
+
+def test_a_set_has_all_kinds_and_no_order():
+    cases = draw(1, FULL)
+    assert len(cases) == 160
+    assert [c.kind for c in cases[:20]] != ["null"] * 20
+    assert {s for c in cases if c.kind == "one" for s in c.switches} == set(SINGLE)
+    assert len({c.seed for c in cases}) == 160
+    assert draw(1, FULL) == cases
+    assert draw(2, FULL) != cases
+    assert len(draw(1, SMALL)) == sum(SMALL.values())
+
+
+def test_commitment_binds():
+    secret = Secret(kind="null", switches=(), strength=1, shape="waves", recordings=3, seed=4)
+    key, nonce, digest = seal(secret, {"noise_um": 3.0})
+    assert commitment(nonce, key) == digest
+    assert commitment(nonce, key.replace(b"waves", b"bosse")) != digest
+    assert seal(secret, {"noise_um": 3.0})[2] != digest  # another nonce hides equal keys
+
+
+def test_clopper_pearson_against_known_values():
+    # 0 of n: 1 - 0.025**(1/n)
+    assert clopper_pearson(0, 60) == (0.0, pytest.approx(1 - 0.025 ** (1 / 60)))
+    low, high = clopper_pearson(1, 60)  # Clopper & Pearson (1934): 0.04 % to 8.9 %
+    assert low == pytest.approx(0.00042, abs=1e-5)
+    assert high == pytest.approx(0.0894, abs=1e-4)
+
+
+def _answer(verdict, *names, alternatives=()):
+    effects = [
+        {"name": n, "heldout_gain": 1.0 / (k + 1), "alternatives": list(alternatives)}
+        for k, n in enumerate(names)
+    ]
+    return {"verdict": verdict, "effects": effects}
+
+
+def _secret(kind, *switches):
+    return {"kind": kind, "switches": list(switches), "strength": 1, "recordings": 3}
+
+
+def test_scores_of_plain_answers():
+    region = np.zeros((10, 10), bool)
+    region[:5] = True
+    args = ({"oracle_gain": 0.5}, _answer("explained", "line_bow", "pose_error"), region, region)
+    score = judge_case(_secret("one", "line_bow"), *args, 0.4)
+    assert (score.top_1, score.recall, score.precision, score.iou) == (1, 1, 0.5, 1)
+    assert score.recovered == pytest.approx(0.8)
+    wrong = judge_case(_secret("one", "thermal_drift"), *args, 0.4)
+    assert (wrong.top_1, wrong.recall, wrong.precision) == (0, 0, 0)
+    beside = _answer("explained", "form_error", alternatives=[{"name": "line_bow"}])
+    half = judge_case(_secret("one", "line_bow"), {}, beside, None, None, 0.0)
+    assert (half.top_1, half.recall, half.covered) == (0, 0.5, 1)
+    both = judge_case(_secret("undecidable", "line_bow"), {}, beside, None, None, 0.0)
+    assert both.covered == 1
+    null = judge_case(_secret("null"), {}, _answer("match"), None, None, 0.0)
+    assert not null.alarm
+    unknown = judge_case(_secret("unknown", "lost_counts"), {}, _answer("unexplained"), None,
+                         None, 0.0)  # fmt: skip
+    assert unknown.flagged
+    failed = judge_case(_secret("one", "line_bow"), {}, None, None, region, 0.0)
+    assert (failed.top_1, failed.recall, failed.alarm, failed.iou) == (0, 0, False, 0)
+
+
+@pytest.fixture(scope="module")
+def bowed(tmp_path_factory):
+    """Make one case with a strong bow, small enough for a test."""
+    secret = Secret(
+        kind="one", switches=("line_bow",), strength=2, shape="terraces", recordings=2, seed=7
+    )
+    staged = stage(secret)
+    folder = tmp_path_factory.mktemp("case")
+    write(secret, staged, folder)
+    return secret, staged, folder
+
+
+def test_strangers_get_what_the_formats_say(bowed):
+    secret, staged, folder = bowed
+    names = {p.name for p in folder.iterdir()}
+    assert names == {"a.h5", "b.h5", "plate-1.h5", "plate-2.h5", "part.stl", "sensor.yaml"}
+    sheet = yaml.safe_load((folder / "sensor.yaml").read_text())
+    assert [e["name"] for e in sheet["effects"]] == [
+        "camera_occlusion", "finite_spot", "edge_mixing", "incidence_noise",
+    ]  # fmt: skip
+    with h5py.File(folder / "a.h5") as file:
+        assert file.attrs["format"] == "profilometer-recording"
+        assert file["depth"].dtype == np.float32
+        assert file["depth"].shape[1] == sheet["points_per_profile"]
+        pose = file["pose"][:]
+        turn = pose[:, :3, :3]
+        np.testing.assert_allclose(turn @ turn.transpose(0, 2, 1), np.eye(3)[None] + 0 * turn,
+                                   atol=1e-12)  # fmt: skip
+        assert (np.diff(file["time"][:]) > 0).all()
+        depth = file["depth"][:]
+        middle, half = sheet["working_distance_mm"], sheet["z_range_mm"] / 2
+        assert np.nanmax(np.abs(depth - middle)) <= half
+    stl = (folder / "part.stl").read_bytes()
+    assert struct.unpack("<I", stl[80:84])[0] == len(staged.on.nominal.faces)
+    assert len(stl) == 84 + 50 * len(staged.on.nominal.faces)
+    # nothing but the recordings themselves may tell that a bow was hidden
+    text = (folder / "sensor.yaml").read_bytes() + stl[:80]
+    assert b"bow" not in text
+
+
+def test_facts_of_a_bow(bowed):
+    secret, staged, _ = bowed
+    known = facts(staged, secret, draws=3)
+    change = known.on_mm - known.off_mm
+    column = np.nanmedian(change, 0)
+    bend = np.polyfit(np.linspace(-1, 1, column.size), column, 2)[0]
+    assert abs(bend) > 0.02
+    assert known.oracle_gain > 0.05
+    assert 0.2 < known.region.mean() <= 1
+    assert 5 < known.noise_um < 40
+
+
+def test_a_null_stays_within_its_bound(bowed):
+    secret, staged, _ = bowed
+    # the same staged case with the bow departs; without it it does not
+    from dataclasses import replace
+
+    one = replace(secret, recordings=1)
+    departed, _ = null_departure(staged, one)
+    still, sigma = null_departure(replace(staged, on=staged.off), one)
+    assert still < 0.1 < departed
+    assert sigma > 5
+
+
+def test_named_streams_are_independent():
+    first = child(5, "a").random(4)
+    assert (child(5, "a").random(4) == first).all()
+    assert (child(5, "b").random(4) != first).all()
+    assert (child(6, "a").random(4) != first).all()
+
+
+@pytest.fixture
+def judged(tmp_path, bowed):
+    """Seal the bow by hand, with an answer written by hand."""
+    secret, staged, folder = bowed
+    import hashlib
+    import shutil
+
+    (tmp_path / "keys").mkdir()
+    shutil.copytree(folder, tmp_path / "cases" / "case-001")
+    key, nonce, digest = seal(secret, {"noise_um": 15.0, "oracle_gain": 0.4, "concealed": True})
+    (tmp_path / "keys" / "case-001.key.json").write_bytes(key)
+    kept = {"nonce": nonce, "commitment": digest}
+    (tmp_path / "keys" / "case-001.seal.json").write_text(json.dumps(kept))
+    (tmp_path / "keys" / "master.json").write_text(json.dumps({"seed": 1}))
+    files = {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.iterdir()}
+    public = {"protocol": {}, "cases": {"case-001": {"commitment": digest, "files": files}}}
+    (tmp_path / "commitments.json").write_text(json.dumps(public))
+    answer = tmp_path / "answers" / "case-001"
+    answer.mkdir(parents=True)
+    (answer / "run.json").write_text(json.dumps({"code": 0, "seconds": 5.0, "said": ""}))
+    (answer / "diagnosis.json").write_text(json.dumps(_answer("explained", "line_bow")))
+    with h5py.File(folder / "b.h5") as file:
+        depth = file["depth"][:]
+    with h5py.File(answer / "mismatch.h5", "w") as out:
+        for name, shift in (("a", 0.0), ("b", 0.05)):
+            group = out.create_group(name)
+            group["mask"] = np.ones(depth.shape, bool)
+            group["simulated"] = depth + np.float32(shift)
+            group["explained"] = depth + np.float32(shift / 5)
+    return tmp_path
+
+
+def test_judge_scores_and_writes_a_page(judged, tmp_path):
+    scored = judge(judged)
+    score = scored["cases"]["case-001"]["score"]
+    assert score["top_1"] == 1
+    assert score["recovered"] == pytest.approx(min(np.log(5) / 0.4, 2))
+    page = tmp_path / "docs" / "proof.md"
+    page.parent.mkdir()
+    write_page(scored, judged, page)
+    write_page(scored, judged, page)
+    text = page.read_text()
+    assert text.count("- seed 1 ") == 1  # one record for a run, however often it is judged
+    assert "case-001" in text
+    assert (page.parent / "pictures" / "proof-power.png").exists()
+    assert any("alarms on nulls" in line for line in scoreboard(scored))
+
+
+def test_judge_refuses_a_changed_key(judged):
+    key = judged / "keys" / "case-001.key.json"
+    key.write_bytes(key.read_bytes().replace(b"line_bow", b"form_err"))
+    with pytest.raises(ValueError, match="not the one that was committed"):
+        judge(judged)
+
+
+def test_run_refuses_an_unsealed_set(tmp_path):
+    with pytest.raises(ValueError, match="commitments"):
+        run(tmp_path, jobs=1, timeout_s=1.0)
