@@ -149,7 +149,7 @@ class View:
         """Triangle of the first hit, (n, m), -1 without one."""
         return self.hits.triangle
 
-    @cached_property
+    @property
     def valid(self) -> NDArray[np.bool_]:
         """Where geometry gives a return, (n, m)."""
         return self.in_range
@@ -342,16 +342,7 @@ class View:
 
     def posed(self, poses: ArrayLike) -> "View":
         """Return the view from other poses (n, 4, 4), all else equal."""
-        return View(
-            self.scene,
-            self.datasheet,
-            poses,
-            self.time_s,
-            laser=self.laser,
-            reflectance=self.reflectance,
-            intensity=self.intensity,
-            start_time_s=self.start_time_s,
-        )
+        return self._like(poses, self.time_s, self.intensity)
 
     def rows(self, part: slice) -> "View":
         """Return the view of some of the profiles."""
@@ -360,15 +351,21 @@ class View:
             from sensors.scene import Hits
 
             hits = Hits(depth_mm=hits.depth_mm[part], triangle=hits.triangle[part])
+        intensity = None if self.intensity is None else self.intensity[part]
+        return self._like(self.poses[part], self.time_s[part], intensity, hits)
+
+    def _like(
+        self, poses: ArrayLike, time_s: Floats, intensity: Floats | None, hits: "Hits | None" = None
+    ) -> "View":
         return View(
             self.scene,
             self.datasheet,
-            self.poses[part],
-            self.time_s[part],
+            poses,
+            time_s,
             laser=self.laser,
             hits=hits,
             reflectance=self.reflectance,
-            intensity=None if self.intensity is None else self.intensity[part],
+            intensity=intensity,
             start_time_s=self.start_time_s,
         )
 

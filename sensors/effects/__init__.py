@@ -5,7 +5,8 @@ from typing import Any
 
 from sensors.datasheet import Datasheet
 from sensors.effects.anisotropic_lay import AnisotropicLay
-from sensors.effects.base import AdditiveEffect, Basis, Effect, MotionEffect
+from sensors.effects.base import AdditiveEffect, Effect, MotionEffect
+from sensors.effects.basis import Basis
 from sensors.effects.camera_occlusion import CameraOcclusion
 from sensors.effects.column_offset import ColumnOffset
 from sensors.effects.edge_mixing import EdgeMixing

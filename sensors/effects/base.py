@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.covariates import COVARIATES
-from sensors.effects.parameter import Parameter, Value
+from sensors.effects.basis import Basis
+from sensors.effects.parameter import Parameter
 from sensors.law import Law, geometric_law
 from sensors.typed_yaml import RecipeError
 from sensors.view import View
@@ -30,20 +31,6 @@ Frame = Literal["sensor", "time", "travel", "part"]
 
 # Draws of a recording's parameters over which a law is averaged where they aren't known.
 AVERAGED = 8
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
-class Basis:
-    """Fields that a mean is a sum of: mean change = sum of coefficient times field.
-
-    Attributes
-    ----------
-    names : (k,) names of the coefficients
-    fields : k arrays that broadcast to (n, m), mm per unit of the coefficient; NaN where unknown
-    """
-
-    names: tuple[str, ...]
-    fields: tuple[Floats, ...]
 
 
 class Effect(ABC):
@@ -235,7 +222,7 @@ class Effect(ABC):
         """Describe one parameter."""
         return next(p for p in cls.parameters() if p.name == name)
 
-    def with_parameters(self, values: Mapping[str, Any] | None = None, **more: Any) -> Self:
+    def with_parameters(self, values: Mapping[str, Any] | None = None, /, **more: Any) -> Self:
         """Return the effect with some parameters replaced.
 
         Raises
@@ -349,25 +336,10 @@ class Effect(ABC):
             value = getattr(self, p.name)
             if value is None and (p.typical is None or p.sheet or p.owner == "recording"):
                 continue
-            if not _fits(p, value):
+            if not p.fits(value):
                 raise RecipeError(
                     f"{p.name} of effect {self.name}", value=value, allowed=p.bounds_text
                 )
-
-
-def _fits(p: Parameter, value: Value) -> bool:
-    if p.kind == "choice":
-        return isinstance(value, str) and value in p.choices
-    if p.kind == "list":
-        return isinstance(value, tuple) and all(_is_number(v, p) for v in value)
-    if p.kind == "integer" and not isinstance(value, int):
-        return False
-    return _is_number(value, p)
-
-
-def _is_number(value: object, p: Parameter) -> bool:
-    number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-    return number and p.low <= float(value) <= p.high  # type: ignore[arg-type]  # checked
 
 
 @functools.cache

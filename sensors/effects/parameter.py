@@ -3,6 +3,8 @@
 import dataclasses
 from typing import Any, Literal
 
+import numpy as np
+
 Owner = Literal["instrument", "recording"]
 Value = float | int | str | tuple[float, ...] | None
 
@@ -63,6 +65,21 @@ class Parameter:
     def searched(self) -> bool:
         """Whether a fit may move it: a number that isn't fixed by choice."""
         return self.kind == "number"
+
+    def fits(self, value: object) -> bool:
+        """Whether `value` is of this parameter's kind and within its bounds."""
+        if self.kind == "choice":
+            return isinstance(value, str) and value in self.choices
+        if self.kind == "list":
+            return isinstance(value, tuple) and all(self._holds(entry) for entry in value)
+        if self.kind == "integer" and not isinstance(value, int):
+            return False
+        return self._holds(value)
+
+    def _holds(self, value: object) -> bool:
+        if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
+            return False
+        return bool(self.low <= float(value) <= self.high)
 
     @property
     def bounds_text(self) -> str:
