@@ -100,9 +100,9 @@ class Scene:
         n, m = len(poses), len(laser.x_mm)
         frame, place = frames(poses)
         runs = legs(frame) if m > 0 else []
-        # A sweep looks at every triangle once, about as dear as a sixth of a search.
-        ordered = sweepable(laser.x_mm, laser.slope_x)
-        swept = [ordered and 6 * m * (leg.stop - leg.start) >= len(self.faces) for leg in runs]
+        swept = [False] * len(runs)
+        if sweepable(laser.x_mm, laser.slope_x):
+            swept = self._worth_sweeping([m * (leg.stop - leg.start) for leg in runs])
         if len(runs) == 1 and swept[0]:
             depth, triangle = self._sweep(laser, frame, place)
             return Hits(depth_mm=depth, triangle=triangle)
@@ -119,6 +119,19 @@ class Scene:
                 laser, frame[searched], place[searched]
             )
         return Hits(depth_mm=depth, triangle=triangle)
+
+    def _worth_sweeping(self, rays: list[int]) -> list[bool]:
+        """Which legs of so many rays to sweep: a choice of speed alone.
+
+        A sweep looks once at every triangle, a search costs as much as that of ten; building the
+        tree, where there is none yet, as much as a hundred sweeps.
+        """
+        triangles = len(self.faces)
+        swept = [10 * count >= triangles for count in rays]
+        left = [count for count, sweeps in zip(rays, swept, strict=True) if not sweeps]
+        if self._tree is None and len(left) * triangles < 100 * triangles + 10 * sum(left):
+            return [True] * len(rays)
+        return swept
 
     def _sweep(self, laser: Laser, frame: Floats, place: Floats) -> tuple[Floats, Ints]:
         return sweep(
