@@ -131,7 +131,7 @@ def rows(
             try:
                 run, rays, note = prepare(scene, laser, poses, some, origins, way)
             except ImportError as missing:
-                measured[caster] = (0, 0.0, f"skipped: {missing.name} isn't installed")
+                measured[caster] = (0, 0.0, f"skipped: {missing}".splitlines()[0])
                 continue
             run()
             seconds = statistics.median(_timed(run) for _ in range(rounds))
