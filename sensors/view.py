@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 # Shifted views of scans up to this many points are kept for the next effect that asks.
-KEPT_POINTS = 1_000_000
+KEPT_POINTS = 200_000
 KEPT_VIEWS = 64
 
 
