@@ -1,6 +1,7 @@
 """The house: imports point one way, and each library has its place."""
 
 import ast
+import functools
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -22,6 +23,7 @@ ONE_PLACE = {
 ALLOWED_IN_DATASET = {"numpy", "h5py", "pandas"}
 
 
+@functools.cache
 def imports(path: Path) -> set[str]:
     found = set()
     for node in ast.walk(ast.parse(path.read_text())):
