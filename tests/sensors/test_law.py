@@ -93,7 +93,7 @@ def test_claimed_deviation_of_the_speckle(view_of):
 
 
 def test_surface_gives_its_own_field(view_of):
-    surface = Surface.load("car_door")
+    surface = Surface.load("car_door").ready()
     view = view_of("plate")
     law = plain_law(view, surface)
     assert law.speckle == surface.field()
