@@ -139,7 +139,11 @@ class Scene:
         )
 
     def cast_by_tree(self, laser: Laser, poses: Floats) -> Hits:
-        """Cast with Embree, whatever the poses; same result as `cast`."""
+        """Cast with Embree, whatever the poses; same result as `cast`.
+
+        But for surfaces of overlapping bodies within 1e-7 of the part's size of each other, which
+        Embree can't tell apart: it may name the other one.
+        """
         depth, triangle = self._search(laser, *frames(poses))
         return Hits(depth_mm=depth, triangle=triangle)
 

@@ -6,6 +6,9 @@ edges. Each end is computed from the edge's lower vertex to its upper one, so tw
 share an edge get the same end bit by bit; a ray belongs to a segment if it has its two ends on
 different sides, an end exactly on the ray counting as left of it. So no ray slips between two
 triangles and none meets both.
+
+numba's cache doesn't notice that a function of another file has changed: whoever edits this file
+removes `sensors/__pycache__/*.nb*`.
 """
 
 import math

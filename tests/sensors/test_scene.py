@@ -201,3 +201,18 @@ def test_a_turning_sensor_sees_the_sphere_from_all_sides():
     assert met[:, 150].all()
     assert radius[met].max() <= 30 + 1e-9
     assert radius[met].min() > 29.9
+
+
+@pytest.mark.parametrize("subdivisions", [2, 5])
+def test_the_choice_of_caster_changes_nothing(subdivisions):
+    ball = trimesh.creation.icosphere(subdivisions, 30)
+    poses = path(np.zeros(3), 25, 30)
+    for k, angle in enumerate(np.linspace(-0.1, 0.1, 20)):
+        poses[k, :3, :3] = trimesh.transformations.euler_matrix(angle, 0, angle)[:3, :3]
+    scene = scene_of(ball)
+    before = scene.cast(FAN, poses)
+    searched = scene.cast_by_tree(FAN, poses)
+    after = scene.cast(FAN, poses)  # now that there is a tree
+    for other in (searched, after):
+        np.testing.assert_array_equal(before.depth_mm, other.depth_mm)
+        np.testing.assert_array_equal(before.triangle, other.triangle)
