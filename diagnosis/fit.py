@@ -14,6 +14,7 @@ from scipy.optimize import minimize
 
 from diagnosis.noise import Field, Mask
 from diagnosis.prediction import Prediction
+from diagnosis.rowwise import row_powers
 from diagnosis.score import CLIP, Whitened
 from diagnosis.workspace import Model, Workspace
 from sensors.effects.base import Effect
@@ -21,6 +22,7 @@ from sensors.typed_yaml import RecipeError
 
 MAX_GRID = 600
 SEARCHES = 45
+PEAKS = 4
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -67,7 +69,7 @@ def fit_effect(
     """
     masks = list(masks) if masks is not None else ws.masks()
     try:
-        points = (start,) if start is not None else _grid(kind, ws)
+        points = (start,) if start is not None else _grid(kind, ws, states)
     except (RecipeError, TypeError):
         return None
     if not points:
@@ -77,7 +79,7 @@ def fit_effect(
     return _fit_searched(points, ws, model, masks, polish)
 
 
-def _grid(kind: type[Effect], ws: Workspace) -> tuple[Effect, ...]:
+def _grid(kind: type[Effect], ws: Workspace, states: Sequence[Whitened]) -> tuple[Effect, ...]:
     effect = kind()
     if effect.name == "column_offset":
         count = min(ws.patches[0].shape[1], 64)
@@ -85,6 +87,8 @@ def _grid(kind: type[Effect], ws: Workspace) -> tuple[Effect, ...]:
     if effect.name == "form_error":
         return (effect.with_parameters(coefficients_um=(0.0,) * 14),)
     longest = max(ws.patches, key=lambda p: p.shape[0])
+    if effect.name in ("stage_vibration", "travel_ripple"):
+        return _peaks(effect, ws, states)
     points = effect.grid(longest.view)
     if effect.name == "camera_occlusion":
         points = tuple(
@@ -92,6 +96,31 @@ def _grid(kind: type[Effect], ws: Workspace) -> tuple[Effect, ...]:
         )
     step = max(1, math.ceil(len(points) / MAX_GRID))
     return points[::step]
+
+
+def _peaks(effect: Effect, ws: Workspace, states: Sequence[Whitened]) -> tuple[Effect, ...]:
+    """Effect at the strongest frequencies of the rows' offsets or slips, all recordings together."""
+    kind = "row_offset" if effect.name == "stage_vibration" else "row_slip"
+    total: dict[float, float] = {}
+    for recording in sorted({p.recording for p in ws.patches}):
+        own = [k for k, p in enumerate(ws.patches) if p.recording == recording]
+        for hertz, power in row_powers([ws.patches[k] for k in own], [states[k] for k in own], kind):
+            total[hertz] = total.get(hertz, 0.0) + power
+    strongest = sorted(total, key=lambda f: -total[f])
+    picked: list[float] = []
+    step = min(np.diff(sorted(total))) if len(total) > 1 else 1.0
+    for f in strongest:
+        if all(abs(f - g) > 2.5 * step for g in picked):
+            picked.append(f)
+        if len(picked) == PEAKS:
+            break
+    view = ws.patches[0].view
+    speed = float(np.ptp(view.travel_mm) / max(np.ptp(view.time_s), 1e-12))
+    near = [f + d * step for f in picked for d in (-0.5, 0.0, 0.5)]
+    name = "frequency_hz" if kind == "row_offset" else "period_mm"
+    p = effect.parameter(name)
+    values = near if kind == "row_offset" else [speed / f for f in near if f > 0]
+    return tuple(effect.with_parameters({name: float(v)}) for v in values if p.low <= v <= p.high)
 
 
 def _basis(effect: Effect, ws: Workspace, patch: int) -> list[Field] | None:
@@ -157,6 +186,33 @@ class _Normal:
     right: Field
 
 
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class _Ready:
+    """What a patch's fits share: the readings picked, the pose's columns and their products."""
+
+    pick: Mask
+    columns: Field
+    values: Field
+    gram: Field
+    right: Field
+
+
+def _ready(state: Whitened, mask: Mask) -> _Ready:
+    key = id(mask)
+    held = state.kept.get(key)
+    if isinstance(held, tuple) and held[0] is mask:
+        return held[1]
+    pick = mask & state.used
+    columns = state.columns[pick].astype(np.float32)
+    values = np.clip(state.innovations[pick], -CLIP, CLIP).astype(np.float32)
+    wide = columns.astype(np.float64)
+    ready = _Ready(
+        pick=pick, columns=columns, values=values, gram=wide.T @ wide, right=wide.T @ values
+    )
+    state.kept[key] = (mask, ready)
+    return ready
+
+
 def _normals(
     effect: Effect, ws: Workspace, states: Sequence[Whitened], masks: Sequence[Mask]
 ) -> dict[int, _Normal] | None:
@@ -170,16 +226,16 @@ def _normals(
         fields = _basis(effect, ws, k)
         if fields is None:
             return None
-        pick = mask & state.used
-        white = np.stack([state.whiten(f)[pick] for f in fields], axis=1)
-        columns = state.columns[pick]
-        values = np.clip(state.innovations[pick], -CLIP, CLIP)
+        ready = _ready(state, mask)
+        white = np.empty((ready.values.size, len(fields)), dtype=np.float32)
+        for f, field in enumerate(fields):
+            white[:, f] = state.whiten(field)[ready.pick]
         r = patch.recording
-        gram[r] = gram.get(r, 0.0) + white.T @ white
-        cross[r] = cross.get(r, 0.0) + columns.T @ white
-        right[r] = right.get(r, 0.0) + white.T @ values
-        pose[r] = pose.get(r, np.eye(columns.shape[1])) + columns.T @ columns
-        pose_right[r] = pose_right.get(r, 0.0) + columns.T @ values
+        gram[r] = gram.get(r, 0.0) + (white.T @ white).astype(np.float64)
+        cross[r] = cross.get(r, 0.0) + (ready.columns.T @ white).astype(np.float64)
+        right[r] = right.get(r, 0.0) + (white.T @ ready.values).astype(np.float64)
+        pose[r] = pose.get(r, np.eye(ready.gram.shape[0])) + ready.gram
+        pose_right[r] = pose_right.get(r, 0.0) + ready.right
     out = {}
     for r in gram:
         solved = np.linalg.solve(pose[r], np.column_stack([cross[r], pose_right[r]]))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from diagnosis.locate import Region, departure_mask, free_mask, regions_of, smoothed_score
 from diagnosis.noise import Field, Mask, NoiseModel
-from diagnosis.patch import edge_softness, in_range
+from diagnosis.patch import edge_softness, in_range, place_travel
 from diagnosis.prediction import Prediction, predict
 from diagnosis.registration import PRIOR_SD, Placement, hits_normal, pose_columns
 from diagnosis.workspace import Model
@@ -57,6 +57,7 @@ def map_recording(
     plain_shift, final_shift = shifts["plain"][number], shifts["final"][number]
     pieces: dict[str, list[Field]] = {k: [] for k in ("plain", "final", "sd", "lost", "pure", "soft")}
     single: dict[str, list[Mask]] = {e.name: [] for e in settled.effects}
+    whole_travel = View(scene, datasheet, placement.poses, recording.time_s, laser=laser).travel_mm
     for start in range(0, n, rows):
         part = slice(start, min(start + rows, n))
         view = View(
@@ -64,6 +65,7 @@ def map_recording(
             intensity=None if recording.intensity is None else recording.intensity[part],
             start_time_s=recording.start_time_s,
         )  # fmt: skip
+        place_travel(view, whole_travel[part])
         columns = pose_columns(
             view.poses, laser, view.hits.depth_mm, hits_normal(scene, view.hits), placement.centre_mm
         )

@@ -178,12 +178,9 @@ def calibrate(
         covariance = covariance - np.median(covariance[ring])
     variance = max(covariance[ly, lx], 1e-12)
     acf = covariance / variance
-    # only lags that stand out of their own scatter, tapered to zero at the ends
-    scatter = np.std(acf[ring]) if ring.any() else 0.0
-    significance = np.abs(_smooth(acf)) > 1.5 * scatter
-    significance[max(ly - 2, 0) : ly + 3, max(lx - 2, 0) : lx + 3] = True
+    # tapered to zero at the ends
     taper = np.outer(_taper(ly), _taper(lx))
-    acf = _nonnegative(np.where(significance, acf, 0.0) * taper)
+    acf = _nonnegative(acf * taper)
     return NoiseModel(
         sd_mm=float(np.sqrt(variance)),
         acf=acf,
@@ -250,10 +247,6 @@ def _nonnegative(acf: Field) -> Field:
     power = np.clip(np.fft.fft2(torus).real, 2e-3 * max(acf[ly, lx], 1e-12), None)
     back = np.fft.ifft2(power).real[np.ix_(rows, columns)]
     return np.asarray(back / back[ly, lx])
-
-
-def _smooth(acf: Field) -> Field:
-    return np.asarray(uniform_filter(acf, 3, mode="nearest"))
 
 
 def _taper(lag: int) -> Field:

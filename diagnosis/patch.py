@@ -5,11 +5,12 @@ nothing is resampled and neighbours stay neighbours.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import binary_dilation, median_filter
+from numba import njit
+from scipy.ndimage import binary_dilation
 
 from diagnosis.noise import Field, Mask
 from diagnosis.prediction import law_of
@@ -17,7 +18,7 @@ from diagnosis.registration import PRIOR_SD, Placement, hits_normal, pose_column
 from sensors.datasheet import Datasheet
 from sensors.laser import Laser
 from sensors.recording import Recording, repeated_rows
-from sensors.scene import Scene
+from sensors.scene import Hits, Scene
 from sensors.view import View
 
 WHOLE = 450_000
@@ -108,6 +109,7 @@ def cut(
     n, m = recording.depth_mm.shape
     repeats = repeated_rows(recording.depth_mm)
     spans = strips(n, m)
+    whole_travel = View(scene, datasheet, placement.poses, recording.time_s, laser=laser).travel_mm
     patches = []
     for rows in spans:
         view = View(
@@ -119,6 +121,7 @@ def cut(
             intensity=None if recording.intensity is None else recording.intensity[rows],
             start_time_s=recording.start_time_s,
         )
+        place_travel(view, whole_travel[rows])
         plain = np.array(np.broadcast_to(law_of(view, (), None).mean_mm, view.shape))
         depth = in_range(recording.depth_mm[rows], datasheet)
         columns = pose_columns(
@@ -144,6 +147,58 @@ def cut(
             )
         )
     return patches
+
+
+def thinned(patches: Sequence[Patch], budget: int) -> list[Patch]:
+    """Strips of whole profiles of each patch, so that at most about `budget` readings are left."""
+    total = sum(p.depth_mm.size for p in patches)
+    if total <= budget:
+        return list(patches)
+    out = []
+    for patch in patches:
+        n = patch.shape[0]
+        wanted = max(24, int(n * budget / total))
+        count = max(1, min(4, wanted // 24))
+        rows = min(wanted // count, n // count)
+        for start in np.linspace(0, n - rows, count).astype(int) if count > 1 else [(n - rows) // 2]:
+            out.append(strip_of(patch, slice(int(start), int(start) + rows)))
+    return out
+
+
+def strip_of(patch: Patch, part: slice) -> Patch:
+    """The profiles `part` of a patch, with their place in time and travel."""
+    view = patch.view
+    short = View(
+        view.scene,
+        view.datasheet,
+        view.poses[part],
+        view.time_s[part],
+        laser=view.laser,
+        hits=Hits(depth_mm=view.hits.depth_mm[part], triangle=view.hits.triangle[part]),
+        intensity=None if view.intensity is None else view.intensity[part],
+        start_time_s=view.start_time_s,
+    )
+    place_travel(short, view.travel_mm[part])
+    start = patch.rows.start
+    return replace(
+        patch,
+        rows=slice(start + part.start, start + part.stop),
+        depth_mm=patch.depth_mm[part],
+        dropped=patch.dropped[part],
+        view=short,
+        plain_mm=patch.plain_mm[part],
+        columns=patch.columns[part],
+        softness=(patch.softness[0][part], patch.softness[1][part]),
+        edge=patch.edge[part],
+        fit=patch.fit[part],
+        scored=patch.scored[part],
+        kept={},
+    )
+
+
+def place_travel(view: View, travel_mm: Field) -> None:
+    """Let a view of some profiles count its travel as the whole recording does."""
+    view.__dict__["travel_mm"] = travel_mm
 
 
 def strips(profiles: int, points: int) -> list[slice]:
@@ -206,9 +261,27 @@ def near_edges(view: View, plain_mm: Field, reach: int = 2) -> Mask:
 
 def spikes(residual_mm: Field, used: Mask, sd_mm: Field) -> Mask:
     """Readings that leave their neighbours: isolated, unlike a misfit, which is smooth."""
-    filled = np.where(used, residual_mm, 0.0)
-    middle = median_filter(filled, size=5, mode="nearest")
-    return np.asarray(used & (np.abs(residual_mm - middle) > SPIKE_SD * sd_mm))
+    limit = np.ascontiguousarray(np.broadcast_to(SPIKE_SD * sd_mm, residual_mm.shape))
+    return np.asarray(_spikes(np.ascontiguousarray(residual_mm), used, limit))
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _spikes(residual: Field, used: Mask, limit: Field) -> Mask:
+    n, m = residual.shape
+    out = np.zeros((n, m), dtype=np.bool_)
+    near = np.empty(25)
+    for i in range(n):
+        for j in range(m):
+            if not used[i, j] or abs(residual[i, j]) <= limit[i, j]:
+                continue
+            count = 0
+            for a in range(max(i - 2, 0), min(i + 3, n)):
+                for b in range(max(j - 2, 0), min(j + 3, m)):
+                    if used[a, b]:
+                        near[count] = residual[a, b]
+                        count += 1
+            out[i, j] = abs(residual[i, j] - np.median(near[:count])) > limit[i, j]
+    return out
 
 
 def by_recording(patches: Sequence[Patch]) -> dict[int, list[Patch]]:

@@ -67,7 +67,8 @@ def _numbers(
         if channel == "variance":
             square = np.minimum(state.innovations**2, 9.0)
             values.append(square)
-            masks.append(inside & state.used & ~patch.edge)
+            sharp = patch.softness[0] > 0.3 * noise.sd_mm
+            masks.append(inside & state.used & ~patch.edge & ~sharp)
         elif channel == "missing":
             values.append(np.where(patch.observed, 0.0, 1.0) - prediction.p_missing)
             masks.append(inside)

@@ -6,13 +6,14 @@ slip along the travel, which shows in proportion to the slope (a ripple, lost en
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import stats
 
 from diagnosis.noise import Field
 from diagnosis.patch import Patch
-from diagnosis.score import Whitened
+from diagnosis.score import CLIP, Whitened
 
 COMB = 4
 KNOTS = 12
@@ -60,11 +61,12 @@ class RowTests:
         states: Sequence[Whitened],
         picks: Sequence[Field],
         basis: Field,
+        kinds: Sequence[str] = ("row_offset", "row_slip"),
     ) -> "RowTests":
         """Whiten every row's indicator: rows COMB apart don't touch and share one field."""
         time = np.concatenate([p.view.time_s for p in patches])
-        kinds, weights, grams, overlaps, strengths = [], [], [], [], []
-        for kind in ("row_offset", "row_slip"):
+        names, weights, grams, overlaps, strengths = [], [], [], [], []
+        for kind in kinds:
             entries: list[tuple[Field, Field]] = []
             gram = np.zeros((time.size, time.size))
             start = 0
@@ -93,17 +95,15 @@ class RowTests:
                 start += n
             owners = np.concatenate([e[0] for e in entries])
             value = np.concatenate([e[1] for e in entries])
-            overlap = np.stack(
-                [_row_sums(owners, value, basis[:, k], time.size) for k in range(basis.shape[1])], axis=1
-            )
-            kinds.append(kind)
+            overlap = _matrix(owners, value, time.size) @ basis
+            names.append(kind)
             weights.append([(owners, value)])
             grams.append(gram - overlap @ overlap.T)
             overlaps.append(overlap)
             typical = np.concatenate(level)
             strengths.append(float(np.sqrt(np.mean(typical**2))) if typical.size else 0.0)
         return cls(
-            kinds=tuple(kinds),
+            kinds=tuple(names),
             weights=tuple(weights),
             gram=tuple(grams),
             overlap=tuple(overlaps),
@@ -117,7 +117,7 @@ class RowTests:
         """Row sums (rows,) or (rows, draws), the pose projected out."""
         owners, value = self.weights[kind][0]
         two = innovations.reshape(len(innovations), -1)
-        plain = np.stack([_row_sums(owners, value, two[:, d], self.time_s.size) for d in range(two.shape[1])], axis=1)
+        plain = _matrix(owners, value, self.time_s.size) @ two
         plain -= self.overlap[kind] @ (self.basis.T @ two)
         return plain.reshape(self.time_s.size, *innovations.shape[1:])
 
@@ -151,9 +151,8 @@ class RowTests:
                 largest = np.maximum(largest, z_null)
         return findings, largest
 
-    def _periodic(
-        self, kind: int, real: Field, drawn: Field, what: str
-    ) -> tuple[RowFinding, Field] | None:
+    def waves(self, kind: int) -> "Waves | None":
+        """Frequencies half a resolution element apart, up to half the profile rate."""
         step = float(np.median(np.diff(self.time_s)))
         if step <= 0 or self.time_s.size < 24:
             return None
@@ -163,28 +162,27 @@ class RowTests:
         gram = self.gram[kind]
         wave = 2 * np.pi * np.outer(self.time_s, frequencies)
         cosine, sine = np.cos(wave), np.sin(wave)
-        a = np.einsum("rf,rs,sf->f", cosine, gram, cosine, optimize=True)
-        b = np.einsum("rf,rs,sf->f", sine, gram, sine, optimize=True)
-        c = np.einsum("rf,rs,sf->f", cosine, gram, sine, optimize=True)
-        ridge = 1e-3 * np.median(a + b)
-        det = (a + ridge) * (b + ridge) - c**2
+        a, b = ((w * (gram @ w)).sum(axis=0) for w in (cosine, sine))
+        c = (cosine * (gram @ sine)).sum(axis=0)
+        ridge = 1e-3 * float(np.median(a + b))
+        return Waves(
+            frequencies=frequencies, cosine=cosine, sine=sine, a=a + ridge, b=b + ridge, c=c
+        )
 
-        def power(sums: Field) -> Field:
-            u, v = cosine.T @ sums, sine.T @ sums
-            shape = (slice(None),) + (None,) * (sums.ndim - 1)
-            aa, bb, cc, dd = a[shape] + ridge, b[shape] + ridge, c[shape], det[shape]
-            return np.asarray((bb * u**2 - 2 * cc * u * v + aa * v**2) / dd)
-
-        p_real, p_null = power(real), power(drawn)
+    def _periodic(
+        self, kind: int, real: Field, drawn: Field, what: str
+    ) -> tuple[RowFinding, Field] | None:
+        waves = self.waves(kind)
+        if waves is None:
+            return None
+        p_real, p_null = waves.power(real), waves.power(drawn)
         level = np.maximum(_running_mean(p_null.mean(axis=1) / 2, 9), 1.0)
         z_real = _pairs(p_real / level)
         z_null = _pairs(p_null / level[:, None]).max(axis=0)
         k = int(np.argmax(z_real))
-        u, v = float(cosine[:, k] @ real), float(sine[:, k] @ real)
-        amplitude = np.hypot(
-            ((b[k] + ridge) * u - c[k] * v) / det[k], ((a[k] + ridge) * v - c[k] * u) / det[k]
-        )
-        rate = float(frequencies[k])
+        amplitude = waves.amplitude(k, real)
+        rate = float(waves.frequencies[k])
+        step = float(np.median(np.diff(self.time_s)))
         return (
             RowFinding(
                 name=f"{self.kinds[kind]}_period", words="time since the first profile", frame="time",
@@ -194,6 +192,51 @@ class RowTests:
             ),
             z_null,
         )  # fmt: skip
+
+
+def row_powers(
+    patches: Sequence[Patch], states: Sequence[Whitened], kind: str
+) -> list[tuple[float, float]]:
+    """Power of the rows' offsets or slips at each frequency of one recording, (Hz, chi-square)."""
+    picks = [s.used & p.fit for p, s in zip(patches, states, strict=True)]
+    columns = np.concatenate([s.columns[k] for s, k in zip(states, picks, strict=True)])
+    values, vectors = np.linalg.eigh(columns.T @ columns)
+    kept = values > 1e-6 * max(values.max(), 1e-30)
+    basis = columns @ (vectors[:, kept] / np.sqrt(values[kept]))
+    tests = RowTests.build(patches, states, picks, basis, kinds=(kind,))
+    actual = np.concatenate([np.clip(s.innovations[k], -CLIP, CLIP) for s, k in zip(states, picks, strict=True)])
+    waves = tests.waves(0)
+    if waves is None:
+        return []
+    power = waves.power(tests.sums(0, actual))
+    return list(zip(waves.frequencies.tolist(), power.tolist(), strict=True))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Waves:
+    """Sine and cosine over the rows at each frequency, with their products under the noise."""
+
+    frequencies: Field
+    cosine: Field
+    sine: Field
+    a: Field
+    b: Field
+    c: Field
+
+    def power(self, sums: Field) -> Field:
+        """Chi-square of the best sine at each frequency, (f,) or (f, draws)."""
+        u, v = self.cosine.T @ sums, self.sine.T @ sums
+        shape = (slice(None),) + (None,) * (sums.ndim - 1)
+        a, b, c = self.a[shape], self.b[shape], self.c[shape]
+        return np.asarray((b * u**2 - 2 * c * u * v + a * v**2) / (a * b - c**2))
+
+    def amplitude(self, k: int, sums: Field) -> float:
+        """Size of the best sine at frequency k."""
+        u, v = float(self.cosine[:, k] @ sums), float(self.sine[:, k] @ sums)
+        det = self.a[k] * self.b[k] - self.c[k] ** 2
+        return float(
+            np.hypot((self.b[k] * u - self.c[k] * v) / det, (self.a[k] * v - self.c[k] * u) / det)
+        )
 
 
 def row_hats(time_s: Field, count: int) -> Field:
@@ -237,7 +280,10 @@ def _running_mean(values: Field, width: int) -> Field:
     return np.asarray(uniform_filter1d(values, width, mode="nearest"))
 
 
-def _row_sums(owners: Field, values: Field, innovations: Field, rows: int) -> Field:
-    return np.asarray(
-        np.bincount(owners.ravel(), weights=(values * innovations[:, None]).ravel(), minlength=rows)
-    )
+def _matrix(owners: Field, values: Field, rows: int) -> Any:
+    """Sparse (rows, N): each innovation's weight in the sums of the rows it touches."""
+    from scipy.sparse import csr_matrix
+
+    count, reach = owners.shape
+    columns = np.repeat(np.arange(count), reach)
+    return csr_matrix((values.ravel(), (owners.ravel(), columns)), shape=(rows, count))

@@ -6,7 +6,7 @@ generalised least squares on the readings that may be fitted, the same for every
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import numpy as np
@@ -46,6 +46,7 @@ class Whitened:
     sd_mm: Field
     innovations: Field
     columns: Field
+    kept: dict[int, Any] = field(default_factory=dict)
 
     def whiten(self, field_mm: Field) -> Field:
         """Whiten a change of the mean (n, m), mm."""

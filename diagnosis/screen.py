@@ -248,9 +248,10 @@ def _size(
             continue
         fitted = (np.tensordot(beta, fields, axes=1) / state.sd_mm)[pick]
         columns = (patch.columns / state.sd_mm[..., None])[pick]
-        free = fitted - columns @ np.linalg.lstsq(
-            columns[:: max(1, len(columns) // 4000)], fitted[:: max(1, len(columns) // 4000)], rcond=1e-6
-        )[0]
+        step = max(1, len(columns) // 4000)
+        few, some = columns[::step], fitted[::step]
+        ridge = 1e-9 * np.trace(few.T @ few) * np.eye(few.shape[1])
+        free = fitted - columns @ np.linalg.solve(few.T @ few + ridge, few.T @ some)
         fourth += float((free**4).sum())
         square += float((free**2).sum())
         at_edges += float((free[patch.edge[pick]] ** 2).sum())

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.families import effect_families, free_families
-from diagnosis.fit import Fitted, fit_effect
+from diagnosis.fit import Fitted, fit_effect, linear_count
 from diagnosis.noise import Field, Mask
 from diagnosis.rates import screen_rates
 from diagnosis.screen import Finding, Screening, screen_mean
@@ -20,6 +20,8 @@ from sensors.effects import CATALOGUE
 from sensors.effects.base import Effect
 
 MOST = 4
+SEARCHED_READINGS = 80_000
+SCREENED_READINGS = 180_000
 NOT_SEARCHED = {"pose_error", "empirical", "roughness_level", "anisotropic_lay"}
 LAST_RESORT = {"form_error", "column_offset"}
 """Flexible shapes: chosen only where no more specific effect does nearly as well."""
@@ -81,15 +83,18 @@ def select(
     progress("looking for mismatches")
     first = last = screen(ws, model, rng, withheld)
     choices: list[Choice] = []
+    few = ws.thin(SEARCHED_READINGS)
     while len(choices) < MOST and last.significant():
         progress(f"explaining: {last.significant()[0].name}")
-        step = _best(ws, model, last.significant(), rng, withheld)
+        step = _best(few, model, last.significant(), rng, withheld)
         if step is None:
             break
         model, choice = step
         choices.append(choice)
-        last = screen(ws, model, rng, withheld)
-    model, choices = _prune(ws, model, choices, rng)
+        model = refit_linear(ws, model)
+        last = screen(ws.thin(SCREENED_READINGS), model, rng, withheld)
+    model, choices = _prune(few, model, choices, rng)
+    model = refit_linear(ws, model)
     return Selection(model=model, choices=tuple(choices), first=first, last=last)
 
 
@@ -219,6 +224,20 @@ def refit(ws: Workspace, model: Model, *, rounds: int = 1) -> Model:
             if fitted is not None and not fitted.effect.is_null:
                 model = ws.levelled(rest.with_effect(fitted.effect, fitted.own))
     return model
+
+
+def refit_linear(ws: Workspace, model: Model) -> Model:
+    """Solve each effect's linear part on all readings, the others in place."""
+    for effect in model.effects:
+        rest = model.without(effect.name)
+        if linear_count(effect, ws) == 0:
+            continue
+        fitted = fit_effect(
+            type(effect), ws, rest, (), ws.states(ws.predict(rest)), start=effect, polish=False
+        )
+        if fitted is not None and not fitted.effect.is_null:
+            model = rest.with_effect(fitted.effect, fitted.own)
+    return ws.levelled(model)
 
 
 def _prune(

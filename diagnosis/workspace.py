@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from diagnosis.noise import Field, Mask, NoiseModel
-from diagnosis.patch import Patch
+from diagnosis.patch import Patch, thinned
 from diagnosis.prediction import Prediction, effects_for, predict
 from diagnosis.score import log_density, placements, whitened, Whitened
 from sensors.effects.base import Effect
@@ -79,6 +79,13 @@ class Workspace:
         )
         block = (max(block[0], rows // 16, 1), max(block[1], columns // 16, 1))
         return cls(patches=tuple(patches), noise=noise, block=block)
+
+    def thin(self, budget: int) -> "Workspace":
+        """Return a workspace of strips with at most about `budget` readings, for searching."""
+        patches = thinned(self.patches, budget)
+        if len(patches) == len(self.patches):
+            return self
+        return replace(self, patches=tuple(patches))
 
     def predict(self, model: Model) -> list[Prediction]:
         """Predict every patch."""
