@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 DEV    := $(VENV)/.installed-dev
 
-.PHONY: demo test lint bench clean
+.PHONY: demo test lint bench proof proof-small clean
 
 demo: $(STAMP)
 	$(BIN)/flawforge generate manifests/quickstart.yaml --out out/quickstart
@@ -18,6 +18,19 @@ test: $(DEV)
 lint: $(DEV)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+
+# Both continue where they were stopped; another PROOF folder is a fresh seed.
+PROOF ?= out/proof
+
+proof: $(STAMP)
+	$(BIN)/flawforge challenge make --out $(PROOF) --jobs 2
+	-$(BIN)/flawforge challenge run $(PROOF) --jobs 2
+	$(BIN)/flawforge challenge judge $(PROOF) --write docs/proof.md
+
+proof-small: $(STAMP)
+	$(BIN)/flawforge challenge make --small --out $(PROOF)-small --jobs 2
+	-$(BIN)/flawforge challenge run $(PROOF)-small --jobs 2
+	$(BIN)/flawforge challenge judge $(PROOF)-small --write $(PROOF)-small/proof.md
 
 $(VENV)/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "flawforge needs Python 3.11 or newer; name one with make PYTHON=/path/to/python3")'

@@ -32,7 +32,7 @@ def noise_against_slope(
     """
     distance = device.camera.working_distance_mm
     path = Path(
-        start=np.eye(4), direction=1, profiles=12, pitch_mm=8 * device.sheet.waist_mm,
+        start=np.eye(4), direction=1, profiles=30, pitch_mm=8 * device.sheet.waist_mm,
         rate_hz=100.0, start_s=0.0,
     )  # fmt: skip
     # tilts beyond the range's ends are cut off: keep the middle of the line
@@ -42,7 +42,7 @@ def noise_against_slope(
         for k, slope in enumerate(_SLOPES):
             plane = _tilted(distance, *((slope, 0.0) if axis == 0 else (0.0, slope)))
             depth, _ = device.scan(plane, Finish(), path, rng, specimen=int(rng.integers(2**31)))
-            y = path.pitch_mm * (np.arange(path.profiles) - 0.0)
+            y = path.pitch_mm * np.arange(path.profiles)
             tan_a = np.tan(device.camera.angles_rad())
             if axis == 0:
                 truth = np.broadcast_to(distance / (1 - slope * tan_a), depth.shape)
@@ -65,11 +65,14 @@ def usual_effects(device: Instrument, rng: np.random.Generator) -> list[dict[str
     still = replace(device, motion=type(device.motion)())
     along, across = noise_against_slope(still, rng)
     slopes = np.array(_SLOPES)
-    flat = np.sqrt(along[3] * across[3])
-    cosine = 1 / np.sqrt(1 + slopes**2)
-    exponent = max(0.0, float(np.polyfit(-np.log(cosine), np.log(along / flat), 1)[0]))
-    rest = np.log(across / flat) + exponent * np.log(cosine)
-    lean = float(np.sum(slopes * rest) / np.sum(slopes**2))
+    steep = np.log(np.hypot(1, slopes))
+    # log σ = constant + exponent log(1 / cos β) + lean dz/dy, over both sets of plates
+    design = np.stack(
+        [np.ones(2 * slopes.size), np.tile(steep, 2), np.concatenate([0 * slopes, slopes])], 1
+    )
+    measured = np.log(np.concatenate([along, across]))
+    exponent, lean = (float(v) for v in np.linalg.lstsq(design, measured, rcond=None)[0][1:])
+    exponent = max(exponent, 0.0)
     grain = camera.amplitude_spread_mm(sheet.wavelength_mm) / np.sqrt(2)
     footprint = float(np.hypot(camera.column_pitch_mm / np.sqrt(12), grain))
     line_sd_um = round(1e3 * sheet.waist_mm, 3)

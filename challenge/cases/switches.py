@@ -252,7 +252,7 @@ def _sagged(world: World, strength: int, rng: np.random.Generator) -> World:
 
 
 def _filleted(world: World, strength: int, rng: np.random.Generator) -> World:
-    radius = _pick(strength, 0.3, 0.5, 0.9, rng)
+    radius = _pick(strength, 0.8, 1.5, 2.5, rng)
     return replace(world, solid=solid_of(corners(child(world.seed, "part"), radius)))
 
 
