@@ -6,8 +6,9 @@ solved: fields are drawn with fixed seeds, the sensor's uncertainty is added and
 10), the figures are taken as a user would take them, and a damped Gauss-Newton iteration with the
 same random numbers throughout moves the parameters until they agree.
 
-The map has 18 free slopes, many more than there are figures; of all maps that reach the
-figures the straightest is taken. Every step is deterministic: same inputs, same parameters.
+The map has 18 free slopes, many more than there are figures. Of all maps that reach the figures
+one is taken that keeps the heights close to a Gaussian (or, of a recording, to its own heights).
+Every step is deterministic: same inputs, same parameters.
 """
 
 import math
@@ -27,7 +28,7 @@ from sensors.uncertainty import gaussian_sd_mm, quantise
 
 Floats = NDArray[np.float64]
 
-METHOD = 1
+METHOD = 2
 """Raised whenever the same inputs would give other parameters."""
 
 SIDE = (0.0, 0.5, 1.0, 1.4, 1.8, 2.1, 2.4, 2.7, 3.0, 3.4)
@@ -43,7 +44,9 @@ QUANTILES = np.array([0.01, 0.03, 0.1, 0.25, 0.5, 0.75, 0.9, 0.97, 0.99])
 SPECTRUM_WEIGHT = 0.05
 QUANTILE_WEIGHT = 0.3
 FINE_POINTS, COARSE_POINTS = 400_000, 100_000
-GOOD_ENOUGH = 0.006
+STRAIGHTNESS = (0.07, 0.06, 0.05)
+BEND = 0.003
+GOOD_ENOUGH = 0.01
 FEWEST_PROFILES = 16
 
 
@@ -301,6 +304,11 @@ class _Bench:
                     parts.append(SPECTRUM_WEIGHT * np.nan_to_num(ratio) / math.sqrt(ratio.size / 4))
         return np.concatenate(parts)
 
+    def worst_error(self, p: Floats) -> float:
+        """Return the largest relative error of a wanted figure."""
+        figures, _ = self.figures(p)
+        return float(np.max(np.abs(figures[self.columns] / np.exp(self.targets) - 1.0)))
+
     def finished(self, p: Floats) -> PerlinField:
         """Return the field with its mean taken out, so that it shifts no depth, and safe ends.
 
@@ -333,25 +341,25 @@ def calibrate(wanted: Measured, *, octaves: int = 4) -> Solution:
     coarse = _Bench(wanted, octaves, COARSE_POINTS)
     best: Floats | None = None
     lowest = math.inf
-    free = wanted.spectrum_along is not None
-    # persistence as in the paper first; freed, from both sides, only where that isn't enough
-    for persistence, is_free in ((0.5, free), (0.1, True), (0.8, True)):
+    for persistence in (0.5, 0.15):
         p = _first_guess(wanted, persistence)
-        for stiffness in (0.02, 0.003):
-            p = _iterate(coarse, p, stiffness, is_free)
-        p = _iterate(bench, p, 0.003, is_free, rounds=4)
-        cost = float(np.max(np.abs(bench.residuals(p))))
-        if cost < lowest:
-            best, lowest = p, cost
-        if lowest < GOOD_ENOUGH or free:
+        # a recording's own heights are aimed at, figures alone leave them open
+        for straightness in STRAIGHTNESS if wanted.quantiles_mm is None else (0.0,):
+            p = _iterate(coarse, p, straightness, rounds=20)
+            p = _iterate(bench, p, straightness, rounds=10)
+            worst = bench.worst_error(p)
+            if worst < lowest:
+                best, lowest = p, worst
+            if lowest < GOOD_ENOUGH:
+                break
+        if lowest < GOOD_ENOUGH or wanted.quantiles_mm is not None:
             break
     assert best is not None
     figures, _ = bench.figures(best)
-    errors = np.abs(figures[bench.columns] / np.exp(bench.targets) - 1.0)
     return Solution(
         field=bench.finished(best),
         reached=Roughness(**{n: float(v) for n, v in zip(FIGURES, figures, strict=True)}),
-        worst_error=float(errors.max()),
+        worst_error=lowest,
     )
 
 
@@ -369,20 +377,25 @@ def _first_guess(wanted: Measured, persistence: float) -> Floats:
     return np.concatenate((slopes, [math.log(cell_x), math.log(cell_y), logit]))
 
 
-def _iterate(
-    bench: _Bench, p: Floats, stiffness: float, persistence_free: bool, rounds: int = 15
-) -> Floats:
-    """Damped Gauss-Newton on the residuals and the map's bends (second differences of slopes)."""
-    moving = list(range(SLOPES + 1))
-    if bench.both:
-        moving.append(SLOPES + 1)
-    if persistence_free:
-        moving.append(SLOPES + 2)
-    bends = np.zeros((SLOPES - 2, p.size))
-    bends[:, :SLOPES] = stiffness * np.diff(np.eye(SLOPES), n=2, axis=0)
-    held = np.zeros((2, p.size))
-    held[0, SLOPES + 1], held[1, SLOPES + 2] = 1e-4, 1e-3
-    extra = np.vstack((bends, held))
+def _iterate(bench: _Bench, p: Floats, straightness: float, rounds: int) -> Floats:
+    """Damped Gauss-Newton on the residuals and on what holds the rest of the parameters.
+
+    That is the map's distance from a straight line in the mean square of a Gaussian, weighted by
+    `straightness`, and its bends (second differences of the logarithms of its slopes).
+    """
+    moving = [*range(SLOPES + 1), *([SLOPES + 1] if bench.both else []), SLOPES + 2]
+    bends = np.zeros((SLOPES, p.size))
+    bends[: SLOPES - 2, :SLOPES] = BEND * np.diff(np.eye(SLOPES), n=2, axis=0)
+    bends[-2, SLOPES + 1], bends[-1, SLOPES + 2] = 1e-4, 1e-3
+    share = np.exp(-0.5 * KNOTS**2) * np.gradient(KNOTS)
+    share /= share.sum()
+
+    def crooked(q: Floats) -> Floats:
+        heights = np.concatenate(([0.0], np.cumsum(np.exp(q[:SLOPES]) * np.diff(KNOTS))))
+        heights -= share @ heights
+        slope = (share @ (heights * KNOTS)) / (share @ KNOTS**2)
+        return np.asarray(straightness * np.sqrt(share) * (heights / slope - KNOTS))
+
     low = np.full(p.size, -np.inf)
     low[SLOPES] = math.log(GRID_LIMIT * bench.wanted.pitch_x_mm)
     low[SLOPES + 1] = math.log(GRID_LIMIT * bench.wanted.pitch_y_mm)
@@ -394,7 +407,7 @@ def _iterate(
     p = np.clip(p, low, high)
 
     def cost_of(q: Floats) -> tuple[Floats, float]:
-        r = np.concatenate((bench.residuals(q), extra @ q))
+        r = np.concatenate((bench.residuals(q), crooked(q), bends @ q))
         return r, float(r @ r)
 
     r, cost = cost_of(p)

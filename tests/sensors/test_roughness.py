@@ -73,14 +73,15 @@ def test_upside_down_swaps_peaks_and_valleys(seed: int) -> None:
     assert up.rpm_mm <= up.rp_mm
 
 
-def test_maxima_are_those_of_scipy() -> None:
+def test_extremes_and_maxima_are_those_of_numpy_and_scipy() -> None:
     z = np.random.default_rng(3).normal(size=(40, 501))
     each = profile_roughness(z, 1.0)
     for row, found in zip(z, each, strict=True):
         row = row - row.mean()
         peaks = find_peaks(row, prominence=0.01 * row.std())[0]
         assert found[6] * row.size == pytest.approx(peaks.size, abs=2)  # ends differ
-        assert found[4] == pytest.approx(np.sort(row[peaks])[-10:].mean(), rel=0.01)
+        assert found[4] == pytest.approx(np.sort(row)[-10:].mean(), rel=1e-12)
+        assert found[5] == pytest.approx(-np.sort(row)[:10].mean(), rel=1e-12)
 
 
 def test_pc_with_the_height_rule_counts_what_stands_out() -> None:
