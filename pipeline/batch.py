@@ -82,6 +82,7 @@ def generate(
         Where not one part can be used.
     """
     backend = backend or Backend()
+    recipe = recipe.ready()
     used, made_by = recipe.as_used(), versions()
     wanted, failed = find_wanted(recipe)
     identity = {"recipe": used, "versions": made_by, "files": _checksums(recipe, wanted)}

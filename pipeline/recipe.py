@@ -148,6 +148,24 @@ class Recipe:
         """Points in a profile."""
         return self.file.points or self.datasheet.points_per_profile
 
+    def ready(self) -> "Recipe":
+        """Return the recipe with the noise of its surfaces solved, once for all scans.
+
+        Where a surface states no pitch, its figures hold at the scans': the points' distance at
+        the working distance, and the path per profile at the sensor's speed.
+        """
+        sheet = self.datasheet
+        surfaces = {
+            name: surface.ready(
+                sheet.x_fov_mm / self.points,
+                sheet.travel_speed_mm_s / sheet.profile_rate_hz,
+                z_resolution_um=sheet.z_resolution_um,
+                repeatability_um=sheet.repeatability_um or 0.0,
+            )
+            for name, surface in self.surfaces.items()
+        }
+        return replace(self, surfaces=surfaces)
+
     def as_used(self) -> dict[str, Any]:
         """Return plain data that says all that the recipe and the files it names said."""
         used: dict[str, Any] = plain(self.file)

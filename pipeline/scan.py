@@ -13,7 +13,7 @@ from pipeline.seeds import RngOf
 from pipeline.trajectory import Trajectory
 from sensors.datasheet import Datasheet
 from sensors.laser import Laser
-from sensors.law import plain_law, true_view
+from sensors.law import law_at, true_view
 from sensors.scene import Scene
 from sensors.surface import Surface
 from sensors.view import Reason, Reflectance, View
@@ -110,8 +110,8 @@ def take_scan(
         laser=laser,
         reflectance=reflectance,
     )
-    law = plain_law(commanded, surface, rng_of)
     view = true_view(commanded, rng_of)
+    law = law_at(view, surface, rng_of)
     clean = View(
         clean_scene, datasheet, view.poses, view.time_s, laser=laser, reflectance=reflectance
     )
