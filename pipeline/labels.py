@@ -8,7 +8,7 @@ Floats = NDArray[np.float64]
 Labels = tuple[NDArray[np.uint8], NDArray[np.uint8]]
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def faces_hit(
     triangle: NDArray[np.int32],
     instance_of_face: NDArray[np.uint16],
@@ -52,7 +52,7 @@ def faces_hit(
     return instance, moved[:count].copy()
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def stand_out(
     instance: NDArray[np.uint16],
     class_of_instance: NDArray[np.uint8],
@@ -86,7 +86,7 @@ def stand_out(
     return mask, visible
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def counts_of(
     depth_mm: Floats, scale_mm: float, first: int, missing: int, out: NDArray[np.unsignedinteger]
 ) -> None:
