@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import oaconvolve
 
 Floats = NDArray[np.float64]
 
@@ -69,6 +68,8 @@ def waviness(heights_mm: Floats, pitch_mm: float, cutoff_mm: float, axis: int = 
         The weighted mean within a cut-off to both sides. At ends and gaps the weights of what is
         there are normalised (ISO 16610-21, annex on end effects), so that nothing is cut off.
     """
+    from scipy.signal import oaconvolve  # slow to load, and scans are generated without
+
     heights_mm = np.atleast_2d(np.asarray(heights_mm, dtype=np.float64))
     reach = math.ceil(cutoff_mm / pitch_mm)
     offsets = np.arange(-reach, reach + 1) * pitch_mm / (GAUSSIAN_ALPHA * cutoff_mm)
