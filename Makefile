@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 DEV    := $(VENV)/.installed-dev
 
-.PHONY: demo test lint bench proof proof-small clean
+.PHONY: demo test lint bench effects pictures proof proof-small clean
 
 demo: $(STAMP)
 	$(BIN)/flawforge generate manifests/quickstart.yaml --out out/quickstart
@@ -18,6 +18,12 @@ test: $(DEV)
 lint: $(DEV)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+
+effects: $(STAMP)
+	$(BIN)/python docs/effects/make_effects.py
+
+pictures: $(STAMP)
+	$(BIN)/python docs/pictures/make_pictures.py
 
 # Both continue where they were stopped; another PROOF folder is a fresh seed.
 PROOF ?= out/proof
