@@ -60,11 +60,12 @@ def figure_6(scan: dict[str, Any]) -> None:
         np.broadcast_to(y[rows, None], z.shape)[seen],
         -z[seen],
         c=z[seen],
-        s=0.6,
+        s=1.2,
         cmap="viridis_r",
     )
     cloud.set(xlabel="x, mm", ylabel="travel, mm", zlabel="-depth, mm", title="point cloud")
-    cloud.view_init(elev=55, azim=-70)
+    cloud.view_init(elev=60, azim=-60)
+    cloud.set_zticks([-400, -390, -380, -370])
     drawn = image.imshow(depth, aspect="auto", cmap="viridis_r", interpolation="none")
     image.set(xlabel="point", ylabel="profile", title=f"depth, {depth.shape[0]} × {depth.shape[1]}")
     figure.colorbar(drawn, ax=image, label="depth, mm")
@@ -131,7 +132,8 @@ def surfaces() -> None:
                 z, extent=(0, width, height, 0), vmin=-reach, vmax=reach, cmap="gray", aspect="auto"
             )
             panels[0, k].set(title=label, xlabel="x, mm", ylabel="travel, mm")
-            panels[1, k].plot(np.arange(window.points) * window.pitch_x_mm, z[50], color=BLUE, lw=0.8)
+            x = np.arange(window.points) * window.pitch_x_mm
+            panels[1, k].plot(x, z[50], color=BLUE, lw=0.8)
             panels[1, k].set(ylim=(-reach, reach), xlabel="x, mm", ylabel="µm")
             for level in (1000.0 * surface.rp_mm, -1000.0 * (surface.rv_mm or 0.0)):
                 panels[1, k].axhline(level, color=ORANGE, lw=0.8, ls=":")
@@ -151,7 +153,8 @@ def figure_10() -> None:
         assert surface.rq_mm is not None
         reach = 4.0 * 1000.0 * surface.rq_mm
         at = np.linspace(-reach, reach, 400)
-        bins = np.linspace(-reach, reach, 121)
+        steps = max(3.8, reach / 60.0)
+        bins = np.arange(-reach, reach + steps, steps) + steps / 2
         models = (
             (
                 "equation 9, normalised",
