@@ -1,10 +1,13 @@
-"""Labels of a scan in two compiled passes: whose face is hit, and whether it stands out."""
+"""Labels of a scan in compiled passes: whose face is hit, whether it stands out, and counts."""
+
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Counts = NDArray[np.int64]
 Labels = tuple[NDArray[np.uint8], NDArray[np.uint8]]
 
 
@@ -59,12 +62,14 @@ def stand_out(
     reading_mm: Floats,
     depth_mm: Floats,
     clean_mm: Floats,
-    limit_mm: Floats,
+    noise_mm: Floats,
+    visible_at: float,
 ) -> Labels:
     """Give each point its class, and its class where the flaw can be told from the noise.
 
-    A flaw stands out where the noise-free deviation exceeds `limit_mm`, or where one of the two
-    parts returns and the other doesn't; a reading that is missing tells nothing but the latter.
+    A flaw stands out where the noise-free deviation exceeds `visible_at` times the noise, or where
+    one of the two parts returns and the other doesn't; a reading that is missing tells nothing but
+    the latter.
 
     Returns
     -------
@@ -80,10 +85,138 @@ def stand_out(
                 continue
             mask[i, j] = class_of_instance[number]
             gone = np.isnan(depth_mm[i, j]) != np.isnan(clean_mm[i, j])
-            off = abs(depth_mm[i, j] - clean_mm[i, j]) > limit_mm[i, j]
+            off = abs(depth_mm[i, j] - clean_mm[i, j]) > visible_at * noise_mm[i, j]
             if gone or (off and not np.isnan(reading_mm[i, j])):
                 visible[i, j] = mask[i, j]
     return mask, visible
+
+
+@njit(cache=True)
+def cross_boxes(from_mm: Floats, to_mm: Floats, boxes_mm: Floats) -> NDArray[np.bool_]:
+    """Tell which straight lines between points (k, 3) come into any of the boxes (b, 2, 3)."""
+    out = np.zeros(len(from_mm), dtype=np.bool_)
+    for i in range(len(from_mm)):
+        for box in boxes_mm:
+            first, last = 0.0, 1.0
+            for axis in range(3):
+                start, way = from_mm[i, axis], to_mm[i, axis] - from_mm[i, axis]
+                low, high = box[0, axis] - start, box[1, axis] - start
+                if way == 0.0:
+                    if low > 0.0 or high < 0.0:
+                        first = 2.0
+                    continue
+                if way < 0.0:
+                    low, high = high, low
+                first, last = max(first, low / way), min(last, high / way)
+            if first <= last:
+                out[i] = True
+                break
+    return out
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Tally:
+    """What a scan shows of its flaws; arrays are by instance (k + 1,), 0 being no flaw.
+
+    Attributes
+    ----------
+    points, valid : int
+        Points of the scan, and those with a reading.
+    depth_mean_mm : float or None
+        Mean reading.
+    pixels, visible, hidden : int64
+        Points of each flaw, those where it stands out, and those that the camera doesn't see.
+    deviation_over_noise : float64
+        Root of the mean square of the deviation over the noise where both parts return; NaN
+        where they never do.
+    """
+
+    points: int
+    valid: int
+    depth_mean_mm: float | None
+    pixels: Counts
+    visible: Counts
+    hidden: Counts
+    deviation_over_noise: Floats
+
+
+def tally(
+    flaws: int,
+    instance: NDArray[np.uint16],
+    mask_visible: NDArray[np.uint8],
+    reason: NDArray[np.uint8],
+    hiding: tuple[int, int],
+    reading_mm: Floats,
+    depth_mm: Floats,
+    clean_mm: Floats,
+    noise_mm: Floats,
+) -> Tally:
+    """Count a scan's points, in all and flaw by flaw.
+
+    Parameters
+    ----------
+    flaws
+        Number of the specimen's flaws.
+    instance, mask_visible, reason, reading_mm, depth_mm, clean_mm, noise_mm : (n, m)
+        The scan, see `pipeline.scan.Scan`.
+    hiding
+        The two reasons that say that the camera doesn't see a point.
+    """
+    counts, squares = np.zeros((4, flaws + 1), np.int64), np.zeros(flaws + 1)
+    valid, total = _count(
+        instance, mask_visible, reason, *hiding, reading_mm, depth_mm, clean_mm, noise_mm,
+        counts, squares,
+    )  # fmt: skip
+    pixels, visible, hidden, both = counts
+    with np.errstate(invalid="ignore"):
+        ratio = np.sqrt(squares / both)
+    return Tally(
+        points=reason.size,
+        valid=valid,
+        depth_mean_mm=total / valid if valid else None,
+        pixels=pixels,
+        visible=visible,
+        hidden=hidden,
+        deviation_over_noise=ratio,
+    )
+
+
+@njit(cache=True)
+def _count(
+    instance: NDArray[np.uint16],
+    mask_visible: NDArray[np.uint8],
+    reason: NDArray[np.uint8],
+    hidden: int,
+    hidden_too: int,
+    reading_mm: Floats,
+    depth_mm: Floats,
+    clean_mm: Floats,
+    noise_mm: Floats,
+    counts: Counts,
+    squares: Floats,
+) -> tuple[int, float]:
+    """Add up counts (4, k + 1) and squares (k + 1,); return valid points and their depths' sum."""
+    n, m = instance.shape
+    valid, total = 0, 0.0
+    for i in range(n):
+        row = 0.0
+        for j in range(m):
+            why = reason[i, j]
+            if why == 0:
+                valid += 1
+                row += reading_mm[i, j]
+            number = instance[i, j]
+            if number == 0:
+                continue
+            counts[0, number] += 1
+            counts[1, number] += mask_visible[i, j] > 0
+            counts[2, number] += why in (hidden, hidden_too)
+            off = (depth_mm[i, j] - clean_mm[i, j]) / max(noise_mm[i, j], 1e-9)
+            if np.isfinite(off):
+                counts[3, number] += 1
+                squares[number] += off * off
+        total += row
+    return valid, total
 
 
 @njit(cache=True)

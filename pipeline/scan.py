@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from defects import KINDS
 from pipeline.injection import FlawedPart
-from pipeline.labels import faces_hit, stand_out
+from pipeline.labels import Tally, cross_boxes, faces_hit, stand_out, tally
 from pipeline.seeds import RngOf
 from pipeline.trajectory import Trajectory
 from sensors.datasheet import Datasheet
@@ -71,6 +71,20 @@ class Scan:
         turned = points @ self.poses[:, :3, :3].transpose(0, 2, 1)
         return np.asarray(turned + self.poses[:, None, :3, 3])
 
+    def tally(self, flaws: int) -> Tally:
+        """Count what the scan shows of the specimen's `flaws` flaws."""
+        return tally(
+            flaws,
+            self.instance,
+            self.mask_visible,
+            self.invalid_reason,
+            (int(Reason.HIDDEN_FROM_CAMERA), HIDDEN_BY_FLAW),
+            self.depth_mm,
+            self.depth_ideal_mm,
+            self.depth_clean_mm,
+            self.noise_mm,
+        )
+
 
 def take_scan(
     *,
@@ -122,10 +136,10 @@ def take_scan(
     if moved.size:  # what a cut took away is the cut's, too
         rows, columns = np.divmod(moved, instance.shape[1])
         instance[rows, columns] = flawed.removed_at(_points(clean, rows, columns))
-    _name_flaw_shadows(reason, view, clean)
+    _name_flaw_shadows(reason, view, clean, flawed)
     noise = law.sd_mm(view)
     mask, mask_visible = stand_out(
-        instance, flawed.classes, depth, view.depth_mm, clean.depth_mm, visible_at * noise
+        instance, flawed.classes, depth, view.depth_mm, clean.depth_mm, noise, visible_at
     )
     return Scan(
         depth_mm=depth,
@@ -153,8 +167,14 @@ def _points(view: View, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Fl
     return np.asarray(np.einsum("kij,kj->ki", poses[:, :3, :3], local) + poses[:, :3, 3])
 
 
-def _name_flaw_shadows(reason: NDArray[np.uint8], view: View, clean: View) -> None:
-    """Tell points that a flaw hides from the camera from those that the part itself hides."""
+def _name_flaw_shadows(
+    reason: NDArray[np.uint8], view: View, clean: View, flawed: FlawedPart
+) -> None:
+    """Tell points that a flaw hides from the camera from those that the part itself hides.
+
+    A flaw has a hand in it only where it moved the point itself, or where material that it added
+    may stand in the sight line; there the clean part is asked.
+    """
     hidden = (reason == Reason.HIDDEN_FROM_CAMERA) & clean.in_range
     rows, columns = np.nonzero(hidden)
     if rows.size == 0:
@@ -162,7 +182,18 @@ def _name_flaw_shadows(reason: NDArray[np.uint8], view: View, clean: View) -> No
     points = _points(clean, rows, columns)
     poses = clean.poses[rows]
     cameras = poses[:, :3, 1] * clean.datasheet.camera_offset_mm + poses[:, :3, 3]
+    with np.errstate(invalid="ignore"):
+        off = np.abs(view.depth_mm[rows, columns] - clean.depth_mm[rows, columns])
+    asked = ~(off <= SAME_MM) | cross_boxes(points, cameras, _added_boxes_mm(flawed))
+    rows, columns, points, cameras = rows[asked], columns[asked], points[asked], cameras[asked]
     triangle = clean.triangle[rows, columns]
     facing = np.einsum("ik,ik->i", clean.scene.normals[triangle], cameras - points) > 0
     seen = facing & ~clean.scene.blocked(points, cameras, triangle)
     reason[rows[seen], columns[seen]] = HIDDEN_BY_FLAW
+
+
+def _added_boxes_mm(flawed: FlawedPart) -> Floats:
+    """Least and greatest corners (b, 2, 3) of what flaws added, part frame, mm, and 1 µm more."""
+    added = [cutter.added.vertices_mm for cutter in flawed.cutters if cutter.added is not None]
+    boxes = [[v.min(axis=0) - 1e-3, v.max(axis=0) + 1e-3] for v in added]
+    return np.array(boxes, dtype=np.float64).reshape(-1, 2, 3)

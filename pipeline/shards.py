@@ -155,11 +155,22 @@ class ShardWriter:
             if name in arrays:
                 dataset = self._file[name]
                 values = np.ascontiguousarray(arrays[name], dtype=dataset.dtype)
-                dataset[self._count] = values
+                self._write(dataset, values)
                 digest.update(values.data)
         self._ids.append(scan_id)
         self._count += 1
         return digest.hexdigest()
+
+    def _write(self, dataset: Any, values: NDArray[Any]) -> None:
+        """Write one scan chunk by chunk; counts that are all 0 need no place on disk."""
+        if values.dtype.kind != "u":
+            dataset[self._count] = values
+            return
+        rows = dataset.chunks[1]
+        for first in range(0, len(values), rows):
+            part = values[first : first + rows]
+            if part.any():
+                dataset[self._count, first : first + rows] = part
 
     def __enter__(self) -> Self:
         return self

@@ -1,23 +1,22 @@
 """One unit of work: make one shard, alone, from the recipe and the plan."""
 
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from pipeline.folder import write_whole
 from pipeline.injection import Flaw
+from pipeline.labels import Tally
 from pipeline.part import PartError
 from pipeline.plan import PlannedScans, PlannedShard
 from pipeline.recipe import Recipe
-from pipeline.scan import HIDDEN_BY_FLAW, Scan, take_scan
+from pipeline.scan import Scan, take_scan
 from pipeline.seeds import seed_of, streams
 from pipeline.shards import ShardWriter, file_sha256
 from pipeline.specimen import Specimen, make_specimen
 from sensors.typed_yaml import plain
-from sensors.view import Reason
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -84,7 +83,7 @@ def make_shard(place: Workplace, shard: PlannedShard) -> tuple[str, int]:
             for number in range(work.first, work.last):
                 scan_id = f"{work.specimen_id}-{number:04d}"
                 try:
-                    scan, facts = _scan(recipe, work, specimen, number)
+                    scan, seen, facts = _scan(recipe, work, specimen, number)
                 except PartError as error:
                     failed.append({"part": work.part.name, "scan": scan_id, "why": str(error)})
                     continue
@@ -100,7 +99,7 @@ def make_shard(place: Workplace, shard: PlannedShard) -> tuple[str, int]:
                     **facts,
                 }
                 scans.append(row)
-                flaws.extend(_flaw_rows(scan_id, work.part.name, scan, specimen))
+                flaws.extend(_flaw_rows(scan_id, work.part.name, seen, specimen))
     journal = {
         "shard": shard.name,
         "sha256": file_sha256(place.out / shard.name),
@@ -120,15 +119,17 @@ _SPECIMENS: dict[tuple[str, str, int], Specimen] = {}
 
 def _specimen(place: Workplace, part: str, number: int, work: PlannedScans) -> Specimen:
     key = (str(place.out), part, number)
-    if key not in _SPECIMENS:
+    specimen = _SPECIMENS.get(key)
+    if specimen is None:
         _SPECIMENS.clear()
-        _SPECIMENS[key] = make_specimen(place.recipe, work.part, number, place.hidden)
-    return _SPECIMENS[key]
+        specimen = make_specimen(place.recipe, work.part, number, place.hidden)
+        _SPECIMENS[key] = specimen
+    return specimen
 
 
 def _scan(
     recipe: Recipe, work: PlannedScans, specimen: Specimen, number: int
-) -> tuple[Scan, dict[str, Any]]:
+) -> tuple[Scan, Tally, dict[str, Any]]:
     file = recipe.file
     names = (work.part.name, work.specimen, "scan", number)
     rng_of = streams(file.seed, *names)
@@ -145,7 +146,7 @@ def _scan(
         visible_at=file.visible_at,
         rng_of=rng_of,
     )
-    valid = scan.invalid_reason == Reason.VALID
+    seen = scan.tally(len(specimen.flawed.flaws))
     seed = "".join(f"{word:08x}" for word in seed_of(file.seed, *names).generate_state(4))
     start = path.poses[0, :3, 3]
     facts: dict[str, Any] = {
@@ -153,45 +154,40 @@ def _scan(
         "sensor": recipe.datasheet.name,
         "surface": surface_name,
         "flaws": len(specimen.flawed.flaws),
-        "flaws_seen": len(np.unique(scan.instance[scan.instance > 0])),
-        "flaws_visible": len(np.unique(scan.instance[scan.mask_visible > 0])),
-        "share_valid": float(valid.mean()),
-        "share_flaw": float((scan.mask > 0).mean()),
-        "depth_mean_mm": float(scan.depth_mm[valid].mean()) if valid.any() else None,
+        "flaws_seen": int((seen.pixels > 0).sum()),
+        "flaws_visible": int((seen.visible > 0).sum()),
+        "share_valid": seen.valid / seen.points,
+        "share_flaw": int(seen.pixels.sum()) / seen.points,
+        "depth_mean_mm": seen.depth_mean_mm,
         "paths_drawn": drawn,
         "start_x_mm": start[0],
         "start_y_mm": start[1],
         "start_z_mm": start[2],
         **path.facts,
     }
-    return scan, facts
+    return scan, seen, facts
 
 
 def _flaw_rows(
-    scan_id: str, part: str, scan: Scan, specimen: Specimen
+    scan_id: str, part: str, seen: Tally, specimen: Specimen
 ) -> list[dict[str, Any]]:
     """One row for each flaw of the specimen, seen in this scan or not."""
-    hidden = np.isin(scan.invalid_reason, (Reason.HIDDEN_FROM_CAMERA, HIDDEN_BY_FLAW))
-    ratio = np.abs(scan.depth_ideal_mm - scan.depth_clean_mm) / np.maximum(scan.noise_mm, 1e-9)
-    labelled = np.flatnonzero(scan.instance)
     rows = []
     for flaw in specimen.flawed.flaws:
-        on = labelled[scan.instance.ravel()[labelled] == flaw.instance]
-        off = ratio.ravel()[on]
-        off = off[np.isfinite(off)]
+        number = flaw.instance
+        pixels, ratio = int(seen.pixels[number]), float(seen.deviation_over_noise[number])
         rows.append(
             {
                 "scan_id": scan_id,
                 "part": part,
                 **_facts(flaw),
-                "pixels": int(on.size),
-                "pixels_visible": int((scan.mask_visible.ravel()[on] > 0).sum()),
-                "share_hidden": float(hidden.ravel()[on].mean()) if on.size else None,
-                "deviation_over_noise": float(np.sqrt(np.mean(off**2))) if off.size else None,
+                "pixels": pixels,
+                "pixels_visible": int(seen.visible[number]),
+                "share_hidden": int(seen.hidden[number]) / pixels if pixels else None,
+                "deviation_over_noise": None if math.isnan(ratio) else ratio,
             }
         )
     return rows
-
 
 
 def _facts(flaw: Flaw) -> dict[str, Any]:
