@@ -14,7 +14,7 @@ from diagnosis.noise import Field, Mask, NoiseModel, calibrate
 from diagnosis.patch import Patch, cut, in_range
 from diagnosis.plates import plate_residual
 from diagnosis.registration import Placement, register
-from diagnosis.score import placements
+from diagnosis.score import placements, whitened
 from diagnosis.screen import Finding
 from diagnosis.select import Choice, Selection, refit, select
 from diagnosis.uncertainty import intervals
@@ -272,8 +272,9 @@ def _final_shifts(
             )
         model = replace(model, own=own)
     for name, which in (("plain", Model()), ("final", model)):
-        states = ws.states(ws.predict(which))
-        out[name] = placements(patches, states, [p.counted for p in patches])
+        predictions = ws.predict(which)
+        raw = [whitened(p, q, noise) for p, q in zip(patches, predictions, strict=True)]
+        out[name] = placements(patches, raw, [p.counted for p in patches])
     out["model"] = {0: model}  # type: ignore[dict-item]  # carried to the maps
     return out
 
@@ -356,6 +357,10 @@ def _check_names(recordings: Sequence[Recording]) -> None:
 
 def _check_fits(datasheet: Datasheet, recording: Recording, notes: list[str]) -> None:
     """Refuse a sensor that can't have delivered the recording."""
+    if recording.depth_mm.shape[0] < 2:
+        raise RecipeError(
+            "holds a single profile; a diagnosis needs at least 2", where=recording.name
+        )
     known = recording.depth_mm[np.isfinite(recording.depth_mm)]
     low, high = datasheet.depth_min_mm, datasheet.depth_max_mm
     inside = (known >= low) & (known <= high)

@@ -138,8 +138,8 @@ def repeated_rows(depth_mm: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 def _check(recording: Recording) -> None:
     depth = recording.depth_mm
-    if depth.ndim != 2 or depth.shape[0] < 2 or depth.shape[1] < 2:
-        raise RecipeError("/depth needs at least 2 profiles of 2 points", value=depth.shape)
+    if depth.ndim != 2 or depth.shape[0] < 1 or depth.shape[1] < 2:
+        raise RecipeError("/depth needs at least one profile of 2 points", value=depth.shape)
     if not np.isfinite(depth).any():
         raise RecipeError("/depth holds no reading at all: every point is NaN")
     if np.isinf(depth).any():

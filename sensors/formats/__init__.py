@@ -1,17 +1,45 @@
 """Files of instruments as height maps: one file a format, found by its suffix."""
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Final
 
-from sensors.formats.arrays import read_npy
+from sensors.formats.arrays import read_npy, read_tiff
 from sensors.formats.height_map import HeightMap
+from sensors.formats.pcd import read_pcd
+from sensors.formats.ply import read_ply
+from sensors.formats.sick import read_sick
+from sensors.formats.spreadsheets import read_xlsx
+from sensors.formats.sur import read_sur
 from sensors.formats.tables import read_csv
+from sensors.formats.x3p import read_x3p
 from sensors.typed_yaml import RecipeError
 
-READERS = {".csv": read_csv, ".txt": read_csv, ".npy": read_npy}
+READERS: Final[Mapping[str, Callable[[Path, str | None], HeightMap]]] = {
+    ".csv": read_csv,
+    ".txt": read_csv,
+    ".npy": read_npy,
+    ".tif": read_tiff,
+    ".tiff": read_tiff,
+    ".ply": read_ply,
+    ".pcd": read_pcd,
+    ".json": read_sick,
+    ".x3p": read_x3p,
+    ".sur": read_sur,
+    ".xlsx": read_xlsx,
+}
 
 
 def read_height_map(path: str | Path, unit: str | None = None) -> HeightMap:
-    """Read an instrument's file.
+    """Read an instrument's file as it stands: no reading is moved, averaged or filled.
+
+    Parameters
+    ----------
+    path : path
+        The file; its suffix tells the format.
+    unit : str, optional
+        Unit of the readings (of x, y and z in a point cloud); where it isn't given, the file's
+        own, else mm.
 
     Raises
     ------
@@ -23,4 +51,7 @@ def read_height_map(path: str | Path, unit: str | None = None) -> HeightMap:
         raise RecipeError("unknown format", where=path, allowed=", ".join(READERS))
     if not path.is_file():
         raise RecipeError("no such file", where=path)
-    return READERS[path.suffix.lower()](path, unit)
+    try:
+        return READERS[path.suffix.lower()](path, unit)
+    except OSError as error:
+        raise RecipeError(f"can't be read ({error.strerror or error})", where=path) from None

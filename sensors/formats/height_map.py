@@ -22,8 +22,6 @@ class HeightMap:
         Heights above the instrument's zero (or depths, where the user says so), mm; NaN = missing.
     x_mm : (n_points,) float64 or None
         Where the columns are, mm.
-    pitch_x_mm, pitch_y_mm : float or None
-        Distance of columns and of rows, mm, where the file tells it and `x_mm`, `y_mm` don't.
     y_mm : (n_profiles,) float64 or None
         Where the rows are, mm.
     intensity : (n_profiles, n_points) float64 or None
@@ -32,16 +30,17 @@ class HeightMap:
         Resolution of the readings, mm.
     note : str
         What the file says of itself: instrument, frame number.
+    unit_mm : float
+        mm in one of the file's own numbers, where it is a bare table or image.
     """
 
     readings_mm: Floats
     x_mm: Floats | None = None
     y_mm: Floats | None = None
-    pitch_x_mm: float | None = None
-    pitch_y_mm: float | None = None
     intensity: Floats | None = None
     step_mm: float | None = None
     note: str = ""
+    unit_mm: float = 1.0
 
 
 def scale_mm(unit: str | None, held: str | None = None) -> float:
