@@ -93,3 +93,36 @@ def draw_story(out: Path, name: str, last: str, file: Path) -> None:
     figure.tight_layout()
     figure.savefig(file, dpi=80)
     plt.close(figure)
+
+
+def draw_instrument(frame: Any, depth_mm: Any, brightness: Any, file: Path) -> None:
+    """Draw what the camera sees at one profile, and the depth and brightness it delivers.
+
+    Parameters
+    ----------
+    frame : (columns, rows)
+        Counts.
+    depth_mm, brightness : (profiles, columns)
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    figure, axes = plt.subplots(1, 4, figsize=(15, 3.8))
+    lit = np.flatnonzero(np.asarray(frame).max(0) > 20)
+    first, last = (int(lit.min()), int(lit.max())) if lit.size else (0, 40)
+    axes[0].imshow(np.sqrt(np.maximum(np.asarray(frame).T, 0)), aspect="auto", cmap="gray")
+    axes[0].set_title("camera frame (square root of counts)", fontsize=9)
+    zoom = np.asarray(frame)[:60, max(first - 4, 0) : last + 5].T
+    axes[1].imshow(zoom, aspect="auto", cmap="gray")
+    axes[1].set_title("its first columns: speckle in the line", fontsize=9)
+    axes[2].imshow(depth_mm, aspect="auto")
+    axes[2].set_title("delivered depth, one profile a row", fontsize=9)
+    axes[3].imshow(brightness, aspect="auto")
+    axes[3].set_title("delivered brightness", fontsize=9)
+    for axis in axes:
+        axis.tick_params(labelsize=7)
+    figure.tight_layout()
+    figure.savefig(file, dpi=80)
+    plt.close(figure)
