@@ -28,7 +28,7 @@ from sensors.uncertainty import gaussian_sd_mm, quantise
 
 Floats = NDArray[np.float64]
 
-METHOD = 2
+METHOD = 3
 """Raised whenever the same inputs would give other parameters."""
 
 SIDE = (0.0, 0.5, 1.0, 1.4, 1.8, 2.1, 2.4, 2.7, 3.0, 3.4)

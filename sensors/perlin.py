@@ -7,7 +7,8 @@ control points and the quintic smoothstep between them. Three things are added t
   that share their origin are zero together at every control point of the first octave;
 - control points closer than the grid can show are spread to its limit, and octaves that add
   nothing new by then are left out (unless `band_limited` is off): sampled anyway, they would
-  beat against the profiles;
+  beat against the profiles. Across an axis at its limit, a row's place between the control
+  points is kept from changing its variance, which would show as stripes;
 - the sum can be standardised by its own, exactly known standard deviation and bent by a monotone
   map of the heights.
 """
@@ -145,8 +146,10 @@ class PerlinField:
             row, y = _lattice(y_mm / cell_y_mm + shifts[m, 1])
             columns = np.unique(np.concatenate((column, column + 1)))
             left = np.searchsorted(columns, column)
+            gain_x = _even(x, cell_x_mm > self.cell_x_mm / 2**m)
+            gain_y = scale * gain * _even(y, cell_y_mm > self.cell_y_mm / 2**m)
             _add_octave(
-                out, scale * gain, keys[m], columns, left, x, smoothstep(x), row, y, smoothstep(y)
+                out, gain_x, gain_y, keys[m], columns, left, x, smoothstep(x), row, y, smoothstep(y)
             )
         if self.heights is not None:
             self.heights.apply(out, self.amplitude_mm)
@@ -200,6 +203,20 @@ def _lattice(cells: Floats) -> tuple[NDArray[np.int64], Floats]:
     return below.astype(np.int64), cells - below
 
 
+def _even(place: Floats, limited: bool) -> Floats:
+    """Gain of rows (or columns) at a place in the cell that gives all the same variance.
+
+    A row at y has the variance ½ (R Σw² + B Σw²d²), w and d weight and distance of the control
+    points on both sides, R and B the energies of ramp and bump along the row.
+    """
+    if not limited:
+        return np.ones_like(place)
+    near, far = (1.0 - smoothstep(place)) ** 2, smoothstep(place) ** 2
+    variance = 0.5 * RAMP_ENERGY * (near + far)
+    variance += 0.5 * BUMP_ENERGY * (near * place**2 + far * (1.0 - place) ** 2)
+    return np.asarray(OCTAVE_SD / np.sqrt(variance))
+
+
 @njit(cache=True)
 def _mix(h: np.uint64) -> np.uint64:
     """Finaliser of splitmix64 (Steele, Lea and Flood 2014): every input bit reaches every other."""
@@ -236,7 +253,8 @@ def _gradients(
 @njit(cache=True)
 def _add_octave(
     out: Floats,
-    gain: float,
+    gain_x: Floats,
+    gain_y: Floats,
     key: np.uint64,
     columns: NDArray[np.int64],
     left: NDArray[np.int64],
@@ -246,7 +264,7 @@ def _add_octave(
     y: Floats,
     fade_y: Floats,
 ) -> None:
-    """Add gain times one octave (equations 4 to 8), blended along y first, then along x."""
+    """Add one octave (equations 4 to 8) times its gains, blended along y first, then along x."""
     size = columns.size
     gx0, gy0, gx1, gy1 = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
     slope, level = np.empty(size), np.empty(size)
@@ -262,7 +280,7 @@ def _add_octave(
             _gradients(key, row[i] + 1, columns, gx1, gy1)
             held = row[i]
             have = True
-        yi, fade = y[i], fade_y[i]
+        yi, fade, gain = y[i], fade_y[i], gain_y[i]
         for k in range(size):
             slope[k] = gain * (gx0[k] + fade * (gx1[k] - gx0[k]))
             below = gy0[k] * yi
@@ -271,4 +289,4 @@ def _add_octave(
             k = left[j]
             near = slope[k] * x[j] + level[k]
             far = slope[k + 1] * (x[j] - 1.0) + level[k + 1]
-            out[i, j] += near + fade_x[j] * (far - near)
+            out[i, j] += gain_x[j] * (near + fade_x[j] * (far - near))
