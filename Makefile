@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 DEV    := $(VENV)/.installed-dev
 
-.PHONY: demo test lint bench effects pictures proof proof-small clean
+.PHONY: demo test lint bench effects paper pictures proof proof-small clean
 
 demo: $(STAMP)
 	$(BIN)/flawforge generate manifests/quickstart.yaml --out out/quickstart
@@ -18,6 +18,9 @@ test: $(DEV)
 lint: $(DEV)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+
+paper: $(DEV)
+	$(BIN)/python docs/paper/make_paper.py
 
 effects: $(STAMP)
 	$(BIN)/python docs/effects/make_effects.py
