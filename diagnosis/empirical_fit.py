@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagnosis.families import covariate_values
-from diagnosis.fit import solve_linear
+from diagnosis.fit import Fitted, solve_linear
 from diagnosis.screen import Finding
+from diagnosis.select import crossfitted
 from diagnosis.workspace import Model, Workspace
 from sensors.covariates import COVARIATES
 from sensors.effects.base import Effect
@@ -44,4 +45,10 @@ def fit_empirical(ws: Workspace, model: Model, left: Sequence[Finding]) -> Effec
         fitted = solve_linear(effect, ws, states, ws.masks())
         if fitted is not None and (best is None or fitted.gain > best[0]):
             best = (fitted.gain, fitted.effect)
-    return best[1] if best is not None and best[0] > 2 * KNOTS else None
+    if best is None or best[0] < 2 * KNOTS:
+        return None
+    # kept only where it pays on the half of the readings that it wasn't fitted to
+    base = ws.log_densities(model)
+    trial = Fitted(effect=best[1], own={}, gain=best[0], free=KNOTS)
+    blocks = crossfitted(ws, model, Empirical, trial, base)
+    return best[1] if float(blocks.sum()) > KNOTS else None

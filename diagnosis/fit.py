@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 
+from diagnosis.columnwise import column_equations
 from diagnosis.noise import Field, Mask
 from diagnosis.prediction import Prediction
 from diagnosis.rowwise import row_powers
@@ -354,6 +355,8 @@ def solve_linear(
     effect: Effect, ws: Workspace, states: Sequence[Whitened], masks: Sequence[Mask]
 ) -> Fitted | None:
     """Solve the linear coefficients at given nonlinear parameters."""
+    if effect.name == "column_offset":
+        return _solve_columns(effect, ws, states, masks)
     normals = _normals(effect, ws, states, masks)
     if normals is None:
         return None
@@ -369,6 +372,20 @@ def solve_linear(
     gain = float(right @ held - 0.5 * held @ gram @ held)
     count = len(beta) + len([p for p in effect.parameters() if p.grid or p.name == "rows"])
     return Fitted(effect=solved, own={}, gain=gain, free=count)
+
+
+def _solve_columns(
+    effect: Effect, ws: Workspace, states: Sequence[Whitened], masks: Sequence[Mask]
+) -> Fitted:
+    offsets, gain = column_equations(ws.patches, states, masks).offsets()
+    um = tuple(float(v) for v in np.clip(1e3 * (offsets - offsets.mean()), -1000, 1000))
+    rms = float(np.std(um))
+    return Fitted(
+        effect=effect.with_parameters(values_um=um, rms_um=min(rms, 1000.0)),
+        own={},
+        gain=gain,
+        free=len(um) // 2,
+    )
 
 
 def _solve_phases(effect: Effect, normals: Mapping[int, _Normal]) -> Fitted | None:

@@ -13,7 +13,7 @@ from scipy import stats
 from diagnosis.fit import phase_is_own, solve_linear
 from diagnosis.noise import Field, Mask, NoiseModel
 from diagnosis.patch import Patch
-from diagnosis.score import log_density, placements, whitened
+from diagnosis.score import log_density, placed, placements, whitened
 from diagnosis.workspace import Model, Workspace, bootstrap_interval
 
 OWN_SHARE = 5
@@ -89,7 +89,10 @@ def settle_own(ws: Workspace, model: Model, small: Sequence[Mask]) -> Model:
         if not phase_is_own(effect):
             continue
         rest = model.without(effect.name)
-        states = ws.states(ws.predict(rest))
+        predictions = ws.predict(rest)
+        raw = [whitened(p, q, ws.noise) for p, q in zip(ws.patches, predictions, strict=True)]
+        moved = placements(ws.patches, raw, small)
+        states = [placed(p, s, moved[p.recording]) for p, s in zip(ws.patches, raw, strict=True)]
         fitted = solve_linear(effect, ws, states, small)
         if fitted is not None:
             # the amplitude stays the instrument's, only the phases are the recording's

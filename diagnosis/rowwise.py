@@ -95,7 +95,7 @@ class RowTests:
                 start += n
             owners = np.concatenate([e[0] for e in entries])
             value = np.concatenate([e[1] for e in entries])
-            overlap = _matrix(owners, value, time.size) @ basis
+            overlap = weights_matrix(owners, value, time.size) @ basis
             names.append(kind)
             weights.append([(owners, value)])
             grams.append(gram - overlap @ overlap.T)
@@ -117,7 +117,7 @@ class RowTests:
         """Row sums (rows,) or (rows, draws), the pose projected out."""
         owners, value = self.weights[kind][0]
         two = innovations.reshape(len(innovations), -1)
-        plain = _matrix(owners, value, self.time_s.size) @ two
+        plain = weights_matrix(owners, value, self.time_s.size) @ two
         plain -= self.overlap[kind] @ (self.basis.T @ two)
         return plain.reshape(self.time_s.size, *innovations.shape[1:])
 
@@ -280,7 +280,7 @@ def _running_mean(values: Field, width: int) -> Field:
     return np.asarray(uniform_filter1d(values, width, mode="nearest"))
 
 
-def _matrix(owners: Field, values: Field, rows: int) -> Any:
+def weights_matrix(owners: Field, values: Field, rows: int) -> Any:
     """Sparse (rows, N): each innovation's weight in the sums of the rows it touches."""
     from scipy.sparse import csr_matrix
 

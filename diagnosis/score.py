@@ -6,7 +6,7 @@ generalised least squares on the readings that may be fitted, the same for every
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -19,6 +19,7 @@ from diagnosis.whitening import Whitener
 LOG_ROOT_2PI = 0.5 * np.log(2 * np.pi)
 CLIP = 4.0
 KEPT = 3
+LOG_STRAY = float(np.log(1e-4))
 T = TypeVar("T")
 
 
@@ -35,7 +36,7 @@ class Whitened:
         Reading minus mean, 0 where not used.
     sd_mm : (n, m)
     innovations : (n, m)
-        Whitened residual, clipped at ±4; 0 where not used.
+        Whitened residual; 0 where not used.
     columns : (n, m, 7)
         Whitened derivative by the placement (in prior deviations).
     """
@@ -60,7 +61,7 @@ def whitened(patch: Patch, prediction: Prediction, noise: NoiseModel) -> Whitene
     used = seen & ~spikes(residual, seen, prediction.sd_mm)
     whitener = _whitener(patch, used, noise)
     columns = _columns(patch, whitener, prediction.sd_mm, noise)
-    innovations = np.clip(whitener.apply(residual / prediction.sd_mm), -CLIP * 3, CLIP * 3)
+    innovations = whitener.apply(np.where(used, residual / prediction.sd_mm, 0.0))
     return Whitened(
         used=used,
         whitener=whitener,
@@ -106,17 +107,36 @@ def _keep(patch: Patch, key: tuple[Any, ...], make: Callable[[], T]) -> T:
 def placements(
     patches: Sequence[Patch], states: Sequence[Whitened], masks: Sequence[Mask]
 ) -> dict[int, Field]:
-    """Best placement (7,) of each recording given whitened residuals, in prior deviations."""
-    normal: dict[int, Field] = {}
-    right: dict[int, Field] = {}
-    for patch, state, mask in zip(patches, states, masks, strict=True):
-        pick = mask & state.used & (np.abs(state.innovations) < CLIP)
-        columns = state.columns[pick]
-        normal[patch.recording] = normal.get(patch.recording, np.eye(7)) + columns.T @ columns
-        right[patch.recording] = right.get(patch.recording, np.zeros(7)) + (
-            columns.T @ state.innovations[pick]
-        )
-    return {k: np.linalg.solve(normal[k], right[k]) for k in normal}
+    """Best placement (7,) of each recording given whitened residuals, in prior deviations.
+
+    Least squares, then again without the readings that are far off under it.
+    """
+    found: dict[int, Field] = {}
+    for _ in range(3):
+        normal: dict[int, Field] = {}
+        right: dict[int, Field] = {}
+        for patch, state, mask in zip(patches, states, masks, strict=True):
+            r = patch.recording
+            pick = mask & state.used
+            columns, values = state.columns[pick], state.innovations[pick]
+            if r in found:
+                near = np.abs(values - columns @ found[r]) < CLIP
+                columns, values = columns[near], values[near]
+            normal[r] = normal.get(r, np.eye(patch.columns.shape[-1])) + columns.T @ columns
+            right[r] = right.get(r, 0.0) + columns.T @ values
+        found = {r: np.linalg.solve(normal[r], right[r]) for r in normal}
+    return found
+
+
+def placed(patch: Patch, state: Whitened, placement: Field) -> Whitened:
+    """The same with the residual at a placement."""
+    moved = np.where(state.used, patch.columns @ placement, 0.0)
+    return replace(
+        state,
+        residual_mm=state.residual_mm - moved,
+        innovations=state.innovations - np.where(state.used, state.columns @ placement, 0.0),
+        kept={},
+    )
 
 
 def log_density(
@@ -141,8 +161,9 @@ def log_density(
     inner = np.log1p(-prediction.p_outlier) - 0.5 * standard**2 - np.log(spread)
     wide = prediction.outlier_sd_mm
     outer = np.log(prediction.p_outlier) - 0.5 * (residual / wide) ** 2 - np.log(wide)
-    found = np.logaddexp(inner, outer) - LOG_ROOT_2PI
     nowhere = -np.log(patch.view.datasheet.z_range_mm)
+    # a reading may come from anywhere, once in ten thousand: no single one decides
+    found = np.logaddexp(np.logaddexp(inner, outer) - LOG_ROOT_2PI, LOG_STRAY + nowhere)
     value = np.where(
         patch.observed,
         np.log1p(-missing) + np.where(seen, found, nowhere),

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from diagnosis.columnwise import column_equations
 from diagnosis.families import Family
 from diagnosis.noise import Field, NoiseModel
 from diagnosis.patch import Patch
@@ -135,10 +136,46 @@ def screen_mean(
                     coefficients=row.coefficients, detail=row.detail,
                 )
             )  # fmt: skip
+    column, null = _columns(patches, states, picks, own, matrix)
+    maxima = np.maximum(maxima, null)
+    findings.append(column)
     threshold = tail_threshold(maxima, max(len(findings), 1))
     return Screening(
         findings=tuple(sorted(findings, key=lambda f: -f.z)), threshold=threshold
     )
+
+
+def _columns(
+    patches: Sequence[Patch],
+    states: Sequence[Whitened],
+    picks: Sequence[Field],
+    own: dict[int, list[int]],
+    matrix: dict[int, Field],
+) -> tuple[Finding, Field]:
+    """Test fixed offsets of the columns, shared by all recordings."""
+    drawn: list[Field] = [np.zeros(0)] * len(patches)
+    for recording, members in own.items():
+        ends = np.cumsum([0, *(int(picks[k].sum()) for k in members)])
+        for k, a, b in zip(members, ends[:-1], ends[1:], strict=True):
+            drawn[k] = matrix[recording][a:b]
+    real = column_equations(patches, states, picks)
+    t, dof = real.chi_square()
+    t_null, _ = column_equations(patches, states, picks, drawn).chi_square()
+    scale = max(float(t_null.mean()) / dof, 1.0)
+    # the sum over many columns: its own scatter under the null, not only the chi-square's
+    spread = max(float(t_null.std() / scale) / np.sqrt(2 * dof), 1.0)
+    z_null = as_deviate(dof + (t_null / scale - dof) / spread, dof)
+    z = float(as_deviate(np.array([dof + (float(t) / scale - dof) / spread]), dof)[0])
+    offsets, gain = real.offsets()
+    sd = float(np.median(np.concatenate([s.sd_mm[p] for s, p in zip(states, picks, strict=True)])))
+    return (
+        Finding(
+            channel="mean", name="free:column", words="column of the profile", frame="sensor", z=z,
+            size=float(np.std(offsets)) / sd, tolerance=TOLERANCE, gain=max(gain, 0.0),
+            coefficients=offsets, detail="fixed offsets of single columns",
+        ),
+        z_null,
+    )  # fmt: skip
 
 
 def as_deviate(chi_square: Field, dof: float) -> Field:

@@ -20,6 +20,7 @@ from sensors.effects import CATALOGUE
 from sensors.effects.base import Effect
 
 MOST = 4
+RIVAL_SHARE = 0.5
 SEARCHED_READINGS = 80_000
 SCREENED_READINGS = 180_000
 NOT_SEARCHED = {"pose_error", "empirical", "roughness_level", "anisotropic_lay"}
@@ -155,7 +156,8 @@ def _best(
         other = candidates[name][1]
         difference = blocks - other
         spread = float(np.sqrt(np.sum((difference - difference.mean()) ** 2)))
-        if float(other.sum()) > 3 and float(difference.sum()) < max(2 * spread, 2.0):
+        close = float(other.sum()) > max(3.0, RIVAL_SHARE * gain)
+        if close and float(difference.sum()) < max(2 * spread, 2.0):
             rivals.append((name, float(other.sum())))
     return trial, Choice(name=best, gain=gain, blocks=blocks, alternatives=tuple(rivals))
 

@@ -9,7 +9,7 @@ import numpy as np
 from diagnosis.noise import Field, Mask, NoiseModel
 from diagnosis.patch import Patch, thinned
 from diagnosis.prediction import Prediction, effects_for, predict
-from diagnosis.score import log_density, placements, whitened, Whitened
+from diagnosis.score import Whitened, log_density, placed, placements, whitened
 from sensors.effects.base import Effect
 
 OwnParameters = Mapping[int, Mapping[str, Mapping[str, float]]]
@@ -114,10 +114,10 @@ class Workspace:
         return model
 
     def states(self, predictions: Sequence[Prediction]) -> list[Whitened]:
-        """Whiten every patch's residual."""
-        return [
-            whitened(p, q, self.noise) for p, q in zip(self.patches, predictions, strict=True)
-        ]
+        """Whiten every patch's residual, at the placement that suits it best."""
+        raw = [whitened(p, q, self.noise) for p, q in zip(self.patches, predictions, strict=True)]
+        moved = placements(self.patches, raw, self.masks())
+        return [placed(p, s, moved[p.recording]) for p, s in zip(self.patches, raw, strict=True)]
 
     def masks(self) -> list[Mask]:
         """Return the readings that may be fitted."""
@@ -128,8 +128,8 @@ class Workspace:
     ) -> list[Field]:
         """Log density of each reading of each patch, the placement refitted."""
         predictions = self.predict(model)
-        states = self.states(predictions)
-        moved = placements(self.patches, states, pose_masks or self.masks())
+        raw = [whitened(p, q, self.noise) for p, q in zip(self.patches, predictions, strict=True)]
+        moved = placements(self.patches, raw, pose_masks or self.masks())
         return [
             log_density(p, q, self.noise, moved[p.recording])
             for p, q in zip(self.patches, predictions, strict=True)
