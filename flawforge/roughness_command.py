@@ -28,7 +28,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's words."""
     parser.epilog = EPILOG
     parser.add_argument(
-        "file", type=Path, metavar="FILE", help="recording.h5, CSV, TIFF, NPY or surface.yaml"
+        "file",
+        type=Path,
+        metavar="FILE",
+        help="recording.h5, surface.yaml, or a file that `flawforge import` reads",
     )
     parser.add_argument(
         "--region",
@@ -47,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="line",
         help="what is fitted and subtracted before the filter (line: for each profile)",
     )
-    parser.add_argument("--unit", help="unit of the readings in CSV, TIFF, NPY: mm (default), um")
+    parser.add_argument("--unit", help="unit of the readings (default: the file's own, else mm)")
     parser.add_argument("--pitch-x-mm", type=float, metavar="MM", help="distance of the points")
     parser.add_argument("--pitch-y-mm", type=float, metavar="MM", help="distance of the profiles")
     parser.add_argument(

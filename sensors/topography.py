@@ -1,6 +1,5 @@
-"""Readings on an even grid from a user's file: recording, table of numbers, image or array."""
+"""Readings on an even grid from a user's file: a recording, or what an instrument wrote."""
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,14 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.datasheet import Datasheet
+from sensors.formats import READERS, read_height_map
 from sensors.recording import Recording, repeated_rows
 from sensors.typed_yaml import RecipeError
 
 Floats = NDArray[np.float64]
 
-UNITS_MM = {"mm": 1.0, "um": 1e-3, "µm": 1e-3, "nm": 1e-6, "m": 1e3}
-
-KINDS = ".h5, .csv, .txt, .npy, .tif or .tiff"
+KINDS = ", ".join([".h5", *READERS])
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -40,7 +38,7 @@ def load_topography(
     pitch_y_mm: float | None = None,
     sensor: Datasheet | None = None,
 ) -> Topography:
-    """Read a recording.h5, a CSV, TIFF or NPY grid, or a CSV profile of two columns.
+    """Read a recording.h5, or a file of one of the instruments' formats (`sensors/formats`).
 
     Parameters
     ----------
@@ -48,7 +46,8 @@ def load_topography(
         The file. A CSV whose two columns are positions and heights is one profile; names such as
         `x_mm,z_um` in its first line give the units.
     unit : str, optional
-        Unit of the readings in a CSV, TIFF or NPY (mm, um, nm, m); mm where nothing else is said.
+        Unit of the readings in a file that isn't a recording (mm, um, nm, m); the file's own, or
+        mm, where nothing else is said.
     pitch_x_mm, pitch_y_mm : float, optional
         Pitch in mm, where the file doesn't hold it or holds it wrong.
     sensor : Datasheet, optional
@@ -64,21 +63,16 @@ def load_topography(
     if not path.is_file():
         raise RecipeError("no such file", where=path)
     held: tuple[float | None, float | None] = (None, None)
-    if unit is not None and unit not in UNITS_MM:
-        raise RecipeError("unknown unit", value=unit, allowed=", ".join(UNITS_MM))
     if kind in (".h5", ".hdf5"):
         recording = Recording.load(path)
         readings, held = recording.depth_mm, _recording_pitch(recording, sensor)
-    elif kind in (".csv", ".txt"):
-        readings, held = _read_csv(path, unit)
-    elif kind in (".npy", ".tif", ".tiff"):
-        raw = _read_npy(path) if kind == ".npy" else _read_tiff(path)
-        readings = np.asarray(raw, dtype=np.float64) * UNITS_MM[unit or "mm"]
+    elif kind in READERS:
+        heights = read_height_map(path, unit)
+        readings = heights.readings_mm
+        held = _even_pitch(heights.x_mm, path), _even_pitch(heights.y_mm, path)
     else:
         raise RecipeError("isn't a file of readings", where=path, allowed=KINDS)
     readings = np.where(np.isfinite(readings), readings, np.nan)
-    if readings.ndim == 1:
-        readings = readings[None, :]
     if readings.ndim != 2 or readings.shape[1] < 16:
         raise RecipeError(
             "holds no grid of readings",
@@ -136,66 +130,14 @@ def _recording_pitch(
             x_mm = np.linspace(-sensor.x_fov_mm / 2.0, sensor.x_fov_mm / 2.0, points)
     pitch_x = None if x_mm is None else float(np.median(np.abs(np.diff(x_mm))))
     steps = np.linalg.norm(np.diff(recording.poses[:, :3, 3], axis=0), axis=1)
-    pitch_y = float(np.median(steps))
+    pitch_y = float(np.median(steps)) if steps.size else 0.0
     return pitch_x, pitch_y if pitch_y > 0.0 else None
 
 
-def _read_csv(path: Path, unit: str | None) -> tuple[Floats, tuple[float | None, float | None]]:
-    try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise RecipeError(f"can't be read ({error.strerror})", where=path) from None
-    lines = [line for line in text.splitlines() if line.strip()]
-    if not lines:
-        raise RecipeError("is empty", where=path)
-    separator = next((s for s in (";", "\t", ",") if s in lines[-1]), None)
-    names: list[str] = []
-    first = lines[0].lstrip("#").strip()
-    if re.search(r"[A-Za-z]{1,}", re.sub(r"(?i)\bnan\b|\d[eE][+-]?\d", "", first)):
-        names = [name.strip() for name in first.split(separator)]
-        lines = lines[1:]
-    rows = []
-    for number, line in enumerate(lines, start=2 if names else 1):
-        try:
-            cells = line.split(separator)
-            rows.append([float(cell) if cell.strip() else np.nan for cell in cells])
-        except ValueError:
-            raise RecipeError("isn't a row of numbers", where=f"{path}:{number}") from None
-    if len({len(row) for row in rows}) != 1:
-        raise RecipeError("has rows of different lengths", where=path)
-    table = np.array(rows, dtype=np.float64)
-    if table.shape[1] == 2 and table.shape[0] >= 16 and (np.diff(table[:, 0]) > 0.0).all():
-        scales = [_unit_in(name) for name in names] if len(names) == 2 else [None, None]
-        x_mm = table[:, 0] * (scales[0] or UNITS_MM["mm"])
-        z_mm = table[:, 1] * (UNITS_MM[unit] if unit else scales[1] or UNITS_MM["mm"])
-        steps = np.diff(x_mm)
-        if float(np.ptp(steps)) > 0.01 * float(np.median(steps)):
-            raise RecipeError("has points that aren't evenly spaced", where=path)
-        return z_mm[None, :], (float(np.median(steps)), None)
-    return table * UNITS_MM[unit or "mm"], (None, None)
-
-
-def _unit_in(name: str) -> float | None:
-    found = re.search(r"(?:_|\[|\(|\s)(mm|um|µm|nm|m)[\])]?$", name.strip())
-    return UNITS_MM[found.group(1)] if found else None
-
-
-def _read_npy(path: Path) -> NDArray[np.generic]:
-    try:
-        array = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise RecipeError(f"isn't an array of numbers ({error})", where=path) from None
-    if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiu":
-        raise RecipeError("isn't an array of numbers", where=path)
-    return array
-
-
-def _read_tiff(path: Path) -> NDArray[np.generic]:
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with Image.open(path) as image:
-            array: NDArray[np.generic] = np.array(image)
-    except (OSError, UnidentifiedImageError) as error:
-        raise RecipeError(f"isn't a TIFF image of heights ({error})", where=path) from None
-    return array
+def _even_pitch(places_mm: Floats | None, path: Path) -> float | None:
+    if places_mm is None or places_mm.size < 2:
+        return None
+    steps = np.abs(np.diff(places_mm))
+    if float(np.ptp(steps)) > 0.01 * float(np.median(steps)):
+        raise RecipeError("has points that aren't evenly spaced", where=path)
+    return float(np.median(steps))

@@ -36,6 +36,8 @@ def read_tiff(path: Path, unit: str | None) -> HeightMap:
 
 
 def _from_array(array: NDArray[np.generic], unit: str | None, path: Path) -> HeightMap:
+    if array.ndim == 1:  # one profile
+        array = array[None]
     if array.dtype.kind not in "fiu" or array.ndim != 2:
         raise RecipeError(
             "isn't a grid of heights",

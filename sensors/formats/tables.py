@@ -64,8 +64,10 @@ def from_rows(rows: Rows, unit: str | None, path: Path) -> HeightMap:
             raise RecipeError("isn't a row of numbers", where=f"{path}:{k}")
         if len(row) != len(rows[start]):
             raise RecipeError(
-                f"has {len(row)} numbers and the rows before have {len(rows[start])}",
+                "has rows of different lengths",
                 where=f"{path}:{k}",
+                value=len(row),
+                allowed=f"{len(rows[start])} numbers as before",
             )
         values.append([number for number in numbers_or_none if number is not None])
     table = np.array(values, dtype=np.float64)

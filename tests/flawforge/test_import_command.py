@@ -66,6 +66,22 @@ def test_what_was_imported_can_be_measured(scan: Path, tmp_path: Path) -> None:
     assert topography.pitch_y_mm == pytest.approx(0.2)
 
 
+def test_roughness_reads_what_import_reads(tmp_path: Path, shared_dir: Path) -> None:
+    """A file and its recording have the same pitch and heights, depths being heights' negatives."""
+    from sensors.topography import load_topography
+
+    for name in ("sick/OCR_3D_image_34.json", "roughness/dektak-1.csv", "roughness/sur-2.sur"):
+        path = shared_dir / "real" / name
+        main(["import", str(path), "--as", str(tmp_path / "r.h5")])
+        file, recording = load_topography(path), load_topography(tmp_path / "r.h5")
+        assert file.pitch_x_mm == pytest.approx(recording.pitch_x_mm, rel=1e-4)
+        assert file.pitch_y_mm == pytest.approx(recording.pitch_y_mm, rel=1e-4)
+        distance = float(Datasheet.load(tmp_path / "r-sensor.yaml").working_distance_mm)
+        np.testing.assert_allclose(
+            distance - recording.readings_mm, file.readings_mm, rtol=0, atol=1e-7 * distance
+        )
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -159,7 +159,7 @@ def test_bad_files_give_one_line_and_exit_code_2(
         ([*PITCH, "--region", "0:50,0:10"], "outside"),
         ([*PITCH, "--region", "all"], "isn't understood"),
         ([*PITCH, "--cutoff-mm", "-1"], "above 0"),
-        ([*PITCH, "--unit", "inch"], "unknown unit"),
+        ([*PITCH, "--unit", "ell"], "unknown unit"),
         (["--pitch-x-mm", "nan"], "isn't a length"),
     ],
 )

@@ -419,7 +419,7 @@ def test_excel_table(tmp_path: Path) -> None:
         ("a.csv", b"alpha,beta\ngamma,delta\n", "no numbers"),
         ("a.csv", b"1,2,3\n4,x,6\n", r"a\.csv:2: isn't a row of numbers"),
         ("a.csv", b"1,x,3\n4,5,6\n", r"a\.csv:1: isn't a row of numbers"),
-        ("a.csv", b"1,2,3\n4,5\n", r"a\.csv:2: has 2 numbers"),
+        ("a.csv", b"1,2,3\n4,5\n", r"a\.csv:2: has rows of different lengths, got 2"),
         ("a.csv", b"x,z\n1,2\n1,3\n", "don't rise"),
         ("a.npy", b"nonsense", "isn't an array"),
         ("a.tif", b"nonsense", "isn't a TIFF"),
