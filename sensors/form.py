@@ -70,8 +70,6 @@ def waviness(heights_mm: Floats, pitch_mm: float, cutoff_mm: float, axis: int = 
     """
     from scipy.signal import oaconvolve  # slow to load, and scans are generated without
 
-    from scipy.signal import oaconvolve  # slow to import
-
     heights_mm = np.atleast_2d(np.asarray(heights_mm, dtype=np.float64))
     reach = math.ceil(cutoff_mm / pitch_mm)
     offsets = np.arange(-reach, reach + 1) * pitch_mm / (GAUSSIAN_ALPHA * cutoff_mm)
