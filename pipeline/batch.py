@@ -6,15 +6,15 @@ alone, so the bytes are the same for any number of workers and after any restart
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import joblib
 
-from pipeline.folder import drop_parts, held
+from pipeline.folder import drop_leftovers, drop_parts, held
 from pipeline.manifest import versions, write_manifest
 from pipeline.part import PartError, find_parts
 from pipeline.plan import Plan, PlannedPart, make_plan
@@ -22,6 +22,9 @@ from pipeline.recipe import PartEntry, Recipe, resolve
 from pipeline.shards import file_sha256
 from pipeline.specimen import check_plan, load_entry, store_part
 from pipeline.work import Workplace, is_whole, make_shard, read_journal
+from sensors.typed_yaml import RecipeError
+
+QUEUED: Final = 1024  # shards that wait at a Dask scheduler
 
 Event = Callable[[str, Mapping[str, Any]], None]
 
@@ -48,18 +51,40 @@ class Backend:
             n_jobs=-1 if self.scheduler else self.jobs,
             return_as="generator_unordered",
             batch_size=1,
-            pre_dispatch="all" if self.scheduler else "2*n_jobs",
+            # enough for workers that join later, yet not all of a million scans at once
+            pre_dispatch=QUEUED if self.scheduler else "2*n_jobs",
         )
 
-    def chosen(self) -> AbstractContextManager[Any]:
-        """Return the context in which joblib uses this backend."""
-        chosen: AbstractContextManager[Any] = nullcontext()
+    @contextmanager
+    def chosen(self) -> Iterator[Any]:
+        """Make joblib use this backend within a context; yields Dask's client, or None.
+
+        Raises
+        ------
+        RecipeError
+            Where the scheduler or its workers can't be used, or a worker died.
+        """
         if self.scheduler:
-            chosen = joblib.parallel_config("dask", scheduler_host=self.scheduler)
+            from pipeline.cluster import cluster
+
+            with cluster(self.scheduler) as client, joblib.parallel_config("dask", client=client):
+                yield client
         elif self.jobs > 1:
+            from joblib.externals.loky.process_executor import TerminatedWorkerError
+
             # each worker is one thread: cores are shared out among processes
-            chosen = joblib.parallel_config("loky", inner_max_num_threads=1)
-        return chosen
+            with joblib.parallel_config("loky", inner_max_num_threads=1):
+                try:
+                    yield None
+                except TerminatedWorkerError:
+                    raise RecipeError(
+                        "a worker was killed; memory may be short",
+                        where="--jobs",
+                        value=self.jobs,
+                        allowed="fewer jobs; the same command goes on from what is finished",
+                    ) from None
+        else:
+            yield None
 
 
 def generate(
@@ -88,7 +113,11 @@ def generate(
     identity = {"recipe": used, "versions": made_by, "files": _checksums(recipe, wanted)}
     fingerprint = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
     out = out.absolute()
-    with held(out, fingerprint) as hidden, backend.chosen():
+    with backend.chosen() as client, held(out, fingerprint) as hidden:
+        if client is not None:
+            from pipeline.cluster import check_folder
+
+            check_folder(client, hidden)
         parts, facts, failed_parts = prepare(recipe, wanted, hidden / "parts", backend, event)
         failed += failed_parts
         if not parts:
@@ -99,7 +128,7 @@ def generate(
         event("plan", {"scans": plan.scans, "shards": len(plan.shards), "parts": len(parts)})
         attributes = {"name": recipe.file.name, "recipe": used, "versions": made_by}
         place = Workplace(recipe=recipe, out=out, attributes=attributes)
-        _make_shards(place, plan, backend, event)
+        _make_shards(place, plan, {one["part"]: one["triangles"] for one in facts}, backend, event)
         dataset = write_manifest(
             out,
             journals=(read_journal(place, shard.name) for shard in plan.shards),
@@ -115,6 +144,7 @@ def generate(
             },
         )
         drop_parts(hidden)
+        drop_leftovers(out)
         event("done", {"scans": dataset["scans"], "failed": len(dataset["failed"])})
         return dataset
 
@@ -215,13 +245,18 @@ def _prepare_one(
         return want.name, None, facts | {"why": why}
 
 
-def _make_shards(place: Workplace, plan: Plan, backend: Backend, event: Event) -> None:
+def _make_shards(
+    place: Workplace, plan: Plan, triangles: Mapping[str, int], backend: Backend, event: Event
+) -> None:
+    """Make the shards that aren't there yet; the dearest first, so that none is waited for."""
     todo = []
     for shard in plan.shards:
         if is_whole(place, shard.name):
             event("shard", {"shard": shard.name, "scans": shard.scans, "kept": True})
         else:
             todo.append(shard)
+    cost = {shard.name: sum(triangles[work.part.name] for work in shard.work) for shard in todo}
+    todo.sort(key=lambda shard: cost[shard.name], reverse=True)
     work = (joblib.delayed(make_shard)(place, shard) for shard in todo)
     for name, scans in backend.parallel()(work):
         event("shard", {"shard": name, "scans": scans, "kept": False})

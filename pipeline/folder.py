@@ -52,8 +52,7 @@ def held(out: Path, fingerprint: str) -> Iterator[Path]:
                 allowed="an empty folder, or the recipe as it was",
             )
         write_whole(mark, json.dumps(mine))
-        for leftover in (*out.glob(".*.part"), *hidden.glob(".*")):
-            leftover.unlink()
+        drop_leftovers(out)
         yield hidden
 
 
@@ -72,6 +71,12 @@ def write_whole(path: Path, content: str | bytes) -> None:
     sync(aside)
     os.replace(aside, path)
     sync(path.parent)
+
+
+def drop_leftovers(out: Path) -> None:
+    """Remove what a worker that was killed had begun to write."""
+    for leftover in (*out.glob(".*.part"), *(out / ".flawforge").glob(".*")):
+        leftover.unlink(missing_ok=True)
 
 
 def drop_parts(hidden: Path) -> None:
