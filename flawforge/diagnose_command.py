@@ -12,6 +12,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Compare recordings with a simulation of them: where they differ, which physics the "
         "simulation leaves out, and a model of the sensor that has it."
     )
+    parser.epilog = """\
+Several recordings in different poses tell causes apart that one recording mixes. The last one
+(or those named by --holdout) is never fitted to: it judges. Read DIR/report.html first; use
+DIR/sensor.yaml in a recipe to generate data with the effects found.
+
+example:
+  flawforge diagnose a.h5 b.h5 c.h5 --part part.stl --sensor sensor.yaml \\
+      --reference plate.h5 --out diagnosis
+"""
     parser.add_argument("recordings", nargs="+", metavar="REC.h5", help="recordings to explain")
     parser.add_argument(
         "--part", required=True, help="the part's mesh (STL, OBJ, PLY or 3MF), closed"

@@ -18,7 +18,7 @@ ONE_PLACE = {
     "embreex": {"sensors/embree.py"},
     "pydantic": {"sensors/typed_yaml.py", "pipeline/size_field.py", "pipeline/recipe.py"},
     "yaml": {"sensors/typed_yaml.py"},
-    "distributed": set(),
+    "distributed": {"pipeline/cluster.py"},
 }
 ALLOWED_IN_DATASET = {"numpy", "h5py", "pandas"}
 
