@@ -173,6 +173,15 @@ def _mean(shots_mm: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(seen > shots_mm.shape[0] / 2, total, np.nan)
 
 
+def _noise_of_mean(
+    shots_mm: NDArray[np.float64], use: NDArray[np.bool_], cut_mm: float
+) -> float:
+    """Mean square of what too few draws leave in their mean, clipped."""
+    count = shots_mm.shape[0]
+    rest = np.clip(shots_mm - _mean(shots_mm), -cut_mm, cut_mm)[:, use]
+    return float(np.nanmean(rest**2) / (count - 1))
+
+
 def facts(staged: Staged, secret: Secret, *, draws: int = 5) -> Facts:
     """Scan the held-out pose again with other specimens, with and without the effect."""
     last = secret.recordings - 1
@@ -209,8 +218,8 @@ def facts(staged: Staged, secret: Secret, *, draws: int = 5) -> Facts:
     both = np.isfinite(real) & np.isfinite(fill_on) & np.isfinite(fill_off)
     left_off, left_on = _levelled(real - fill_off, both)[both], (real - fill_on)[both]
     cut = 10 * noise
-    rms_off = np.sqrt(np.mean(np.clip(left_off, -cut, cut) ** 2))
-    rms_on = np.sqrt(np.mean(np.clip(left_on, -cut, cut) ** 2))
+    ms_off = np.mean(np.clip(left_off, -cut, cut) ** 2) - _noise_of_mean(without, both, cut)
+    ms_on = np.mean(np.clip(left_on, -cut, cut) ** 2) - _noise_of_mean(with_it, both, cut)
     one = _levelled(real - shown.depth_mm, shown.smooth)
     two = _levelled(without[1] - shown.depth_mm, shown.smooth)
     one, two = np.where(shown.smooth, one, np.nan), np.where(shown.smooth, two, np.nan)
@@ -223,6 +232,6 @@ def facts(staged: Staged, secret: Secret, *, draws: int = 5) -> Facts:
         off_mm=fill_off.astype(np.float32),
         region=region,
         noise_um=1e3 * noise,
-        oracle_gain=float(np.log(rms_off / rms_on)),
+        oracle_gain=float(0.5 * np.log(ms_off / ms_on)),
         concealed=bool(ks <= 0.05 and rough.max() <= 0.10),
     )

@@ -250,7 +250,7 @@ def judged(tmp_path, bowed):
     return tmp_path
 
 
-def test_judge_scores_and_writes_a_page(judged, tmp_path):
+def test_judge_scores_and_writes_a_page(judged, tmp_path, monkeypatch):
     scored = judge(judged)
     score = scored["cases"]["case-001"]["score"]
     assert score["top_1"] == 1
@@ -258,6 +258,8 @@ def test_judge_scores_and_writes_a_page(judged, tmp_path):
     page = tmp_path / "docs" / "proof.md"
     page.parent.mkdir()
     write_page(scored, judged, page)
+    assert (page.parent / "pictures" / "proof-instrument.png").exists()
+    monkeypatch.setattr("challenge.proof._show_instrument", lambda scored, file: None)
     write_page(scored, judged, page)
     text = page.read_text()
     assert text.count("- seed 1 ") == 1  # one record for a run, however often it is judged
