@@ -77,7 +77,7 @@ CALIBRATED = """\
 
 Same family; solved are the control points' distance, the persistence, and a monotone map of the
 heights (piecewise cubic, 19 knots), so that all seven measured figures agree after equation 10 and
-rounding. It is deterministic, takes 3 to 16 s a surface, and is stored in the surface's YAML.
+rounding. It is deterministic, takes 3 to 20 s a surface, and is stored in the surface's YAML.
 Octaves have shifted lattices, and what the grid can't show is left out.
 
 To have Rp/Rq ≈ 3 *and* Rpm/Rp ≈ 0.9 within 501 points, the highest and lowest 2 % of the readings
@@ -134,11 +134,10 @@ between the form cut-off and the resolution limit. KS at most 0.05 is the paper'
 WHY = """\
 What the family can't reach, and why:
 
-- **OCR_3D 34, base**: errors of 6 to 7 % are those of the two real halves.
-- **x3p-2** has parallel grooves: its lay puts a line into the spectrum along the profiles (11 per
-  0.083 mm) and takes power out of the low frequencies across. Gradients of uniform direction
-  have a smooth spectrum; two cell sizes make it elliptic, not lined. Stationary noise can't be
-  told where a groove is.
+- **OCR_3D 34, base**: the errors above 5 % are those of the two real halves.
+- **x3p-2** has parallel grooves, about nine over its 0.083 mm: their lay puts a line into the
+  spectrum along the profiles and takes power out of the low frequencies across. Gradients of
+  uniform direction have a smooth spectrum; two cell sizes make it elliptic, not lined.
 - **sur-2** has bands and a few spikes of 20 times Rq; its halves differ by up to 40 % themselves,
   and there are more peaks than white noise has (0.351 a point against 0.333), which no
   interpolated noise gives.
