@@ -137,7 +137,8 @@ What the family can't reach, and why:
 - **OCR_3D 34, base**: the errors above 5 % are those of the two real halves.
 - **x3p-2** has parallel grooves, about nine over its 0.083 mm: their lay puts a line into the
   spectrum along the profiles and takes power out of the low frequencies across. Gradients of
-  uniform direction have a smooth spectrum; two cell sizes make it elliptic, not lined.
+  uniform direction have a smooth spectrum; two cell sizes make it elliptic, not lined. The
+  compromise between its figures and a spectrum out of reach leaves Rv and Pc 6 to 7 % off.
 - **sur-2** has bands and a few spikes of 20 times Rq; its halves differ by up to 40 % themselves,
   and there are more peaks than white noise has (0.351 a point against 0.333), which no
   interpolated noise gives.
