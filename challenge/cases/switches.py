@@ -279,7 +279,7 @@ def _lamps(world: World, strength: int, rng: np.random.Generator) -> World:
     path = world.scans.paths[0]
     camera = replace(
         world.device.camera,
-        ambient_e=_pick(strength, 250.0, 500.0, 900.0, rng),
+        ambient_e=_pick(strength, 50.0, 62.0, 75.0, rng),
         ambient_ripple=0.9,
         ambient_hz=float(rng.uniform(0.03, 0.1) * path.rate_hz),
         ambient_tilt=0.8,

@@ -144,6 +144,9 @@ def test_scores_of_plain_answers():
     assert both.covered == 1
     null = judge_case(_secret("null"), {}, _answer("match"), None, None, 0.0)
     assert not null.alarm
+    scattered = judge_case(_secret("one", "outlier_spikes"), *args, 0.4)
+    assert np.isnan(scattered.iou)
+    assert np.isnan(scattered.recovered)
     unknown = judge_case(_secret("unknown", "lost_counts"), {}, _answer("unexplained"), None,
                          None, 0.0)  # fmt: skip
     assert unknown.flagged
