@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from sensors.calibration import Measured, Solution
+    from sensors.calibration import Solution
+    from sensors.measured import Measured
     from sensors.surface import Surface
 
 EPILOG = """\
@@ -102,9 +103,10 @@ def _solve_for_figures(arguments: argparse.Namespace) -> int:
 def _measure(arguments: argparse.Namespace) -> int:
     import numpy as np
 
-    from sensors.calibration import calibrate, measure
+    from sensors.calibration import calibrate
     from sensors.datasheet import Datasheet
     from sensors.form import remove_form
+    from sensors.measured import measure
     from sensors.roughness import FIGURES, profile_roughness
     from sensors.surface import Surface
     from sensors.topography import load_topography, resolution_of
@@ -229,8 +231,8 @@ def _draw(
     import numpy as np
 
     from flawforge.roughness_picture import draw
-    from sensors.calibration import simulate
     from sensors.form import remove_form
+    from sensors.measured import simulate
 
     simulated = None
     if solution is not None:

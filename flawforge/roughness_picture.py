@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.calibration import Measured
+from sensors.measured import Measured
 from sensors.spectrum import power_spectrum
 
 Floats = NDArray[np.float64]

@@ -9,9 +9,10 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from sensors.calibration import METHOD, Measured, Solution, calibrate
+from sensors.calibration import METHOD, Solution, calibrate
 from sensors.datasheet import preset_path
 from sensors.heights import HeightMap
+from sensors.measured import Measured
 from sensors.perlin import PerlinField
 from sensors.roughness import FIGURES
 from sensors.typed_yaml import RecipeError, dump_yaml, load_yaml, parse, plain, record

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.calibration import Measured, Solution, calibrate, distribution, measure, simulate
+from sensors.calibration import Solution, calibrate
 from sensors.form import remove_form
+from sensors.measured import Measured, distribution, measure, simulate
 from sensors.recording import repeated_rows
 from sensors.roughness import roughness
 from sensors.spectrum import decibels

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.calibration import Measured, calibrate, simulate
+from sensors.calibration import calibrate
+from sensors.measured import Measured, simulate
 from sensors.perlin import PerlinField
 from sensors.roughness import FIGURES, profile_roughness, roughness
 from sensors.surface import Surface

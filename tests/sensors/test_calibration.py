@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensors.calibration import QUANTILES, Measured, calibrate, distribution, measure, simulate
+from sensors.calibration import calibrate
 from sensors.form import remove_form
+from sensors.measured import QUANTILES, Measured, distribution, measure, simulate
 from sensors.recording import repeated_rows
 from sensors.roughness import FIGURES, roughness
 from sensors.spectrum import decibels
