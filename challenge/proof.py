@@ -41,6 +41,7 @@ _DOUBTS = """\
   shows, and the maker's file describes it with a simpler model than the instrument obeys.
 - Noise is speckle on one kind of matt finish. Its dependence on slope is given to the diagnosis
   as the maker's two numbers, which are fits.
+- Cases of pixel locking have a camera with fewer rows, which their file states, as it must.
 - The part lies within 0.03 mm and 0.02 degrees of where the poses say. Worse placing was not tried.
 - The share of the oracle's gain uses clipped RMS in the held-out recording, so it speaks of the
   mean only; effects on noise or on missing points have none.

@@ -48,6 +48,15 @@ def run(out: Path, *, jobs: int, timeout_s: float) -> int:
     return 1 if failed else 0
 
 
+def command(recordings: list[str], plates: list[str]) -> list[str]:
+    """Return the command line of one diagnosis, as a stranger would type it."""
+    return [
+        sys.executable, "-m", "flawforge.cli", "diagnose", *recordings,
+        "--part", "part.stl", "--sensor", "sensor.yaml", "--reference", *plates,
+        "--part-unit", "mm", "--out", "diagnosis",
+    ]  # fmt: skip
+
+
 def _record(out: Path, name: str) -> dict[str, Any]:
     file = out / "answers" / name / "run.json"
     return dict(json.loads(file.read_text())) if file.exists() else {}
@@ -62,17 +71,12 @@ def _diagnose(out: Path, name: str, timeout_s: float) -> tuple[int, float]:
             shutil.copyfile(file, here / file.name)
         recordings = sorted(p.name for p in here.glob("[a-z].h5"))
         plates = sorted(p.name for p in here.glob("plate-*.h5"))
-        words = [
-            sys.executable, "-m", "flawforge.cli", "diagnose", *recordings,
-            "--part", "part.stl", "--sensor", "sensor.yaml", "--reference", *plates,
-            "--part-unit", "mm", "--out", "diagnosis",
-        ]  # fmt: skip
         one_core = {f"{lib}_NUM_THREADS": "1" for lib in ("OMP", "NUMBA", "OPENBLAS", "MKL")}
         begin = time.time()
         try:
             done = subprocess.run(
-                words, cwd=here, env={**os.environ, **one_core}, capture_output=True,
-                timeout=timeout_s, check=False, text=True,
+                command(recordings, plates), cwd=here, env={**os.environ, **one_core},
+                capture_output=True, timeout=timeout_s, check=False, text=True,
             )  # fmt: skip
             code, tail = done.returncode, (done.stdout + done.stderr)[-2000:]
         except subprocess.TimeoutExpired:
