@@ -7,14 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.empirical_fit import fit_empirical
+from diagnosis.finish import finish_effects, finish_intervals
 from diagnosis.heldout import Judgement, judge, judging_masks
 from diagnosis.locate import Region
 from diagnosis.maps import RecordingMaps, map_recording
+from diagnosis.mounting import Mounting, mounting_error
 from diagnosis.noise import Field, Mask, NoiseModel, calibrate
 from diagnosis.patch import Patch, cut, in_range
 from diagnosis.plates import plate_residual
+from diagnosis.prediction import predict
 from diagnosis.registration import Placement, register
-from diagnosis.score import placements, whitened
+from diagnosis.score import log_density, placements, whitened
 from diagnosis.screen import Finding
 from diagnosis.select import Choice, Selection, refit, select
 from diagnosis.uncertainty import intervals
@@ -23,10 +26,13 @@ from sensors.covariates import COVARIATES
 from sensors.datasheet import Datasheet, with_effects
 from sensors.effects.base import Effect
 from sensors.laser import Laser
+from sensors.law import geometric_law
 from sensors.recording import Recording
 from sensors.scene import Scene
 from sensors.surface import Surface
 from sensors.typed_yaml import RecipeError
+from sensors.uncertainty import sigma_mm
+from sensors.view import View
 
 Progress = Callable[[str], None]
 
@@ -136,7 +142,7 @@ def diagnose(
         )  # fmt: skip
     _check_overlap(patches)
     progress("calibrating the noise")
-    noise = _noise(patches, references, datasheet, notes)
+    noise, nominal = _noise(patches, references, datasheet, notes)
     fit_patches = [p for p in patches if p.fit.any()]
     ws = Workspace.build(fit_patches, noise)
     _note_repeats(everything, notes)
@@ -144,6 +150,21 @@ def diagnose(
     selection = select(ws, rng, withheld=withheld, progress=progress)
     model = selection.model
     verdict, left = _verdict(selection)
+    finishes, finish_findings = finish_effects(
+        ws, model, noise, nominal, _nominal_sd_mm(nominal, surface, fit_patches[0].view)
+    )
+    finishes = [e for e in finishes if e.name not in set(withheld)]
+    mounting = None
+    if "pose_error" not in set(withheld):
+        mounting = mounting_error(
+            [r.poses for r in fit_on], [placed[r.name] for r in fit_on]
+        )
+    if verdict == "match" and (finishes or mounting):
+        verdict = "explained"
+    elif verdict == "match" and finish_findings:
+        verdict, left = "unexplained", finish_findings
+    elif verdict == "unexplained" and (finishes or mounting):
+        verdict = "partly_explained"
     if verdict in ("unexplained", "partly_explained"):
         progress("describing what is left")
         empirical = fit_empirical(ws, model, left)
@@ -156,6 +177,17 @@ def diagnose(
     after = judge(held_patches, noise, model, share_own=share_own)
     progress("intervals")
     found = _found(ws, model, selection, held_patches, noise, after, share_own)
+    if finishes:
+        plain_noise = _nominal_noise(noise, nominal, surface, fit_patches[0].view)
+        before = judge(held_patches, plain_noise, Model(), share_own=share_own)
+        found += tuple(
+            _plainly(e, before.log_score - after.log_score, finish_intervals(e)) for e in finishes
+        )
+    if mounting is not None:
+        gain = _commanded_gain(
+            everything, held_patches, scene, datasheet, laser, noise, mounting, lateral
+        )
+        found += (_plainly(mounting.effect, gain, mounting.intervals),)
     progress("drawing maps")
     shifts = _final_shifts(patches, noise, model, share_own)
     maps = [
@@ -166,6 +198,8 @@ def diagnose(
     ]
     if verdict == "match":
         maps = [m.silenced() for m in maps]
+    elif finishes or mounting is not None:
+        maps = [m.everywhere(found[-1].name) if not m.mask.any() else m for m in maps]
     regions = tuple(region for m in maps for region in m.regions)
     counted = sum(m.mask.size for m in maps)
     sheet = with_effects(datasheet, tuple(f.effect.shared().to_mapping() for f in found))
@@ -253,6 +287,81 @@ def _found(
     return tuple(sorted(out, key=lambda f: -f.heldout_gain))
 
 
+def _plainly(
+    effect: Effect, gain: float, parameters: dict[str, tuple[float, float, float]]
+) -> FoundEffect:
+    """Report an effect that was measured by itself."""
+    covariate = COVARIATES[effect.covariate]
+    return FoundEffect(
+        name=effect.name,
+        effect=effect,
+        statement=effect.describe(),
+        parameters=parameters,
+        heldout_gain=gain,
+        covariate=covariate.words,
+        covariate_key=covariate.name,
+        frame=effect.frame,
+        alternatives=(),
+        separating=effect.separating,
+    )
+
+
+def _commanded_gain(
+    recordings: Sequence[Recording],
+    held: Sequence[Patch],
+    scene: Scene,
+    datasheet: Datasheet,
+    laser: dict[str, Laser],
+    noise: NoiseModel,
+    mounting: Mounting,
+    lateral: float,
+) -> float:
+    """Nats per held-out reading that the common offset gains at commanded poses, nothing refitted."""
+    names = {p.recording for p in held}
+    total, count = 0.0, 0.0
+    for number, recording in enumerate(recordings):
+        if number not in names:
+            continue
+        stay = Placement(
+            shift=np.zeros(7),
+            centre_mm=np.zeros(3),
+            covariance=np.eye(7),
+            poses=recording.poses,
+        )
+        for patch in cut(
+            number, recording, stay, scene, datasheet, laser[recording.name], lateral_mm=lateral,
+            held_out=np.ones(recording.depth_mm.shape, dtype=bool),
+        ):  # fmt: skip
+            scores = [
+                log_density(
+                    patch, predict(patch.view, e, noise, softness=patch.softness), noise, np.zeros(7)
+                )
+                for e in ((), (mounting.effect,))
+            ]
+            total += float((scores[1] - scores[0]).sum())
+            count += float(patch.counted.sum())
+    return total / max(count, 1.0)
+
+
+def _nominal_sd_mm(nominal: NoiseModel | None, surface: Surface | None, view: View) -> float:
+    """Size of the noise that plates or the surface's file claim; 0 where neither does."""
+    if nominal is not None:
+        return nominal.sd_mm
+    if surface is None:
+        return 0.0
+    law = geometric_law(view, surface)
+    return float(np.hypot(sigma_mm(view.datasheet), law.speckle_sd_mm(view)))
+
+
+def _nominal_noise(
+    noise: NoiseModel, nominal: NoiseModel | None, surface: Surface | None, view: View
+) -> NoiseModel:
+    """The noise as the plain model has it."""
+    if nominal is not None and nominal.acf.shape == noise.acf.shape:
+        return nominal
+    return replace(noise, sd_mm=_nominal_sd_mm(nominal, surface, view))
+
+
 def _final_shifts(
     patches: Sequence[Patch], noise: NoiseModel, model: Model, share_own: bool
 ) -> dict[str, dict[int, Field]]:
@@ -284,7 +393,7 @@ def _noise(
     references: Sequence[Recording],
     datasheet: Datasheet,
     notes: list[str],
-) -> NoiseModel:
+) -> tuple[NoiseModel, NoiseModel | None]:
     """Correlation and size from the recordings' own residuals, losses and tails from plates."""
     fields, masks = [], []
     for patch in patches:
@@ -297,9 +406,9 @@ def _noise(
         masks = [p.observed & np.isfinite(p.plain_mm) & p.fit for p in patches]
     pitch = _pitch(patches[0])
     own = calibrate(fields, masks, pitch_mm=pitch, missing_share=0.0, from_reference=False)
-    own = replace(own, tail_share=0.0)
+    own = replace(own, tail_share=0.0, tail_sd_mm=8 * own.sd_mm)
     if not references:
-        return own
+        return own, None
     plates = [plate_residual(r, datasheet) for r in references]
     reference = calibrate(
         [p.residual_mm for p in plates],
@@ -313,12 +422,14 @@ def _noise(
         f"noise: {1e3 * own.sd_mm:.1f} µm on the part, {1e3 * reference.sd_mm:.1f} µm on the plate"
         f" (ratio {ratio:.2f})"
     )
-    return replace(
+    own = replace(
         own,
         tail_share=reference.tail_share,
+        tail_sd_mm=max(reference.tail_sd_mm, 8 * own.sd_mm),
         missing_share=reference.missing_share,
         from_reference=True,
     )
+    return own, reference.at_pitch(*pitch)
 
 
 def _pitch(patch: Patch) -> tuple[float, float]:

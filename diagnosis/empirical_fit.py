@@ -8,7 +8,7 @@ from diagnosis.families import covariate_values
 from diagnosis.fit import Fitted, solve_linear
 from diagnosis.screen import Finding
 from diagnosis.select import crossfitted
-from diagnosis.workspace import Model, Workspace
+from diagnosis.workspace import Model, Workspace, bootstrap_interval
 from sensors.covariates import COVARIATES
 from sensors.effects.base import Effect
 from sensors.effects.empirical import Empirical
@@ -51,4 +51,5 @@ def fit_empirical(ws: Workspace, model: Model, left: Sequence[Finding]) -> Effec
     base = ws.log_densities(model)
     trial = Fitted(effect=best[1], own={}, gain=best[0], free=KNOTS)
     blocks = crossfitted(ws, model, Empirical, trial, base)
-    return best[1] if float(blocks.sum()) > KNOTS else None
+    low, _ = bootstrap_interval(blocks, np.random.default_rng(0))
+    return best[1] if low > 0 else None

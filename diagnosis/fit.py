@@ -24,6 +24,7 @@ from sensors.typed_yaml import RecipeError
 MAX_GRID = 600
 SEARCHES = 45
 PEAKS = 4
+IMITATED = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -185,6 +186,7 @@ class _Normal:
 
     gram: Field
     right: Field
+    raw: Field
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -241,19 +243,24 @@ def _normals(
     for r in gram:
         solved = np.linalg.solve(pose[r], np.column_stack([cross[r], pose_right[r]]))
         out[r] = _Normal(
-            gram=gram[r] - cross[r].T @ solved[:, :-1], right=right[r] - cross[r].T @ solved[:, -1]
+            gram=gram[r] - cross[r].T @ solved[:, :-1],
+            right=right[r] - cross[r].T @ solved[:, -1],
+            raw=np.diag(gram[r]),
         )
     return out
 
 
-def _solve(gram: Field, right: Field) -> tuple[Field, float]:
-    size = np.sqrt(np.maximum(np.diag(gram), 1e-30))
-    scaled = gram / np.outer(size, size)
-    values, vectors = np.linalg.eigh(scaled)
-    kept = values > 1e-4
+def _solve(gram: Field, right: Field, raw: Field) -> Field:
+    """Solve for coefficients; directions that a placement can imitate stay at zero.
+
+    Such a direction keeps less than a thousandth of its square once the pose is projected out: the
+    recordings can't tell it from a misplaced part.
+    """
+    size = np.sqrt(np.maximum(raw, 1e-30))
+    values, vectors = np.linalg.eigh(gram / np.outer(size, size))
+    kept = values > IMITATED
     half = vectors[:, kept] / np.sqrt(values[kept])
-    beta = (half @ (half.T @ (right / size))) / size
-    return beta, float(0.5 * right @ beta)
+    return np.asarray((half @ (half.T @ (right / size))) / size)
 
 
 def _fit_linear(
@@ -364,9 +371,10 @@ def solve_linear(
         return _solve_phases(effect, normals)
     gram = np.asarray(sum(n.gram for n in normals.values()))
     right = np.asarray(sum(n.right for n in normals.values()))
+    raw = np.asarray(sum(n.raw for n in normals.values()))
     if not np.any(np.diag(gram) > 1e-12):
         return None
-    beta, _ = _solve(gram, right)
+    beta = _solve(gram, right, raw)
     solved = with_coefficients(effect, beta)
     held = beta if is_sinusoid(solved) else coefficients_of(solved)
     gain = float(right @ held - 0.5 * held @ gram @ held)
@@ -379,9 +387,8 @@ def _solve_columns(
 ) -> Fitted:
     offsets, gain = column_equations(ws.patches, states, masks).offsets()
     um = tuple(float(v) for v in np.clip(1e3 * (offsets - offsets.mean()), -1000, 1000))
-    rms = float(np.std(um))
     return Fitted(
-        effect=effect.with_parameters(values_um=um, rms_um=min(rms, 1000.0)),
+        effect=effect.with_parameters(values_um=um, rms_um=0.0),
         own={},
         gain=gain,
         free=len(um) // 2,
@@ -395,7 +402,7 @@ def _solve_phases(effect: Effect, normals: Mapping[int, _Normal]) -> Fitted | No
     for r, normal in normals.items():
         if np.trace(normal.gram) <= 1e-12:
             continue
-        beta, _ = _solve(normal.gram, normal.right)
+        beta = _solve(normal.gram, normal.right, normal.raw)
         own[r] = {"phase_rad": float(np.arctan2(beta[1], beta[0]) % (2 * np.pi))}
         sizes.append(float(np.hypot(*beta)))
         weights.append(float(np.trace(normal.gram)))

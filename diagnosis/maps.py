@@ -38,6 +38,22 @@ class RecordingMaps:
         return replace(self, mask=np.zeros_like(self.mask), regions=())
 
 
+    def everywhere(self, effect: str) -> "RecordingMaps":
+        """The same with every reading marked: what departs is the whole recording."""
+        mask = np.isfinite(self.depth_mm)
+        if not mask.any():
+            return self
+        rows, columns = np.nonzero(mask.any(axis=1))[0], np.nonzero(mask.any(axis=0))[0]
+        region = Region(
+            recording=self.name,
+            profiles=(int(rows[0]), int(rows[-1]) + 1),
+            points=(int(columns[0]), int(columns[-1]) + 1),
+            size_um=0.0,
+            effect=effect,
+        )
+        return replace(self, mask=mask, regions=(region,))
+
+
 def map_recording(
     number: int,
     recording: Recording,

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy import stats
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, label
 
 from diagnosis.families import covariate_values, hats
 from diagnosis.noise import Field, Mask, NoiseModel
@@ -22,6 +22,9 @@ from sensors.covariates import COVARIATES
 
 TOLERANCES = {"variance": 0.12, "missing": 0.004, "tails": 0.002}
 """Least departure that is a mismatch: relative change of the noise, share of readings."""
+LEVELS = {"missing": 0.002, "tails": 0.0007}
+"""Least share of readings, lost or spikes, that is a mismatch by itself."""
+LARGEST_EVENT = 12
 WATCHED = (
     "incidence", "slope_x", "slope_y", "half_vector", "depth", "x", "brightness", "hidden",
     "time", "column",
@@ -74,7 +77,8 @@ def _numbers(
             masks.append(inside)
         else:
             seen = inside & patch.observed & ~patch.edge
-            values.append(np.where(seen & ~state.used, 1.0, 0.0) - noise.tail_share)
+            usual = np.where(prediction.p_outlier > 3e-4, prediction.p_outlier, noise.tail_share)
+            values.append(np.where(seen & ~state.used, 1.0, 0.0) - usual)
             masks.append(seen)
     if channel == "variance":
         everything = np.concatenate([v[m] for v, m in zip(values, masks, strict=True)])
@@ -96,19 +100,29 @@ def _overall(
     """Level of missing or spikes against the plain model's; the noise's level is tested apart."""
     if channel == "variance":
         return []
-    sums = np.concatenate([block_sums(np.where(m, v, 0.0), block) for v, m in zip(values, masks, strict=True)])
     count = sum(int(m.sum()) for m in masks)
-    spread = np.sqrt((sums**2).sum() * sums.size / max(sums.size - 1, 1) + floor * count)
-    share = float(sums.sum() / count)
-    z = float(sums.sum() / spread) if share > 0 else 0.0
-    events = sum(float(v[m].sum()) for v, m in zip(values, masks, strict=True)) + floor * count
+    share = sum(float(v[m].sum()) for v, m in zip(values, masks, strict=True)) / count
+    # the plain model loses readings one by one; a patch of lost ones counts as a few events
+    events = sum(_events((v > 0.5) & m) for v, m in zip(values, masks, strict=True))
+    usual = sum(float(((v > 0.5) - v)[m].sum()) for v, m in zip(values, masks, strict=True))
+    expected = max(floor * count, usual)
+    log_tail = stats.poisson.logsf(events - 1, expected) if events else 0.0
+    z = float(stats.norm.isf(np.exp(log_tail))) if log_tail > -600 else float(np.sqrt(-2 * log_tail))
+    if channel == "tails":
+        z *= 0.7  # real noise has heavier shoulders than a Gaussian's
     return [
         Finding(
             channel=channel, name=f"level:{channel}", words="nothing in particular", frame="sensor",
-            z=z if events > 12 else 0.0, size=share, tolerance=0.0015 if channel == "missing" else 0.0007,
+            z=z if events > 12 else 0.0, size=share, tolerance=LEVELS[channel],
             gain=max(0.0, 0.5 * z * z), coefficients=np.array([share]),
         )
     ]  # fmt: skip
+
+
+def _events(marked: Mask) -> int:
+    """Marked readings, those of one connected patch counting as LARGEST_EVENT at most."""
+    marks, _ = label(marked)
+    return int(np.minimum(np.bincount(marks.ravel())[1:], LARGEST_EVENT).sum())
 
 
 def _against(

@@ -152,13 +152,13 @@ class RowTests:
         return findings, largest
 
     def waves(self, kind: int) -> "Waves | None":
-        """Frequencies half a resolution element apart, up to half the profile rate."""
+        """Frequencies half a resolution element apart, from 1.5 cycles in the scan to Nyquist's."""
         step = float(np.median(np.diff(self.time_s)))
         if step <= 0 or self.time_s.size < 24:
             return None
         span = self.time_s[-1] - self.time_s[0]
         count = int(min(span / step, 3000))
-        frequencies = np.arange(2, count + 1) / (2 * count * step)
+        frequencies = np.arange(3, count + 1) / (2 * count * step)
         gram = self.gram[kind]
         wave = 2 * np.pi * np.outer(self.time_s, frequencies)
         cosine, sine = np.cos(wave), np.sin(wave)

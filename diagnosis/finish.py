@@ -1,0 +1,140 @@
+"""The surface's finish: is the noise as large, as fine and as even as the nominal one?
+
+Compared are the noise on the part, where it is hit squarely, and the plate's (or that of the
+surface's file): a factor on its size, a factor on its peaks, a direction along which it is drawn
+out on the part.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from diagnosis.noise import NoiseModel, calibrate
+from diagnosis.patch import Patch
+from diagnosis.screen import Finding
+from diagnosis.workspace import Model, Workspace
+from sensors.effects.anisotropic_lay import AnisotropicLay
+from sensors.effects.base import Effect
+from sensors.effects.roughness_level import RoughnessLevel
+from sensors.uncertainty import sigma_mm
+
+LEVEL_TOLERANCE = 0.3
+"""Least change of the noise's logarithm; range and reflectance move it by a quarter."""
+LAY_TOLERANCE = math.log(1.6)
+SQUARE_RAD = math.radians(25)
+
+
+def level_ratio(ws: Workspace, model: Model) -> float:
+    """Size of the noise where the part is hit squarely, relative to the calibrated one."""
+    states = ws.states(ws.predict(model))
+    squares = []
+    for patch, state in zip(ws.patches, states, strict=True):
+        square = patch.view.incidence_rad < SQUARE_RAD
+        pick = patch.fit & state.used & ~patch.edge & square
+        squares.append(np.minimum(state.innovations[pick] ** 2, 9.0))
+    every = np.concatenate(squares)
+    return float(np.sqrt(every.mean() / 0.995)) * model.level if every.size > 200 else model.level
+
+
+def finish_effects(
+    ws: Workspace, model: Model, own: NoiseModel, nominal: NoiseModel | None, nominal_sd_mm: float
+) -> tuple[list[Effect], list[Finding]]:
+    """Effects on the noise's level and direction against a nominal noise.
+
+    Parameters
+    ----------
+    nominal : the plates' noise; None where only a surface's file is known
+    nominal_sd_mm : nominal size; 0 where nothing is claimed
+    """
+    effects: list[Effect] = []
+    findings: list[Finding] = []
+    white = sigma_mm(ws.patches[0].view.datasheet)
+    if nominal_sd_mm > 0:
+        size = own.sd_mm * level_ratio(ws, model)
+        ratio = math.log(size / nominal_sd_mm)
+        if abs(ratio) > LEVEL_TOLERANCE:
+            amplitude = math.sqrt(
+                max(size**2 - white**2, 1e-12) / max(nominal_sd_mm**2 - white**2, 1e-12)
+            )
+            peaks = 1.0
+            if nominal is not None:
+                peaks = math.sqrt(
+                    np.prod(nominal.correlation_length_px())
+                    / max(np.prod(own.correlation_length_px()), 1e-9)
+                )
+                peaks = 1.0 if abs(math.log(peaks)) < 0.3 else peaks
+            effects.append(
+                RoughnessLevel(
+                    amplitude=float(np.clip(amplitude, 0.05, 20)), peaks=float(np.clip(peaks, 0.05, 20))
+                )
+            )
+            findings.append(_finding("variance", "level of the noise", abs(math.expm1(ratio)), ratio))
+    if nominal is not None:
+        lay = _lay(ws, nominal)
+        if lay is not None:
+            effects.append(lay)
+            findings.append(_finding("correlation", "direction of the noise", lay.ratio - 1, math.log(lay.ratio)))
+    return effects, findings
+
+
+def _finding(channel: str, words: str, size: float, strength: float) -> Finding:
+    return Finding(
+        channel=channel, name=f"{channel}:level", words=words, frame="part",
+        z=10 * abs(strength) / LEVEL_TOLERANCE, size=size, tolerance=0.0, gain=0.0,
+        coefficients=np.array([strength]),
+    )  # fmt: skip
+
+
+def _lay(ws: Workspace, nominal: NoiseModel) -> AnisotropicLay | None:
+    """A direction on the part along which the noise is drawn out, from its turn with the poses."""
+    even = _stretch(nominal)
+    rows, seen = [], []
+    for number in sorted({p.recording for p in ws.patches}):
+        patches = [p for p in ws.patches if p.recording == number]
+        fields = [p.depth_mm - p.plain_mm for p in patches]
+        masks = [p.fit & p.observed & np.isfinite(p.plain_mm) & ~p.edge & p.counted for p in patches]
+        if sum(int(m.sum()) for m in masks) < 3000:
+            continue
+        own = calibrate(
+            fields, masks, pitch_mm=(nominal.pitch_x_mm, nominal.pitch_y_mm), missing_share=0.0,
+            from_reference=False,
+        )  # fmt: skip
+        heading = _heading(patches)
+        rows.append([math.cos(2 * heading), math.sin(2 * heading)])
+        seen.append(_stretch(own) - even)
+    if not rows:
+        return None
+    design, stretch = np.array(rows), np.array(seen)
+    solved, *_ = np.linalg.lstsq(design, stretch, rcond=0.1)
+    size = float(np.hypot(*solved))
+    rest = stretch - design @ solved
+    if size < LAY_TOLERANCE or float(np.abs(rest).max()) > 0.4 * size:
+        return None
+    angle = math.degrees(0.5 * math.atan2(solved[1], solved[0]))
+    return AnisotropicLay(ratio=float(np.clip(math.exp(size), 1, 50)), angle_deg=angle)
+
+
+def _stretch(noise: NoiseModel) -> float:
+    """Logarithm of the correlation length along the line over that along the travel, in mm."""
+    y, x = noise.correlation_length_px()
+    return math.log(max(x * noise.pitch_x_mm, 1e-9) / max(y * noise.pitch_y_mm, 1e-9))
+
+
+def _heading(patches: Sequence[Patch]) -> float:
+    """Angle of the laser line on the part, from the part's x towards its y."""
+    along = patches[0].view.poses[0, :3, 0]
+    return math.atan2(along[1], along[0])
+
+
+def finish_intervals(effect: Effect) -> dict[str, tuple[float, float, float]]:
+    """Values with the tolerance to which a nominal noise can be known."""
+    out = {}
+    for name, share in (("amplitude", 0.15), ("ratio", 0.3)):
+        value = getattr(effect, name, None)
+        if value is not None:
+            out[name] = (value, value * math.exp(-share), value * math.exp(share))
+    angle = getattr(effect, "angle_deg", None)
+    if angle is not None:
+        out["angle_deg"] = (angle, angle - 15.0, angle + 15.0)
+    return out

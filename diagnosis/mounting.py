@@ -1,0 +1,97 @@
+"""The mounting: do the recordings' placements agree in the sensor's own frame?
+
+Every other test takes a recording's rigid misplacement as a nuisance. Where the corrections of
+several recordings agree in the sensor's frame, far better than they scatter, it isn't the part that
+lay wrong each time but the sensor that sits wrong: pose_error.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+from scipy.spatial.transform import Rotation
+
+from diagnosis.noise import Field
+from diagnosis.registration import Placement, travel_vector
+from sensors.effects.pose_error import PoseError
+
+LEVEL = 1e-3
+LEAST_DEG = 0.02
+LEAST_MM = 0.04
+SLACK = np.array([0.01, 0.01, 0.01, 0.01, 0.01, 0.02])
+"""What registration alone scatters: turns in degrees, offsets in mm."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Mounting:
+    """A common error of the mounting with its intervals."""
+
+    effect: PoseError
+    intervals: dict[str, tuple[float, float, float]]
+    z: float
+
+
+NAMES = ("yaw_deg", "roll_deg", "pitch_deg", "x_mm", "y_mm", "z_mm")
+
+
+def mounting_error(commanded: Sequence[Field], placements: Sequence[Placement]) -> Mounting | None:
+    """Find a mounting error that recordings in different orientations share; None without one.
+
+    With one recording, or all in one orientation, sensor and part can't be told apart.
+    """
+    if len(placements) < 2 or _spread_deg(commanded) < 15:
+        return None
+    errors = np.stack([_in_sensor(p, q) for p, q in zip(commanded, placements, strict=True)])
+    count = len(errors)
+    mean = errors.mean(axis=0)
+    scatter = errors - mean
+    variance = (scatter**2).sum(axis=0) / (count - 1)
+    pooled = variance / SLACK**2
+    scale = max(float(pooled.mean()), 1.0)
+    statistic = float((count * (mean / SLACK) ** 2).sum() / 6 / scale)
+    tail = float(stats.f.sf(statistic, 6, 6 * (count - 1)))
+    large = (np.abs(mean[:3]) > LEAST_DEG).any() or (np.abs(mean[3:]) > LEAST_MM).any()
+    if tail > LEVEL or not large:
+        return None
+    sd = np.sqrt(np.maximum(variance, SLACK**2) / count)
+    reach = float(stats.t.ppf(0.975, 6 * (count - 1)))
+    certain = np.abs(mean) > 2 * sd
+    values = {n: float(v) for n, v, ok in zip(NAMES, mean, certain, strict=True) if ok}
+    bounds = {p.name: (p.low, p.high) for p in PoseError.parameters()}
+    values = {n: float(np.clip(v, *bounds[n])) for n, v in values.items()}
+    if not values:
+        return None
+    effect = PoseError.none().with_parameters(values)
+    return Mounting(
+        effect=effect,
+        intervals={
+            n: (float(v), float(v - reach * s), float(v + reach * s))
+            for n, v, s in zip(NAMES, mean, sd, strict=True)
+        },
+        z=float(stats.norm.isf(max(tail, 1e-300))),
+    )
+
+
+def _in_sensor(commanded: Field, placement: Placement) -> Field:
+    """A placement as an error in the sensor's frame, true = commanded · error: (6,)."""
+    middle = commanded[len(commanded) // 2]
+    shift = placement.shift
+    turn = Rotation.from_rotvec(shift[3:6]).as_matrix()
+    true = middle.copy()
+    true[:3, 3] += shift[6] * travel_vector(commanded)[len(commanded) // 2]
+    true[:3, 3] = turn @ (true[:3, 3] - placement.centre_mm) + placement.centre_mm + shift[:3]
+    true[:3, :3] = turn @ true[:3, :3]
+    error = np.linalg.inv(middle) @ true
+    angles = Rotation.from_matrix(error[:3, :3]).as_euler("ZYX")
+    return np.concatenate([[math.degrees(a) for a in angles], error[:3, 3]])
+
+
+def _spread_deg(commanded: Sequence[Field]) -> float:
+    """Largest turn between the recordings' orientations."""
+    first = Rotation.from_matrix(commanded[0][0, :3, :3])
+    turns = [
+        (first.inv() * Rotation.from_matrix(p[0, :3, :3])).magnitude() for p in commanded
+    ]
+    return math.degrees(max(turns))

@@ -1,0 +1,59 @@
+"""Registration: the derivative of depth by pose, poses recovered, and clear words where it can't."""
+
+import numpy as np
+import pytest
+
+from benchmarks.relief import VIEWS, datasheet, part, poses, record
+from diagnosis.registration import hits_normal, move, pose_columns, register
+from sensors.laser import Laser
+from sensors.scene import Scene
+from sensors.typed_yaml import RecipeError
+
+
+def test_pose_columns_are_the_derivative_of_depth() -> None:
+    # inside one flank of the roof depth is linear, so that differences are exact to second order
+    scene, sheet = part("wedge"), datasheet(20)
+    laser, scan = Laser.from_datasheet(sheet), poses(12, **VIEWS[1])
+    hits = scene.cast(laser, scan)
+    centre = np.array([1.0, -2.0, 3.0])
+    columns = pose_columns(scan, laser, hits.depth_mm, hits_normal(scene, hits), centre)
+    for k, size in enumerate([1e-3] * 3 + [1e-5] * 3 + [1e-4]):
+        step = np.zeros(7)
+        step[k] = size
+        ahead = scene.cast(laser, move(scan, step, centre))
+        back = scene.cast(laser, move(scan, -step, centre))
+        same = (ahead.triangle == hits.triangle) & (back.triangle == hits.triangle)
+        same &= np.isfinite(hits.depth_mm)
+        slope = (ahead.depth_mm - back.depth_mm) / (2 * size)
+        assert same.sum() > 100
+        np.testing.assert_allclose(columns[..., k][same], slope[same], rtol=1e-3, atol=1e-3)
+
+
+@pytest.mark.parametrize("name", ["domes", "steps"])
+def test_a_misplaced_part_is_found_again(name: str) -> None:
+    scene, sheet = part(name), datasheet(100)
+    laser = Laser.from_datasheet(sheet)
+    made = record(scene, sheet, [], name="r", seed=4, profiles=70, pitch_mm=0.6, misplaced=2.0)
+    placed = register(scene, made, laser, valid=np.isfinite(made.depth_mm), sd_mm=0.003)
+    residual = made.depth_mm - scene.cast(laser, placed.poses).depth_mm
+    commanded = made.depth_mm - scene.cast(laser, made.poses).depth_mm
+    known = np.isfinite(residual)
+    assert np.median(np.abs(residual[known])) < 0.02
+    assert np.median(np.abs(commanded[np.isfinite(commanded)])) > 0.04
+    assert (np.abs(residual[known]) > 0.3).mean() < 0.01  # silhouettes fall into place too
+
+
+@pytest.mark.parametrize(
+    ("scale", "offset", "words"),
+    [(1e-3, 0.0, "--part-unit m"), (1 / 25.4, 0.0, "--part-unit inch"), (1.0, 400.0, "overlap")],
+)
+def test_units_and_places_that_cannot_be(scale: float, offset: float, words: str) -> None:
+    scene, sheet = part("domes"), datasheet(60)
+    made = record(scene, sheet, [], name="r", seed=4, profiles=40, pitch_mm=1.0)
+    wrong = Scene(scene.vertices_mm * scale + offset, scene.faces)
+    with pytest.raises(RecipeError, match=words):
+        register(
+            wrong, made, Laser.from_datasheet(sheet), valid=np.isfinite(made.depth_mm), sd_mm=0.003
+        )
+
+
