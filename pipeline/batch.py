@@ -6,6 +6,7 @@ alone, so the bytes are the same for any number of workers and after any restart
 
 import hashlib
 import json
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import joblib
+from joblib.externals.loky import process_executor
 
 from pipeline.folder import drop_leftovers, drop_parts, held
 from pipeline.manifest import versions, write_manifest
@@ -70,13 +72,11 @@ class Backend:
             with cluster(self.scheduler) as client, joblib.parallel_config("dask", client=client):
                 yield client
         elif self.jobs > 1:
-            from joblib.externals.loky.process_executor import TerminatedWorkerError
-
             # each worker is one thread: cores are shared out among processes
             with joblib.parallel_config("loky", inner_max_num_threads=1):
                 try:
                     yield None
-                except TerminatedWorkerError:
+                except process_executor.TerminatedWorkerError:
                     raise RecipeError(
                         "a worker was killed; memory may be short",
                         where="--jobs",
@@ -205,7 +205,7 @@ def prepare(
     """Load, mend and keep every part, in parallel; one that fails doesn't stop the others."""
     folder.mkdir(exist_ok=True)
     results: dict[str, tuple[str | None, dict[str, Any]]] = {}
-    work = (joblib.delayed(_prepare_one)(recipe, want, folder) for want in wanted)
+    work = (joblib.delayed(_worked)(_prepare_one, recipe, want, folder) for want in wanted)
     for name, stored, facts in backend.parallel()(work):
         results[name] = stored, facts
         event("part", facts)
@@ -245,6 +245,17 @@ def _prepare_one(
         return want.name, None, facts | {"why": why}
 
 
+def _worked(task: Callable[..., Any], *arguments: Any) -> Any:
+    """Run a task in a worker, which may keep as much memory as it needs.
+
+    Loky takes a worker for leaking, and ends it, once it has 300 MB more than after its first
+    task. Kept parts and a large scan's arrays are more than that; a test holds that memory doesn't
+    grow with the number of scans.
+    """
+    process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize
+    return task(*arguments)
+
+
 def _make_shards(
     place: Workplace, plan: Plan, triangles: Mapping[str, int], backend: Backend, event: Event
 ) -> None:
@@ -257,6 +268,6 @@ def _make_shards(
             todo.append(shard)
     cost = {shard.name: sum(triangles[work.part.name] for work in shard.work) for shard in todo}
     todo.sort(key=lambda shard: cost[shard.name], reverse=True)
-    work = (joblib.delayed(make_shard)(place, shard) for shard in todo)
+    work = (joblib.delayed(_worked)(make_shard, place, shard) for shard in todo)
     for name, scans in backend.parallel()(work):
         event("shard", {"shard": name, "scans": scans, "kept": False})
