@@ -8,7 +8,7 @@ import pytest
 
 HOME = Path(__file__).resolve().parents[2]
 FOR_LATER = ("scipy.signal", "scipy.stats", "scipy.optimize", "scipy.interpolate", "pandas",
-             "pyarrow", "matplotlib", "trimesh", "networkx", "PIL", "tqdm", "distributed")  # fmt: skip
+             "pyarrow", "matplotlib", "trimesh", "networkx", "PIL", "tqdm")  # fmt: skip
 
 
 def loaded_by(code: str) -> set[str]:
