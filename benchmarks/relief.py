@@ -10,13 +10,14 @@ from sensors.datasheet import Datasheet
 from sensors.effects import effects_of
 from sensors.laser import Laser
 from sensors.law import draw_effects, law_with
+from sensors.perlin import PerlinField
 from sensors.recording import Recording
 from sensors.scene import Scene
-from sensors.surface import Surface
 from sensors.view import View
 
 Floats = NDArray[np.float64]
-SURFACE = Surface(name="bench", rpm_mm=0.030, rvm_mm=0.030, pc_per_mm=3.0)
+SPECKLE = PerlinField(amplitude_mm=0.035, cell_x_mm=0.8, cell_y_mm=1.1, octaves=3)
+"""About 9 µm of noise, correlated over two or three readings."""
 
 
 def solid(height: Callable[[Floats, Floats], Floats], x_mm: Floats, y_mm: Floats) -> Scene:
@@ -155,7 +156,7 @@ def record(
     name: str,
     seed: int,
     profiles: int = 110,
-    surface: Surface | None = SURFACE,
+    speckle: PerlinField | None = SPECKLE,
     start_time_s: float | None = None,
     misplaced: float = 1.0,
     **placing: object,
@@ -180,7 +181,7 @@ def record(
         return streams[stream]
 
     effects = draw_effects(effects_of(made), rng_of)
-    law = law_with(view, surface, effects, rng_of)
+    law = replace(law_with(view, None, effects, rng_of), speckle=speckle)
     depth, _ = law.sample(rng_of, view)
     return Recording(
         name=name,

@@ -33,13 +33,14 @@ def test_pose_columns_are_the_derivative_of_depth() -> None:
 def test_a_misplaced_part_is_found_again(name: str) -> None:
     scene, sheet = part(name), datasheet(100)
     laser = Laser.from_datasheet(sheet)
-    made = record(scene, sheet, [], name="r", seed=4, profiles=70, pitch_mm=0.6, misplaced=2.0)
+    made = record(scene, sheet, [], name="r", seed=4, profiles=70, pitch_mm=0.6, misplaced=6.0)
     placed = register(scene, made, laser, valid=np.isfinite(made.depth_mm), sd_mm=0.003)
     residual = made.depth_mm - scene.cast(laser, placed.poses).depth_mm
     commanded = made.depth_mm - scene.cast(laser, made.poses).depth_mm
     known = np.isfinite(residual)
-    assert np.median(np.abs(residual[known])) < 0.02
-    assert np.median(np.abs(commanded[np.isfinite(commanded)])) > 0.04
+    # what is left is the noise, 9 µm in size; before, the misplacement was several times that
+    assert np.median(np.abs(residual[known])) < 0.008
+    assert np.sqrt(np.nanmean(np.clip(commanded, -1, 1) ** 2)) > 0.05
     assert (np.abs(residual[known]) > 0.3).mean() < 0.01  # silhouettes fall into place too
 
 

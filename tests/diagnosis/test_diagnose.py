@@ -1,0 +1,88 @@
+"""The whole diagnosis on small simulated recordings: silence, explanation, honest ignorance."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.relief import VIEWS, datasheet, part, record
+from diagnosis.diagnose import Diagnosis, diagnose
+from sensors.recording import Recording
+from sensors.typed_yaml import RecipeError
+
+
+def recordings(
+    name: str, effects: Sequence[dict[str, object]], *, seed: int = 1, views: int = 3
+) -> list[Recording]:
+    return [
+        record(part(name), datasheet(100), effects, name=f"r{k}", seed=10 * seed + k, profiles=72,
+               pitch_mm=0.6, **view)
+        for k, view in enumerate(VIEWS[:views])
+    ]  # fmt: skip
+
+
+def run(name: str, made: Sequence[Recording], **options: object) -> Diagnosis:
+    scene = part(name)
+    return diagnose(made, scene.vertices_mm, scene.faces, datasheet(100), **options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("name", "seed"), [("domes", 1), ("steps", 2), ("bowl", 3)])
+def test_nothing_missing_is_a_match(name: str, seed: int) -> None:
+    result = run(name, recordings(name, [], seed=seed))
+    assert result.verdict == "match"
+    assert result.effects == ()
+    assert result.share_of_points == 0
+    assert result.regions == ()
+    low, high = 0.86, 0.94
+    assert low < result.before.coverage[1] < high
+
+
+def test_a_bow_is_named_measured_and_located() -> None:
+    result = run("domes", recordings("domes", [{"name": "line_bow", "sag_um": 30.0}]))
+    assert result.verdict == "explained"
+    assert [e.name for e in result.effects] == ["line_bow"]
+    value, low, high = result.effects[0].parameters["sag_um"]
+    assert low < 30.0 < high
+    assert value == pytest.approx(30.0, rel=0.1)
+    assert result.effects[0].frame == "sensor"
+    assert result.after.log_score < result.before.log_score
+    assert result.after.rms_um < result.before.rms_um
+    # the ends of the line depart, its middle doesn't
+    mask = result.maps[0].mask
+    assert mask[:, :8].mean() > 0.9
+    assert mask[:, 45:55].mean() < 0.1
+
+
+def test_shadows_are_told_by_the_camera_side() -> None:
+    result = run("steps", recordings("steps", [{"name": "camera_occlusion"}]))
+    assert result.effects[0].name == "camera_occlusion"
+    assert result.effects[0].effect.camera_side in (None, "+y")  # type: ignore[attr-defined]
+    value, low, high = result.effects[0].parameters["triangulation_angle_deg"]
+    assert value == pytest.approx(30.0, abs=3.0)
+    assert result.after.brier < 0.5 * result.before.brier
+
+
+def test_an_effect_outside_the_catalogue_is_not_given_a_synonym() -> None:
+    made = recordings("domes", [{"name": "pixel_locking", "amplitude_px": 0.2}])
+    result = run("domes", made, withheld=("pixel_locking",))
+    assert result.verdict in ("unexplained", "partly_explained")
+    assert result.left
+
+
+def test_held_out_recordings_are_never_fitted() -> None:
+    made = recordings("domes", [{"name": "line_bow", "sag_um": 30.0}])
+    spoiled = replace(made[2], depth_mm=made[2].depth_mm + 0.2 * np.sin(np.arange(100) / 3.0))
+    one, two = run("domes", made), run("domes", [*made[:2], spoiled])
+    assert one.effects[0].effect == two.effects[0].effect
+    assert two.after.rms_um > 3 * one.after.rms_um
+
+
+def test_input_that_cannot_be_used_is_named() -> None:
+    made = recordings("bowl", [], views=2)
+    with pytest.raises(RecipeError, match="same name"):
+        run("bowl", [made[0], made[0]])
+    with pytest.raises(RecipeError, match="in metres"):
+        run("bowl", [replace(made[0], depth_mm=made[0].depth_mm / 1000)])
+    with pytest.raises(RecipeError, match="out of its range"):
+        run("bowl", [replace(made[0], depth_mm=made[0].depth_mm + 300)])
