@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
@@ -31,8 +32,11 @@ def run(out: Path, *, jobs: int, timeout_s: float) -> int:
     (out / "answers").mkdir(exist_ok=True)
     todo = [name for name in names if not (out / "answers" / name / "run.json").exists()]
     print(f"{len(names)} cases, {len(todo)} to diagnose", flush=True)
+    at_work: set[subprocess.Popen[str]] = set()
+    stopping = threading.Event()
     with ThreadPoolExecutor(max(jobs, 1)) as pool:
-        waiting = {pool.submit(_diagnose, out, name, timeout_s): name for name in todo}
+        waiting = {pool.submit(_diagnose, out, name, timeout_s, at_work, stopping): name
+                   for name in todo}  # fmt: skip
         try:
             for k, ready in enumerate(as_completed(waiting)):
                 code, seconds = ready.result()
@@ -40,7 +44,11 @@ def run(out: Path, *, jobs: int, timeout_s: float) -> int:
                 print(f"{waiting[ready]} {word} in {seconds:.0f} s ({k + 1} of {len(todo)})",
                       flush=True)  # fmt: skip
         except BaseException:
+            # interrupted: the diagnoses at work end too, and leave no answer
+            stopping.set()
             pool.shutdown(wait=False, cancel_futures=True)
+            for process in tuple(at_work):
+                process.kill()
             raise
     failed = [n for n in names if _record(out, n).get("code") != 0]
     if failed:
@@ -62,7 +70,13 @@ def _record(out: Path, name: str) -> dict[str, Any]:
     return dict(json.loads(file.read_text())) if file.exists() else {}
 
 
-def _diagnose(out: Path, name: str, timeout_s: float) -> tuple[int, float]:
+def _diagnose(
+    out: Path,
+    name: str,
+    timeout_s: float,
+    at_work: set[subprocess.Popen[str]],
+    stopping: threading.Event,
+) -> tuple[int, float]:
     """Copy one case away, diagnose it there, bring the answer back."""
     answer = out / "answers" / name
     with tempfile.TemporaryDirectory(prefix="flawforge-case-") as bare:
@@ -73,14 +87,22 @@ def _diagnose(out: Path, name: str, timeout_s: float) -> tuple[int, float]:
         plates = sorted(p.name for p in here.glob("plate-*.h5"))
         one_core = {f"{lib}_NUM_THREADS": "1" for lib in ("OMP", "NUMBA", "OPENBLAS", "MKL")}
         begin = time.time()
+        process = subprocess.Popen(
+            command(recordings, plates), cwd=here, env={**os.environ, **one_core},
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        )  # fmt: skip
+        at_work.add(process)
         try:
-            done = subprocess.run(
-                command(recordings, plates), cwd=here, env={**os.environ, **one_core},
-                capture_output=True, timeout=timeout_s, check=False, text=True,
-            )  # fmt: skip
-            code, tail = done.returncode, (done.stdout + done.stderr)[-2000:]
+            said, _ = process.communicate(timeout=timeout_s)
+            code, tail = process.returncode, said[-2000:]
         except subprocess.TimeoutExpired:
+            process.kill()
+            process.communicate()
             code, tail = 124, f"stopped after {timeout_s:.0f} s"
+        finally:
+            at_work.discard(process)
+        if stopping.is_set():
+            raise InterruptedError(f"{name}: run again to diagnose it")
         seconds = time.time() - begin
         shutil.rmtree(answer, ignore_errors=True)
         answer.mkdir(parents=True)

@@ -1,6 +1,7 @@
 """The steps of the challenge: make, run, judge, and the command line over them."""
 
 import json
+import shutil
 import sys
 
 import pytest
@@ -62,8 +63,6 @@ def test_run_shows_no_key_and_continues(sealed, monkeypatch):
 
 
 def test_a_diagnosis_that_fails_is_kept_and_told(sealed, monkeypatch, tmp_path):
-    import shutil
-
     copy = tmp_path / "set"
     shutil.copytree(sealed, copy, ignore=shutil.ignore_patterns("answers"))
     monkeypatch.setattr("challenge.run.command", lambda *_: [sys.executable, "-c", "exit(2)"])
@@ -77,3 +76,19 @@ def test_command_line_says_what_is_missing(tmp_path, capsys):
     assert main(["challenge", "run", str(tmp_path)]) == 2
     assert "commitments" in capsys.readouterr().err
     assert main(["challenge", "judge", str(tmp_path)]) == 2
+
+
+def test_an_interrupted_run_leaves_no_answer_and_no_process(sealed, monkeypatch, tmp_path):
+    copy = tmp_path / "set"
+    shutil.copytree(sealed, copy, ignore=shutil.ignore_patterns("answers"))
+    marker = tmp_path / "finished"
+    script = (
+        "import os, pathlib, signal, time\n"
+        "os.kill(os.getppid(), signal.SIGINT)\n"
+        f"time.sleep(20); pathlib.Path({str(marker)!r}).touch()\n"
+    )
+    monkeypatch.setattr("challenge.run.command", lambda *_: [sys.executable, "-c", script])
+    with pytest.raises(KeyboardInterrupt):
+        run(copy, jobs=1, timeout_s=60)
+    assert not (copy / "answers" / "case-001").exists()
+    assert not marker.exists()
