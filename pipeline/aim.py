@@ -88,6 +88,8 @@ class Aimer:
         self._corners = corners
         self._areas = np.cumsum(np.linalg.norm(crossed, axis=1))
         self._base = frame(motion.look, motion.travel)
+        self._bounds_mm = part.bounds_mm
+        self._enough: float | None = None
         if len(self._areas) == 0 or not self._areas[-1] > 0:
             raise PartError(part.name, "no face can be seen along motion.look", "another look")
 
@@ -99,11 +101,12 @@ class Aimer:
         PartError
             Where none of `motion.tries` paths saw enough of the part.
         """
-        centre = self.flawed.part.bounds_mm.mean(axis=0)
         if self.motion.path is not None:
+            centre = self._bounds_mm.mean(axis=0)
             path = follow(self.motion.path, self.motion, self.datasheet, self.profiles, centre)
             return path, 1
-        enough = self.motion.least_seen * self._share_seen(self._centred())
+        if self._enough is None:  # the same for every scan of the specimen
+            self._enough = self.motion.least_seen * self._share_seen(self._centred())
         for attempt in range(self.motion.tries):
             path = draw(
                 self.motion,
@@ -113,7 +116,7 @@ class Aimer:
                 rng=rng_of("trajectory", attempt),
             )
             share = self._share_seen(path)
-            if share > 0 and share >= enough:
+            if share > 0 and share >= self._enough:
                 return path, attempt + 1
         raise PartError(
             self.flawed.part.name,
@@ -156,7 +159,7 @@ class Aimer:
         if at_flaw:
             flaw = self.flawed.flaws[int(rng.integers(len(self.flawed.flaws)))]
             reach = self.motion.aim_jitter * self.datasheet.x_fov_mm / 2
-            part_span = np.ptp(self.flawed.part.bounds_mm, axis=0).max() / 2
+            part_span = np.ptp(self._bounds_mm, axis=0).max() / 2
             across = rng.uniform(-1, 1, size=2) * min(reach, part_span)
             return flaw.position_mm + self._base[:, :2] @ across, True
         # the first of some points of facing faces that no other face shades
