@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any, Final, NoReturn
 
 COMMANDS: Final = {
     "generate": "make a labelled dataset from a recipe",
@@ -34,13 +34,21 @@ class Terminated(BaseException):
     """SIGTERM came: leave in good order."""
 
 
+class Parser(argparse.ArgumentParser):
+    """Answers a wrong word in one line, as every other wrong input."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong; exit code 2."""
+        self.exit(2, f"flawforge: {message}; see {self.prog} --help\n")
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run `flawforge` with the given words; return the exit code.
 
     0: done. 1: done in part, or a check failed. 2: bad input. 130, 143: interrupted, terminated.
     """
     words = list(sys.argv[1:] if argv is None else argv)
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="flawforge",
         description="Labelled laser-profilometer scans of flawed CAD parts, and a diagnosis of"
         " what the simulation leaves out.",
@@ -51,6 +59,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--debug", action="store_true", help="show where an error came from")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     chosen = next((word for word in words if not word.startswith("-")), None)
+    asked: argparse.ArgumentParser = parser
     for name, summary in COMMANDS.items():
         command = commands.add_parser(
             name,
@@ -60,7 +69,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         )
         if name == chosen:  # the others are not even loaded
             _module(name).add_arguments(command)
-    arguments = parser.parse_args(words)
+            asked = command
+    arguments, unknown = parser.parse_known_args(words)
+    if unknown:
+        asked.error(f"unknown words: {' '.join(unknown)}")
     if arguments.version:
         from importlib.metadata import version
 

@@ -36,5 +36,5 @@ def run(arguments: argparse.Namespace) -> int:
 
     out = arguments.out or arguments.dataset / f"export-{arguments.to}"
     written = export(arguments.dataset, out, to=arguments.to, scans=arguments.scan)
-    print(f"{len(written)} files in {out}")
+    print(f"{len(written)} file{'' if len(written) == 1 else 's'} in {out}")
     return 0

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+MOST_LINES = 10  # of a kind, in the summary
 EPILOG = """\
 The recipe is a YAML file: see manifests/quickstart.yaml and the README. The same recipe and seed
 give the same bytes for any --jobs. Started again after it was stopped, the command goes on where
@@ -51,10 +52,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _jobs(text: str) -> int:
-    jobs = int(text)
-    if jobs < 0:
-        raise argparse.ArgumentTypeError(f"{jobs} is below 0")
-    return jobs
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"should be a whole number, 0 or more, got '{text}'")
+    return int(text)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -88,7 +88,7 @@ def summary(dataset: Mapping[str, Any], out: Path) -> str:
     """Say in a few lines what a dataset holds."""
     statistics = dataset["statistics"]
     lines = [
-        f"{dataset['scans']} scans in {len(dataset['shards'])} shards in {out}",
+        f"{_many(dataset['scans'], 'scan')} in {_many(len(dataset['shards']), 'shard')} in {out}",
         "splits (by "
         + dataset["split_by"]
         + "): "
@@ -96,17 +96,38 @@ def summary(dataset: Mapping[str, Any], out: Path) -> str:
     ]
     for kind, counts in statistics["by_class"].items():
         lines.append(
-            f"  {kind:8} seen in {counts['seen']} scans, visible above the noise in"
+            f"  {kind:8} seen in {_many(counts['seen'], 'scan')}, visible above the noise in"
             f" {counts['visible']} ({counts['pixels']} pixels)"
         )
     for part in dataset["parts"]:
         if part["mended"]:
             lines.append(f"mended: {part['part']}: " + "; ".join(part["mended"]))
-    for dropped in dataset["flaws_dropped"]:
-        lines.append(f"no place for a flaw: {dropped['specimen']}: {dropped['why']}")
-    for failed in dataset["failed"]:
-        lines.append(f"failed: {failed['part']}: {failed['why']}")
+    dropped = dataset["flaws_dropped"]
+    lines += _first(
+        [f"no place for a flaw: {one['specimen']}: {one['why']}" for one in dropped],
+        "flaws_dropped",
+    )
+    lines += _first(
+        [
+            f"failed: {one.get('scan') or one.get('specimen') or one['part']}: "
+            + one["why"].removeprefix(f"{one['part']}: ")
+            for one in dataset["failed"]
+        ],
+        "failed",
+    )
     return "\n".join(lines)
+
+
+def _many(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def _first(lines: list[str], key: str) -> list[str]:
+    """Leave it at some lines where there are many: dataset.json has them all."""
+    if len(lines) <= MOST_LINES:
+        return lines
+    rest = len(lines) - MOST_LINES
+    return [*lines[:MOST_LINES], f"... and {rest} more, see '{key}' in dataset.json"]
 
 
 class Progress:
@@ -115,6 +136,7 @@ class Progress:
     def __init__(self, *, json_lines: bool) -> None:
         self._json = json_lines
         self._bar: Any = None
+        self._unusable: list[str] = []
         self._start = time.monotonic()
         self._done = self._total = self._said = 0
 
@@ -125,11 +147,13 @@ class Progress:
             print(json.dumps({"event": name, "seconds": seconds, **facts}), flush=True)
             return
         if name == "part":
-            state = facts.get("why") or f"{facts['triangles']} triangles"
-            for mend in facts.get("mended", ()):
-                state += f"; {mend}"
+            if "why" in facts:  # alone, it will be the error's own line
+                self._unusable.append(f"part {facts['part']}: {facts['why']}")
+                return
+            state = "; ".join([f"{facts['triangles']} triangles", *facts.get("mended", ())])
             print(f"part {facts['part']}: {state}", file=sys.stderr)
         elif name == "plan":
+            self._say_unusable()
             self._total = facts["scans"]
             if sys.stderr.isatty():
                 from tqdm import tqdm
@@ -143,7 +167,14 @@ class Progress:
                 self._said = self._done * 10 // max(self._total, 1)
                 print(f"{self._done} of {self._total} scans", file=sys.stderr)
 
+    def _say_unusable(self) -> None:
+        for line in self._unusable:
+            print(line, file=sys.stderr)
+        self._unusable.clear()
+
     def close(self) -> None:
         """Leave the terminal tidy."""
+        if len(self._unusable) > 1:
+            self._say_unusable()
         if self._bar is not None:
             self._bar.close()

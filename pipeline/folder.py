@@ -18,7 +18,8 @@ from sensors.typed_yaml import RecipeError
 def held(out: Path, fingerprint: str) -> Iterator[Path]:
     """Hold a dataset's folder for one run; yields the folder of its journals.
 
-    The lock is the operating system's: it is gone when the process is, however it ended.
+    The lock is the operating system's: it is gone when the process is, however it ended. A run
+    that is refused before it made a shard leaves the folder as it found it.
 
     Raises
     ------
@@ -32,6 +33,7 @@ def held(out: Path, fingerprint: str) -> Iterator[Path]:
         raise RecipeError(
             "the folder isn't empty and holds no dataset", where=out, allowed="an empty folder"
         )
+    new = [path for path in (hidden, out, *out.parents) if not path.exists()]
     try:
         hidden.mkdir(parents=True, exist_ok=True)
         lock = (hidden / "lock").open("w")
@@ -53,7 +55,14 @@ def held(out: Path, fingerprint: str) -> Iterator[Path]:
             )
         write_whole(mark, json.dumps(mine))
         drop_leftovers(out)
-        yield hidden
+        try:
+            yield hidden
+        except ValueError:
+            if hidden in new and not any(out.glob("shard-*")):
+                shutil.rmtree(hidden)
+                for folder in new[1:]:
+                    folder.rmdir()
+            raise
 
 
 def _read(path: Path) -> Any:

@@ -1,15 +1,24 @@
 """How the sensor may move, as a recipe says it."""
 
-from typing import Annotated
+from typing import Annotated, Final
 
 from annotated_types import Ge, Gt, Le, Len
 
-from defects.sizes import Fixed
+from defects.sizes import Choice, Fixed
 from pipeline.size_field import Size
 from sensors.typed_yaml import record
 
 Vector = tuple[float, float, float]
 ZERO = Fixed(value=0.0)
+# A tilted sensor still looks at the part; millimetres and degrees.
+LIMITS: Final = {
+    "length_mm": (1e-3, 1e6),
+    "speed_mm_s": (1e-3, 1e6),
+    "standoff_mm": (-1e4, 1e4),
+    "roll_deg": (-80.0, 80.0),
+    "pitch_deg": (-80.0, 80.0),
+    "yaw_deg": (-360.0, 360.0),
+}
 
 
 @record
@@ -61,3 +70,17 @@ class Motion:
     least_seen: Annotated[float, Ge(0), Le(1)] = 0.3
     tries: Annotated[int, Ge(1), Le(1000)] = 30
     path: WaypointPath | None = None
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in LIMITS.items():
+            size = getattr(self, name)
+            if size is not None and not low <= min(size.limits()) <= max(size.limits()) <= high:
+                raise ValueError(
+                    f"{name}: {size.to_recipe()!r} must stay within {low:g} to {high:g}"
+                )
+        drawn = self.direction
+        values = drawn.values if isinstance(drawn, Choice) else {*drawn.limits()}
+        if not isinstance(drawn, Choice | Fixed) or not {*values} <= {-1.0, 1.0}:
+            raise ValueError(
+                f"direction: {self.direction.to_recipe()!r} must be 1, -1 or {{choice: [-1, 1]}}"
+            )

@@ -1,22 +1,26 @@
 """The recipe: what a user asks for, read from YAML and checked before anything is made."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
+import numpy as np
 from annotated_types import Ge, Gt, Le, Len
 from pydantic import PlainValidator
 
 from pipeline.flawplan import FlawPlan
 from pipeline.motion import Motion
+from pipeline.trajectory import follow, frame, rate_of
 from sensors.datasheet import Datasheet
 from sensors.reflectance import ReflectanceMap
 from sensors.surface import Surface
 from sensors.typed_yaml import Document, RecipeError, load_yaml, parse, plain, record
 
-Count = Annotated[int, Ge(1)]
+Count = Annotated[int, Ge(1), Le(1_000_000)]
+MOST_POINTS, MOST_SCANS = 100_000_000, 10_000_000  # in a scan; of an entry of `parts:`
+T = TypeVar("T")
 Flaws = Annotated[FlawPlan, PlainValidator(FlawPlan.from_mapping)]
 
 
@@ -69,9 +73,15 @@ class RecipeFile:
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", self.name):
-            raise ValueError("a 'name' of letters, digits, '.', '_' and '-'")
-        if not self.splits or abs(sum(self.splits.values()) - 1) > 1e-6:
-            raise ValueError("'splits' whose shares add up to 1")
+            raise ValueError(f"name: {self.name!r} must be of letters, digits, '.', '_' and '-'")
+        if abs(sum(self.splits.values()) - 1) > 1e-6:
+            raise ValueError(
+                f"splits: the shares must add up to 1, not {sum(self.splits.values()):g}"
+            )
+        for entry in self.parts:
+            scans = (entry.specimens or self.specimens) * (entry.scans or self.scans)
+            if scans > MOST_SCANS:
+                raise ValueError(f"scans: {scans} of one part, must be {MOST_SCANS} at most")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -120,12 +130,29 @@ class Recipe:
         document = load_yaml(path)
         file = parse(RecipeFile, document)
         folders = (Path(path).resolve().parent, *(root.resolve() for root in roots))
-        where = document.where(("sensor",))
-        datasheet = Datasheet.load(_inside(file.sensor, folders, where))
-        named = {file.surface, *(entry.surface for entry in file.parts)} - {None}
+        datasheet = _named(Datasheet.load, file.sensor, folders, document.where(("sensor",)))
+        points = file.points or datasheet.points_per_profile
+        if file.profiles * points > MOST_POINTS:
+            raise RecipeError(
+                "too many points in a scan",
+                where=document.where(("profiles",)),
+                value=f"{file.profiles} profiles of {points} points",
+                allowed=f"{MOST_POINTS} points at most",
+            )
+        for motion, at in [
+            (file.motion, ("motion",)),
+            *((entry.motion, ("parts", k, "motion")) for k, entry in enumerate(file.parts)),
+        ]:
+            if motion is not None:
+                _check_motion(motion, datasheet, file.profiles, document.where(at))
+        where_of = {
+            entry.surface: document.where(("parts", index, "surface"))
+            for index, entry in enumerate(file.parts)
+        }
+        where_of[file.surface] = document.where(("surface",))
         surfaces = {
-            str(name): Surface.load(_inside(str(name), folders, document.where(("surface",))))
-            for name in sorted(str(name) for name in named)
+            name: _named(Surface.load, name, folders, where_of[name])
+            for name in sorted(name for name in where_of if name is not None)
         }
         reflectance = file.reflectance
         if reflectance is not None and reflectance.picture is not None:
@@ -178,6 +205,30 @@ class Recipe:
         for entry, said in zip(used["parts"], given["parts"], strict=True):
             entry["flaws"] = said.get("flaws")
         return used
+
+
+def _check_motion(motion: Motion, datasheet: Datasheet, profiles: int, where: str) -> None:
+    """See before anything is made whether the sensor can move like that at all."""
+    try:
+        frame(motion.look, motion.travel)
+        rate_of(motion, datasheet)
+        if motion.path is not None:
+            follow(motion.path, motion, datasheet, profiles, np.zeros(3))
+    except RecipeError as error:
+        raise RecipeError(str(error), where=where) from None
+
+
+def _named(
+    load: Callable[[str], T], name: str, folders: tuple[Path, ...], where: str
+) -> T:
+    """Load what the recipe names at `where`, a preset or a file, and say so if it isn't there."""
+    source = _inside(name, folders, where)
+    try:
+        return load(source)
+    except RecipeError as error:
+        if Path(source).is_file():  # the error is in there, with its own line
+            raise
+        raise RecipeError(str(error), where=where) from None
 
 
 def _inside(name: str, roots: tuple[Path, ...], where: str) -> str:

@@ -7,6 +7,7 @@ fields carry their own limits (`Annotated[float, Gt(0)]`).
 import dataclasses
 import difflib
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar, dataclass_transform
@@ -16,7 +17,36 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 T = TypeVar("T")
 KeyPath = tuple[str | int, ...]
+PLAIN_WORDS = {
+    "too_short": "at least one entry",
+    "tuple_type": "a list",
+    "list_type": "a list",
+    "dict_type": "keys and values",
+    "dataclass_type": "keys and values",
+    "string_type": "a text",
+    "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
+    "float_type": "a number",
+    "float_parsing": "a number",
+}
 UNKNOWN_KEY = ("unexpected_keyword_argument", "extra_forbidden")
+
+
+class Loader(yaml.SafeLoader):
+    """Data only; 1e9 is a number, as in YAML 1.2, though it has no point."""
+
+
+class Dumper(yaml.SafeDumper):
+    """Quotes a text that the loader would read as a number."""
+
+
+for each in (Loader, Dumper):
+    each.add_implicit_resolver(
+        "tag:yaml.org,2002:float",
+        re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+$"),
+        list("-+0123456789"),
+    )
 
 
 class RecipeError(ValueError):
@@ -79,8 +109,8 @@ def load_yaml(path: str | Path) -> Document:
         reason = getattr(error, "strerror", None) or "not a UTF-8 text"
         raise RecipeError(f"can't be read ({reason})", where=path) from None
     try:
-        node = yaml.compose(text, Loader=yaml.SafeLoader)
-        data = yaml.safe_load(text)
+        node = yaml.compose(text, Loader=Loader)
+        data = yaml.load(text, Loader=Loader)  # noqa: S506  # a SafeLoader
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         where = f"{path}:{mark.line + 1}" if mark is not None else str(path)
@@ -132,11 +162,13 @@ def parse(cls: type[T], source: Document | Mapping[str, Any], *, where: str | No
     try:
         return TypeAdapter(cls).validate_python(data)
     except ValidationError as error:
-        found = error.errors(include_url=False)
+        found = _own(error.errors(include_url=False))
         # a misspelt key also makes one missing: name the misspelling
         first = min(found, key=lambda entry: entry["type"] not in UNKNOWN_KEY)
         # pydantic names the branch of a union in the path: keep what the data holds
         path = _path_in(data, first["loc"])
+        said = first["msg"].removeprefix("Value error, ")
+        path, said, located = _deeper(data, path, said)
         place = source.where(path) if isinstance(source, Document) else where
         key = ".".join(str(part) for part in path) or "the top level"
         kind = first["type"]
@@ -150,14 +182,50 @@ def parse(cls: type[T], source: Document | Mapping[str, Any], *, where: str | No
                 where=place,
                 allowed=hint + ", ".join(sorted(allowed)) if allowed else None,
             ) from None
-        if kind in ("missing", "missing_keyword_only_argument", "missing_argument"):
-            missing = first["loc"][-1]
+        missing = first["loc"][-1] if first["loc"] else None
+        if kind.startswith("missing") and isinstance(missing, str):
             inside = f" in '{key}'" if path else ""
             raise RecipeError(f"key '{missing}' is missing{inside}{more}", where=place) from None
-        allowed_text = first["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+        if kind.startswith("missing"):  # of a list of a fixed length
+            raise RecipeError(
+                f"'{key}' has too few entries{more}", where=place, value=_at(data, path)
+            ) from None
+        if located:
+            raise RecipeError(f"'{key}': {said}{more}", where=place) from None
+        allowed_text = PLAIN_WORDS.get(kind) or said.removeprefix("Input should be ")
         raise RecipeError(
             f"'{key}' isn't right{more}", where=place, value=first["input"], allowed=allowed_text
         ) from None
+
+
+def _own(found: Sequence[Any]) -> list[Any]:
+    """Leave out lists that are too short only because an entry of theirs is wrong."""
+    places = [entry["loc"] for entry in found]
+    return [
+        entry
+        for entry in found
+        if entry["type"] != "too_short"
+        or not any(
+            len(place) > len(entry["loc"]) and place[: len(entry["loc"])] == entry["loc"]
+            for place in places
+        )
+    ]
+
+
+def _deeper(data: Any, path: KeyPath, said: str) -> tuple[KeyPath, str, bool]:
+    """Follow a message that starts with a key ('dent.depth_mm: ...') to where that key stands."""
+    head, colon, rest = said.partition(": ")
+    data = _at(data, path)
+    keys = head.split(".")
+    if not colon or not isinstance(data, Mapping) or keys[0] not in data:
+        return path, said, False
+    return (*path, *keys), rest, True
+
+
+def _at(data: Any, path: KeyPath) -> Any:
+    for part in path:
+        data = data[part]
+    return data
 
 
 def _path_in(data: Any, location: Iterable[str | int]) -> KeyPath:
@@ -214,7 +282,9 @@ def plain(value: Any) -> Any:
 
 def dump_yaml(value: Any) -> str:
     """Write plain data or a record as YAML, keys in their own order."""
-    text: str = yaml.safe_dump(plain(value), sort_keys=False, allow_unicode=True, width=100)
+    text: str = yaml.dump(
+        plain(value), Dumper=Dumper, sort_keys=False, allow_unicode=True, width=100
+    )
     return text
 
 

@@ -53,3 +53,51 @@ def test_bad_input_is_one_line_and_exit_code_2(tmp_path, capsys):
 def test_version(capsys):
     assert main(["--version"]) == 0
     assert capsys.readouterr().out.startswith("flawforge 0.")
+
+
+@pytest.mark.parametrize("words", [["--jobs", "-1"], ["--jobs", "many"], ["--job"], ["--bakend"]])
+def test_a_wrong_word_is_one_line_and_exit_code_2(words, tmp_path, capsys):
+    with pytest.raises(SystemExit) as left:
+        main(["generate", "recipe.yaml", "--out", str(tmp_path / "out"), *words])
+    assert left.value.code == 2
+    captured = capsys.readouterr()
+    assert captured.err.count("\n") == 1
+    assert "flawforge generate --help" in captured.err
+    assert captured.out == ""
+
+
+def test_a_run_without_a_usable_part_leaves_nothing(tmp_path, capsys):
+    recipe = tmp_path / "recipe.yaml"
+    recipe.write_text(
+        "name: x\nseed: 1\nsensor: KEYENCE-LJ-X8200\nprofiles: 2\npoints: 2\n"
+        "parts:\n  - builtin: steel_plate\n    parameters: {length_mm: -1}\n"
+    )
+    out = tmp_path / "new" / "out"
+    assert main(["generate", str(recipe), "--out", str(out)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not out.parent.exists()
+    out.mkdir(parents=True)  # a folder that was there stays
+    assert main(["generate", str(recipe), "--out", str(out)]) == 2
+    assert list(out.iterdir()) == []
+
+
+def test_a_summary_keeps_to_a_few_lines_of_a_kind():
+    from flawforge.generate_command import MOST_LINES, summary
+
+    dropped = [{"specimen": f"a-{number:04d}", "why": "too near"} for number in range(500)]
+    said = summary(
+        {
+            "scans": 1,
+            "shards": {"shard-00000.h5": {}},
+            "split_by": "part",
+            "statistics": {"scans_by_split": {"train": 1}, "by_class": {}},
+            "parts": [],
+            "flaws_dropped": dropped,
+            "failed": [{"part": "b", "scan": "b-0000-0000", "why": "b: nothing seen"}],
+        },
+        ROOT,
+    ).splitlines()
+    assert said[0].startswith("1 scan in 1 shard in ")
+    assert said[-2] == "... and 490 more, see 'flaws_dropped' in dataset.json"
+    assert said[-1] == "failed: b-0000-0000: nothing seen"
+    assert len(said) == MOST_LINES + 4

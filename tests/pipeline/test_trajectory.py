@@ -117,7 +117,7 @@ def test_length_speed_and_rate_agree():
         {"length_mm": Fixed(value=30.0)},
         {"speed_mm_s": Fixed(value=70.0)},
         {"length_mm": Fixed(value=30.0), "speed_mm_s": Fixed(value=20.0)},
-        {"length_mm": Fixed(value=30.0), "speed_mm_s": Fixed(value=9e9)},
+        {"length_mm": Fixed(value=30.0), "speed_mm_s": Fixed(value=9e5)},
     ):
         way = drawn(**limits)
         facts = way.facts

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 import pytest
-from annotated_types import Gt
+from annotated_types import Gt, Len
 
 from sensors.typed_yaml import RecipeError, dump_yaml, load_yaml, parse, plain, record
 
@@ -15,9 +15,22 @@ class Inner:
 
 
 @record
+class Bounds:
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        if self.low > self.high:
+            raise ValueError(f"low: {self.low:g} must be below {self.high:g}")
+
+
+@record
 class Outer:
     name: str
     inner: tuple[Inner, ...] = ()
+    at_mm: tuple[float, float, float] | None = None
+    bounds: Bounds | None = None
+    sizes: Annotated[tuple[Inner, ...], Len(1)] | None = None
 
 
 def written(folder: Path, text: str) -> Path:
@@ -31,10 +44,20 @@ def test_reads_nested_records(tmp_path):
     assert found == Outer(name="a", inner=(Inner(size_mm=0.001),))
 
 
+def test_a_number_with_an_exponent_alone_is_a_number(tmp_path):
+    assert load_yaml(written(tmp_path, "a: 1e9\nb: -2E-3\nc: 1e\n")).data == {
+        "a": 1e9,
+        "b": -0.002,
+        "c": "1e",
+    }
+
+
 def test_round_trip(tmp_path):
     value = Outer(name="ü", inner=(Inner(size_mm=0.1),))
     assert parse(Outer, load_yaml(written(tmp_path, dump_yaml(value)))) == value
-    assert plain(value) == {"name": "ü", "inner": [{"size_mm": 0.1}]}
+    like_a_number = Outer(name="1e3")
+    assert parse(Outer, load_yaml(written(tmp_path, dump_yaml(like_a_number)))) == like_a_number
+    assert plain(Inner(size_mm=0.1)) == {"size_mm": 0.1}
 
 
 @pytest.mark.parametrize(
@@ -49,6 +72,10 @@ def test_round_trip(tmp_path):
         ("name: !!python/object/apply:os.system [ls]\n", ["isn't YAML"]),
         ("name: a\ninner:\n  - size_mm: .nan\n", ["inner.0.size_mm"]),
         ("a: &a [*a]\n", []),
+        ("name: a\nat_mm: [1, 2]\n", [":2", "'at_mm' has too few entries", "[1, 2]"]),
+        ("name: a\nbounds: {low: 3, high: 1}\n", [":2", "'bounds.low': 3 must be below 1"]),
+        ("name: a\nsizes: []\n", [":2", "at least one entry"]),
+        ("name: a\nsizes: [{size_mm: 0}]\n", [":2", "'sizes.0.size_mm' isn't right, got 0"]),
     ],
 )
 def test_errors_are_one_line(tmp_path, text, words):
