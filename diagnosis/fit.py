@@ -207,7 +207,8 @@ def _ready(state: Whitened, mask: Mask) -> _Ready:
         return held[1]
     pick = mask & state.used
     columns = state.columns[pick].astype(np.float32)
-    values = np.clip(state.innovations[pick], -CLIP, CLIP).astype(np.float32)
+    # wide: a large misfit is what is being fitted; spikes are out already
+    values = np.clip(state.innovations[pick], -3 * CLIP, 3 * CLIP).astype(np.float32)
     wide = columns.astype(np.float64)
     ready = _Ready(
         pick=pick, columns=columns, values=values, gram=wide.T @ wide, right=wide.T @ values

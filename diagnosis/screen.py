@@ -16,6 +16,7 @@ from diagnosis.columnwise import column_equations
 from diagnosis.families import Family
 from diagnosis.noise import Field, NoiseModel
 from diagnosis.patch import Patch
+from diagnosis.rangewise import strongest_wave
 from diagnosis.rowwise import RowTests
 from diagnosis.score import CLIP, Whitened
 
@@ -136,7 +137,20 @@ def screen_mean(
                     coefficients=row.coefficients, detail=row.detail,
                 )
             )  # fmt: skip
-    column, null = _columns(patches, states, picks, own, matrix)
+    drawn = _by_patch(patches, picks, own, matrix)
+    wave = strongest_wave(patches, states, picks, drawn)
+    if wave is not None:
+        maxima = np.maximum(maxima, wave.null)
+        sd = float(np.median(np.concatenate([s.sd_mm[p] for s, p in zip(states, picks, strict=True)])))
+        findings.append(
+            Finding(
+                channel="mean", name="free:range_period", words="range from the sensor",
+                frame="sensor", z=wave.z, size=wave.amplitude_mm / sd, tolerance=TOLERANCE,
+                gain=wave.gain, coefficients=np.array([wave.period_mm, wave.amplitude_mm]),
+                detail=f"periodic over the range, about every {1e3 * wave.period_mm:.3g} µm",
+            )
+        )  # fmt: skip
+    column, null = _columns(patches, states, picks, drawn)
     maxima = np.maximum(maxima, null)
     findings.append(column)
     threshold = tail_threshold(maxima, max(len(findings), 1))
@@ -145,19 +159,28 @@ def screen_mean(
     )
 
 
-def _columns(
+def _by_patch(
     patches: Sequence[Patch],
-    states: Sequence[Whitened],
     picks: Sequence[Field],
     own: dict[int, list[int]],
     matrix: dict[int, Field],
-) -> tuple[Finding, Field]:
-    """Test fixed offsets of the columns, shared by all recordings."""
+) -> list[Field]:
+    """Split the recordings' drawn nulls into those of their patches."""
     drawn: list[Field] = [np.zeros(0)] * len(patches)
     for recording, members in own.items():
         ends = np.cumsum([0, *(int(picks[k].sum()) for k in members)])
         for k, a, b in zip(members, ends[:-1], ends[1:], strict=True):
             drawn[k] = matrix[recording][a:b]
+    return drawn
+
+
+def _columns(
+    patches: Sequence[Patch],
+    states: Sequence[Whitened],
+    picks: Sequence[Field],
+    drawn: Sequence[Field],
+) -> tuple[Finding, Field]:
+    """Test fixed offsets of the columns, shared by all recordings."""
     real = column_equations(patches, states, picks)
     t, dof = real.chi_square()
     t_null, _ = column_equations(patches, states, picks, drawn).chi_square()

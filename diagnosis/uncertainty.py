@@ -7,6 +7,8 @@ from diagnosis.workspace import Model, Workspace
 from sensors.effects.base import Effect
 from sensors.typed_yaml import RecipeError
 
+REACH = 2.4
+"""Deviations to each side: 1.96 of a normal, widened for what block scores can't know."""
 Intervals = dict[str, dict[str, tuple[float, float, float]]]
 
 
@@ -39,8 +41,8 @@ def intervals(ws: Workspace, model: Model) -> Intervals:
         value = float(centre[k])
         out[effect][name] = (
             value,
-            float(max(value - 1.96 * sd, p.low)),
-            float(min(value + 1.96 * sd, p.high)),
+            float(max(value - REACH * sd, p.low)),
+            float(min(value + REACH * sd, p.high)),
         )
     return out
 

@@ -1,0 +1,313 @@
+"""The development bench of the diagnosis: nulls, every effect at three strengths, withheld effects.
+
+Recordings come from the plain simulator plus effects, so that this shows errors of the inference,
+not of the physics. Strength is the whitened signal to noise over the recordings that are fitted,
+the pose projected out: sqrt(2 x nats of the true law over the plain one).
+
+    python -m benchmarks.diagnose --out docs/diagnosis-bench.md [--nulls 60] [--minutes 30]
+"""
+
+import argparse
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy import stats
+
+from benchmarks.relief import VIEWS, datasheet, part, record
+from diagnosis.diagnose import Diagnosis, diagnose
+from diagnosis.noise import NoiseModel, calibrate
+from diagnosis.patch import cut
+from diagnosis.prediction import predict
+from diagnosis.registration import register
+from diagnosis.score import placements, whitened
+from diagnosis.workspace import Model, Workspace
+from sensors.effects import effect_of
+from sensors.laser import Laser
+from sensors.typed_yaml import RecipeError
+
+POINTS, PROFILES, PITCH_MM = 100, 72, 0.6
+STRENGTHS = (3, 6, 12)
+# effect, its other parameters, the parameter that is scaled, its null, the part that shows it
+CASES: tuple[tuple[str, dict[str, object], str, float, str], ...] = (
+    ("line_bow", {}, "sag_um", 0.0, "domes"),
+    ("lens_distortion", {"tilt_um": 0.0}, "cubic_um", 0.0, "domes"),
+    ("range_scale", {}, "error_ppm", 0.0, "bowl"),
+    ("incidence_bias", {"signed_um": 0.0}, "squared_um", 0.0, "domes"),
+    ("volume_scattering", {}, "depth_um", 0.0, "domes"),
+    ("stage_vibration", {"frequency_hz": 23.0}, "amplitude_um", 0.0, "wedge"),
+    ("travel_ripple", {"period_mm": 6.0}, "amplitude_um", 0.0, "domes"),
+    ("pixel_locking", {}, "amplitude_px", 0.0, "bowl"),
+    ("column_offset", {"seed": 5}, "rms_um", 0.0, "bowl"),
+    ("form_error", {}, "coefficients_um", 0.0, "wedge"),
+    ("finite_spot", {}, "line_sd_um", 0.0, "steps"),
+    ("edge_mixing", {}, "line_sd_um", 0.0, "steps"),
+    ("interreflection", {"reach_mm": 5.0}, "weight", 0.0, "steps"),
+    ("motion_blur", {}, "exposure_ms", 0.0, "steps"),
+    ("incidence_noise", {}, "exponent", 0.0, "wedge"),
+    ("camera_occlusion", {}, "triangulation_angle_deg", 0.0, "steps"),
+    ("specular_dropout", {}, "share", 0.0, "domes"),
+    ("random_dropout", {}, "share", 0.0, "wedge"),
+    ("outlier_spikes", {"width_um": 300.0}, "share", 0.0, "bowl"),
+)
+WITHHELD = ("pixel_locking", "stage_vibration", "volume_scattering", "camera_occlusion")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Row:
+    """One case and what came out."""
+
+    kind: str
+    effect: str
+    strength: int
+    verdict: str
+    found: tuple[str, ...]
+    rivals: tuple[str, ...]
+    error: float | None
+    gain_share: float | None
+    iou: float | None
+    seconds: float
+
+
+def entry(case: tuple[str, dict[str, object], str, float, str], scale: float) -> dict[str, object]:
+    """The effect of a case with its parameter at a scale of its typical value."""
+    name, more, parameter, _, _ = case
+    kind = type(effect_of({"name": name}))
+    described = kind.parameter(parameter)
+    typical = described.typical
+    if isinstance(typical, tuple):
+        value: object = [scale * v for v in typical]
+    else:
+        value = float(np.clip(scale * float(typical or 1.0), described.low, described.high))  # type: ignore[arg-type]  # a number
+    return {"name": name, **more, parameter: value}
+
+
+def bench_workspace(name: str) -> Workspace:
+    """Two recordings of nothing, to measure strengths with."""
+    sheet, scene = datasheet(POINTS), part(name)
+    laser = Laser.from_datasheet(sheet)
+    patches = []
+    for k, view in enumerate(VIEWS[:2]):
+        made = record(scene, sheet, [], name=f"w{k}", seed=900 + k, profiles=PROFILES, pitch_mm=PITCH_MM, **view)
+        placed = register(scene, made, laser, valid=np.isfinite(made.depth_mm), sd_mm=0.001)
+        patches += cut(k, made, placed, scene, sheet, laser, lateral_mm=0.03)
+    noise = calibrate(
+        [p.depth_mm - p.plain_mm for p in patches],
+        [np.isfinite(p.depth_mm - p.plain_mm) & ~p.edge for p in patches],
+        pitch_mm=(0.44, PITCH_MM), missing_share=0.0, from_reference=False,
+    )  # fmt: skip
+    return Workspace.build(patches, replace(noise, tail_share=0.0))
+
+
+def strength(ws: Workspace, effect: dict[str, object]) -> float:
+    """Whitened signal to noise of an effect: sqrt(2 x expected nats)."""
+    values = dict(effect)
+    thing = effect_of(values)
+    if thing.undrawn():
+        thing = thing.draw(np.random.default_rng(0))
+    nats = 0.0
+    base = ws.predict(Model())
+    raw = [whitened(p, q, ws.noise) for p, q in zip(ws.patches, base, strict=True)]
+    signals = []
+    for patch, plain, state in zip(ws.patches, base, raw, strict=True):
+        other = predict(patch.view, (thing,), ws.noise, softness=patch.softness)
+        both = plain.seen & other.seen
+        change = np.where(both, np.nan_to_num(other.mean_mm) - np.nan_to_num(plain.mean_mm), 0.0)
+        signals.append(replace(state, innovations=state.whiten(np.clip(change, -0.3, 0.3)), kept={}))
+        p, q = other.p_missing, plain.p_missing
+        nats += float((p * np.log(p / q) + (1 - p) * np.log((1 - p) / (1 - q)))[plain.seen].sum())
+        ratio = (other.sd_mm / plain.sd_mm)[both]
+        ratio = ratio / np.exp(np.mean(np.log(ratio)))
+        nats += float((0.5 * ratio**2 - 0.5 - np.log(ratio)).sum())
+        o, b = other.p_outlier[both], plain.p_outlier[both]
+        nats += float((o * np.log(o / b) + (1 - o) * np.log((1 - o) / (1 - b))).sum())
+    moved = placements(ws.patches, signals, ws.masks())
+    for patch, signal in zip(ws.patches, signals, strict=True):
+        rest = signal.innovations - signal.columns @ moved[patch.recording]
+        nats += 0.5 * float((rest[signal.used] ** 2).sum())
+    return float(np.sqrt(2 * max(nats, 0.0)))
+
+
+def at_strength(
+    ws: Workspace, case: tuple[str, dict[str, object], str, float, str], wanted: float
+) -> dict[str, object] | None:
+    """The effect of a case at a whitened signal to noise; None where its bounds don't reach it."""
+    low, high = 1e-4, 30.0
+    try:
+        if strength(ws, entry(case, high)) < wanted:
+            return None
+        for _ in range(14):
+            middle = float(np.sqrt(low * high))
+            if strength(ws, entry(case, middle)) < wanted:
+                low = middle
+            else:
+                high = middle
+    except RecipeError:
+        return None
+    return entry(case, high)
+
+
+def run_case(
+    name: str, effects: Sequence[dict[str, object]], seed: int, withheld: Sequence[str] = ()
+) -> tuple[Diagnosis, float, list[np.ndarray]]:
+    """Simulate three recordings, diagnose them; return the true change of the mean beside it."""
+    scene, sheet = part(name), datasheet(POINTS)
+    made = [
+        record(scene, sheet, effects, name=f"r{k}", seed=seed * 10 + k, profiles=PROFILES, pitch_mm=PITCH_MM, **view)
+        for k, view in enumerate(VIEWS)
+    ]
+    began = time.process_time()
+    result = diagnose(made, scene.vertices_mm, scene.faces, sheet, withheld=withheld, seed=seed)
+    seconds = time.process_time() - began
+    truth = []
+    for k, view in enumerate(VIEWS):
+        quiet = [
+            record(scene, replace(sheet, z_resolution_um=0.0, repeatability_um=0.0), e, name="t",
+                   seed=seed * 10 + k, profiles=PROFILES, pitch_mm=PITCH_MM, speckle=None, **view)
+            for e in (effects, ())
+        ]  # fmt: skip
+        change = quiet[0].depth_mm - quiet[1].depth_mm
+        truth.append(np.where(np.isfinite(change), np.abs(change), np.inf * np.isnan(quiet[0].depth_mm)))
+    return result, seconds, truth
+
+
+def iou(result: Diagnosis, truth: Sequence[np.ndarray], noise: NoiseModel) -> float | None:
+    """Overlap of the located points with those truly moved by half the noise or lost."""
+    top = np.quantile(np.concatenate([t[np.isfinite(t)] for t in truth]), 0.98)
+    level = min(0.5 * noise.sd_mm, 0.4 * top) if top > 0 else 0.5 * noise.sd_mm
+    wanted = [np.nan_to_num(t, nan=0.0, posinf=1.0) > level for t in truth]
+    both = sum(int((w & m.mask).sum()) for w, m in zip(wanted, result.maps, strict=True))
+    either = sum(int((w | m.mask).sum()) for w, m in zip(wanted, result.maps, strict=True))
+    return both / either if either and any(w.any() for w in wanted) else None
+
+
+def main() -> None:
+    """Run the bench within its minutes and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("docs/diagnosis-bench.md"))
+    parser.add_argument("--nulls", type=int, default=60)
+    parser.add_argument("--minutes", type=float, default=120.0)
+    parser.add_argument("--seed", type=int, default=1)
+    args = parser.parse_args()
+    began = time.monotonic()
+    rows: list[Row] = []
+
+    def late(share: float) -> bool:
+        return time.monotonic() - began > 60 * args.minutes * share
+
+    names = ("domes", "steps", "wedge", "bowl")
+    spaces: dict[str, Workspace] = {}
+    for wanted in (6, 12, 3):
+        for case in CASES:
+            if late(0.7):
+                break
+            name = case[4]
+            spaces.setdefault(name, bench_workspace(name))
+            effect = at_strength(spaces[name], case, wanted)
+            if effect is None:
+                continue
+            result, seconds, truth = run_case(name, [effect], args.seed + 100 * wanted)
+            rows.append(_row("one", case, wanted, effect, result, seconds, truth))
+            print(rows[-1], flush=True)
+    for name in WITHHELD:
+        case = next(c for c in CASES if c[0] == name)
+        if late(0.8):
+            break
+        spaces.setdefault(case[4], bench_workspace(case[4]))
+        effect = at_strength(spaces[case[4]], case, 12)
+        if effect is None:
+            continue
+        result, seconds, truth = run_case(case[4], [effect], args.seed + 7, withheld=(name,))
+        rows.append(_row("withheld", case, 12, effect, result, seconds, truth))
+        print(rows[-1], flush=True)
+    for k in range(args.nulls):
+        if late(1.0):
+            break
+        result, seconds, _ = run_case(names[k % 4], [], args.seed + 2000 + k)
+        rows.append(
+            Row(kind="null", effect=names[k % 4], strength=0, verdict=result.verdict,
+                found=tuple(e.name for e in result.effects), rivals=(), error=None, gain_share=None,
+                iou=None, seconds=seconds)
+        )  # fmt: skip
+        print(rows[-1], flush=True)
+    args.out.write_text(table(rows, args.seed), encoding="utf-8")
+
+
+def _row(
+    kind: str,
+    case: tuple[str, dict[str, object], str, float, str],
+    wanted: int,
+    effect: dict[str, object],
+    result: Diagnosis,
+    seconds: float,
+    truth: Sequence[np.ndarray],
+) -> Row:
+    names = tuple(e.name for e in result.effects if e.name != "empirical")
+    mine = next((e for e in result.effects if e.name == case[0]), None)
+    error = None
+    true = effect[case[2]]
+    if mine is not None and isinstance(true, float) and case[2] in mine.parameters and true:
+        error = abs(mine.parameters[case[2]][0] - true) / abs(true)
+    return Row(
+        kind=kind, effect=case[0], strength=wanted, verdict=result.verdict, found=names,
+        rivals=tuple(n for e in result.effects for n, _ in e.alternatives), error=error,
+        gain_share=None, iou=iou(result, truth, result.noise), seconds=seconds,
+    )  # fmt: skip
+
+
+def table(rows: Sequence[Row], seed: int) -> str:
+    """The figures as Markdown."""
+    nulls = [r for r in rows if r.kind == "null"]
+    alarms = sum(r.verdict != "match" for r in nulls)
+    high = float(stats.beta.ppf(0.975, alarms + 1, len(nulls) - alarms)) if nulls else 1.0
+    low = float(stats.beta.ppf(0.025, alarms, len(nulls) - alarms + 1)) if alarms else 0.0
+    lines = [
+        "# Development bench of the diagnosis",
+        "",
+        f"Made by `python -m benchmarks.diagnose`, seed {seed}: two recordings fitted, one held out, "
+        f"{PROFILES} x {POINTS} points each, from the plain simulator plus effects. The effect on the "
+        "left was in the recordings; what was found stands on the right. Strength is the whitened "
+        "signal to noise over the fitted recordings.",
+        "",
+        f"- false alarms on nulls: {alarms} of {len(nulls)} (95 %: {100 * low:.1f} to {100 * high:.1f} %)",
+    ]
+    for wanted in STRENGTHS:
+        ones = [r for r in rows if r.kind == "one" and r.strength == wanted]
+        if not ones:
+            continue
+        hits = sum(1.0 if r.effect in r.found else 0.5 if r.effect in r.rivals else 0.0 for r in ones)
+        named = sum(len(r.found) for r in ones)
+        right = sum(r.effect in r.found for r in ones)
+        errors = [r.error for r in ones if r.error is not None]
+        overlaps = [r.iou for r in ones if r.iou is not None and r.effect in r.found]
+        line = (
+            f"- strength {wanted}: recall {hits / len(ones):.2f} ({len(ones)} cases), precision "
+            f"{right / named if named else 1.0:.2f}"
+        )
+        if errors:
+            line += f", median parameter error {100 * float(np.median(errors)):.0f} %"
+        if overlaps:
+            line += f", median IoU {float(np.median(overlaps)):.2f}"
+        lines.append(line)
+    unknown = [r for r in rows if r.kind == "withheld"]
+    if unknown:
+        flagged = sum(r.verdict in ("unexplained", "partly_explained") for r in unknown)
+        lines.append(f"- effects withheld from the catalogue: {flagged} of {len(unknown)} said to be unexplained")
+    lines.append(f"- median processor time of a case: {float(np.median([r.seconds for r in rows])):.1f} s")
+    lines += ["", "| kind | effect | strength | verdict | found | rivals | parameter error | IoU |", "| --- | --- | --- | --- | --- | --- | --- | --- |"]
+    for r in rows:
+        if r.kind == "null" and r.verdict == "match":
+            continue
+        error = "" if r.error is None else f"{100 * r.error:.0f} %"
+        overlap = "" if r.iou is None else f"{r.iou:.2f}"
+        lines.append(
+            f"| {r.kind} | {r.effect} | {r.strength or ''} | {r.verdict} | {', '.join(r.found)} | "
+            f"{', '.join(r.rivals)} | {error} | {overlap} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    main()
