@@ -4,6 +4,7 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 DEV    := $(VENV)/.installed-dev
+PEERS  := $(VENV)/.installed-bench
 
 .PHONY: demo test lint bench effects paper pictures proof proof-small clean
 
@@ -18,6 +19,10 @@ test: $(DEV)
 lint: $(DEV)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+
+# Side by side with the peers, on an idle machine: half an hour.
+bench: $(PEERS)
+	$(BIN)/python -m benchmarks
 
 paper: $(DEV)
 	$(BIN)/python docs/paper/make_paper.py
@@ -52,6 +57,11 @@ $(STAMP): pyproject.toml | $(VENV)/bin/python
 $(DEV): pyproject.toml | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	touch $(STAMP) $@
+
+# A peer that can't be installed here is skipped on the page, with a word.
+$(PEERS): pyproject.toml | $(DEV)
+	-$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,bench]'
+	touch $@
 
 clean:
 	rm -rf $(VENV) out

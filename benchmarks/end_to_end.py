@@ -1,0 +1,304 @@
+"""A labelled scan from its path to the disk, stage by stage; and whole datasets with 1 and 2 jobs.
+
+`python -m benchmarks.end_to_end` prints seconds per scan at two sizes and datasets per minute.
+Each size is measured in a process of its own, so that its peak of memory is its own.
+"""
+
+import argparse
+import dataclasses
+import json
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+HOME = Path(__file__).resolve().parents[1]
+SIZES = ((200, 512), (2000, 4096))
+SCANS = {
+    "cast": "flawed and clean cast",
+    "sight": "sight lines to the camera",
+    "noise": "speckle, uncertainty, rounding",
+    "labels": "labels, counts and the rest",
+    "write": "encode, checksum, compress, write",
+}
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+RECIPE = """\
+name: bench
+seed: 6
+sensor: sensor.yaml
+surface: car_door
+profiles: {profiles}
+points: {points}
+{work}
+parts:
+{parts}
+flaws:
+  min_distance_mm: 10
+  dent: {{number: 3, length_mm: {{uniform: [15, 30]}}, depth_mm: {{uniform: [0.4, 1.0]}}}}
+  scratch: {{number: 2, length_mm: {{uniform: [20, 50]}}}}
+  crack: 1
+  bump: 1
+motion:
+  length_mm: 400
+  aim_at_flaws: 0
+"""
+DOOR = "  - builtin: car_door\n    facet_um: 10"
+THREE = "\n".join(
+    f"  - builtin: {name}\n    surface: {name}"
+    for name in ("bearing_cap", "car_door", "steel_plate")
+)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ScanCost:
+    """What one labelled scan of the car door costs.
+
+    Attributes
+    ----------
+    profiles, points, triangles
+        Its size, and that of the flawed door.
+    wall_s, processor_s
+        Median seconds of the whole scan, by the clock and on the processor.
+    stages_s
+        Median seconds by the clock of each stage of `SCANS`.
+    disk_bytes
+        Size of the shard with this one scan.
+    peak_bytes
+        Most memory that the process held, loading and cutting the part included.
+    specimen_s
+        Seconds in which the flaws were drawn and cut, not part of the scan.
+    """
+
+    profiles: int
+    points: int
+    triangles: int
+    wall_s: float
+    processor_s: float
+    stages_s: dict[str, float]
+    disk_bytes: int
+    peak_bytes: int
+    specimen_s: float
+
+
+def recipe_in(folder: Path, *, profiles: int, points: int, parts: str, work: str = "") -> Path:
+    """Write a recipe for the AT-C5-4090CS30-495 with its camera's shadows; return its path."""
+    from sensors.datasheet import Datasheet
+
+    sheet = Datasheet.load("AT-C5-4090CS30-495")
+    sheet = dataclasses.replace(
+        sheet, triangulation_angle_deg=30.0, effects=({"name": "camera_occlusion"},)
+    )
+    sheet.save(folder / "sensor.yaml")
+    path = folder / "bench.yaml"
+    path.write_text(RECIPE.format(profiles=profiles, points=points, parts=parts, work=work))
+    return path
+
+
+def scan_cost(profiles: int, points: int, *, rounds: int = 7, part: str = DOOR) -> ScanCost:
+    """Scan one flawed part `rounds` times in this process and write each scan."""
+    from pipeline.batch import find_wanted
+    from pipeline.plan import PlannedPart, PlannedScans
+    from pipeline.recipe import Recipe
+    from pipeline.shards import ShardWriter
+    from pipeline.specimen import load_entry, make_specimen, store_part
+    from pipeline.work import _scan
+
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        recipe = Recipe.load(recipe_in(folder, profiles=profiles, points=points, parts=part))
+        recipe = recipe.ready()
+        (wanted,), _ = find_wanted(recipe)
+        solid = load_entry(wanted.entry, wanted.path, wanted.name)
+        planned = PlannedPart(
+            name=wanted.name, entry=wanted.entry, stored=store_part(solid, folder)
+        )
+        begin = time.perf_counter()
+        specimen = make_specimen(recipe, planned, 0, folder)
+        specimen_s = time.perf_counter() - begin
+        work = PlannedScans(
+            part=planned, specimen=0, split="train", split_by="part", first=0, last=rounds
+        )
+
+        def one(number: int) -> Path:
+            shard = folder / f"{number}.h5"
+            with ShardWriter(
+                shard,
+                datasheet=recipe.datasheet,
+                shape=(1, profiles, points),
+                attributes={},
+            ) as writer:
+                scan, _, _ = _scan(recipe, work, specimen, number)
+                writer.add("bench", scan)
+            return shard
+
+        one(0).unlink()  # compiled, and every tree built
+        walls, processors, stages = [], [], []
+        for number in range(rounds):
+            with stopwatch() as laps:
+                begin, busy = time.perf_counter(), time.process_time()
+                shard = one(number)
+                walls.append(time.perf_counter() - begin)
+                processors.append(time.process_time() - busy)
+            laps["labels"] = walls[-1] - sum(laps.values())
+            stages.append(laps)
+            size = shard.stat().st_size
+            shard.unlink()
+        return ScanCost(
+            profiles=profiles,
+            points=points,
+            triangles=len(specimen.flawed.faces),
+            wall_s=statistics.median(walls),
+            processor_s=statistics.median(processors),
+            stages_s={key: statistics.median(lap[key] for lap in stages) for key in SCANS},
+            disk_bytes=size,
+            peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+            specimen_s=specimen_s,
+        )
+
+
+@contextmanager
+def stopwatch() -> Iterator[dict[str, float]]:
+    """Add up seconds by the clock within the stages' functions; yields them by stage."""
+    from pipeline.shards import ShardWriter
+    from sensors import view
+    from sensors.law import Law
+    from sensors.scene import Scene
+
+    places: list[tuple[str, Any, str]] = [
+        ("cast", Scene, "cast"),
+        ("sight", view, "camera_visible"),
+        ("sight", Scene, "blocked"),
+        ("noise", Law, "sample"),
+        ("write", ShardWriter, "add"),
+        ("write", ShardWriter, "__exit__"),
+    ]
+    laps = dict.fromkeys(("cast", "sight", "noise", "write"), 0.0)
+
+    def timed(stage: str, run: Callable[..., Any]) -> Callable[..., Any]:
+        def wrapped(*arguments: Any, **more: Any) -> Any:
+            begin = time.perf_counter()
+            try:
+                return run(*arguments, **more)
+            finally:
+                laps[stage] += time.perf_counter() - begin
+
+        return wrapped
+
+    with ExitStack() as undo:
+        for stage, owner, name in places:
+            run = getattr(owner, name)
+            setattr(owner, name, timed(stage, run))
+            undo.callback(setattr, owner, name, run)
+        yield laps
+
+
+def scan_cost_alone(profiles: int, points: int, *, rounds: int = 7) -> ScanCost:
+    """`scan_cost` in a process of its own with one thread."""
+    said = subprocess.run(
+        [
+            sys.executable, "-m", "benchmarks.end_to_end",
+            "--one", str(profiles), str(points), "--rounds", str(rounds),
+        ],
+        cwd=HOME, env={**os.environ, **ONE_THREAD}, check=True, capture_output=True, text=True,
+    ).stdout  # fmt: skip
+    return ScanCost(**json.loads(said.splitlines()[-1]))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class BatchCost:
+    """A dataset made with 1 and with 2 jobs in turns, by the clock; start-up included.
+
+    Attributes
+    ----------
+    name
+        What was made.
+    scans
+        How many scans it has.
+    seconds
+        For each number of jobs, a figure for each turn.
+    disk_bytes
+        Size of the dataset's folder.
+    """
+
+    name: str
+    scans: int
+    seconds: dict[int, list[float]]
+    disk_bytes: int
+
+    @property
+    def ratios(self) -> list[float]:
+        """How much faster 2 jobs are, for each turn."""
+        return [one / two for one, two in zip(self.seconds[1], self.seconds[2], strict=True)]
+
+
+def batch_cost(name: str, recipe: Path, *, turns: int = 3) -> BatchCost:
+    """Generate a recipe's dataset through the command line, 1 job and 2 jobs in turns."""
+    seconds: dict[int, list[float]] = {1: [], 2: []}
+    made: Mapping[str, Any] = {}
+    size = 0
+    for _ in range(turns):
+        for jobs in seconds:
+            with tempfile.TemporaryDirectory() as folder:
+                out = Path(folder) / "out"
+                begin = time.perf_counter()
+                subprocess.run(
+                    [
+                        sys.executable, "-m", "flawforge.cli", "generate", recipe,
+                        "--out", out, "--jobs", str(jobs),
+                    ],
+                    cwd=HOME, env={**os.environ, **ONE_THREAD}, check=True, capture_output=True,
+                )  # fmt: skip
+                seconds[jobs].append(time.perf_counter() - begin)
+                made = json.loads((out / "dataset.json").read_text())
+                size = sum(file.stat().st_size for file in out.rglob("*") if file.is_file())
+    return BatchCost(name=name, scans=made["scans"], seconds=seconds, disk_bytes=size)
+
+
+def batches(folder: Path) -> dict[str, Path]:
+    """Write the recipes of the datasets that are timed; by name."""
+    quick = (HOME / "manifests" / "quickstart.yaml").read_text()
+    found = {"quickstart, 12 specimens, 24 scans of 240 × 512": quick}
+    assert "specimens: 4 " in quick
+    found["24 specimens of three parts, 2 scans of 240 × 512 each"] = quick.replace(
+        "specimens: 4 ", "specimens: 8 "
+    )
+    paths = {}
+    for number, (name, text) in enumerate(found.items()):
+        paths[name] = folder / f"{number}.yaml"
+        paths[name].write_text(text)
+    many = folder / "many"
+    many.mkdir()
+    paths["one car door, 200 scans of 500 × 2048"] = recipe_in(
+        many, profiles=500, points=2048, parts="  - builtin: car_door", work="scans: 200"
+    )
+    return paths
+
+
+def main() -> None:
+    """Print the tables, or with --one a single size's figures as JSON."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--one", type=int, nargs=2, metavar=("PROFILES", "POINTS"))
+    parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("--turns", type=int, default=3)
+    arguments = parser.parse_args()
+    if arguments.one:
+        print(json.dumps(dataclasses.asdict(scan_cost(*arguments.one, rounds=arguments.rounds))))
+        return
+    for size in SIZES:
+        cost = scan_cost_alone(*size, rounds=arguments.rounds)
+        print(f"{cost.profiles} × {cost.points}: {cost.wall_s:.3f} s", cost)
+    with tempfile.TemporaryDirectory() as folder:
+        for name, recipe in batches(Path(folder)).items():
+            print(name, batch_cost(name, recipe, turns=arguments.turns))
+
+
+if __name__ == "__main__":
+    main()

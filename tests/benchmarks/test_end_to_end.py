@@ -1,0 +1,76 @@
+"""The end-to-end benchmark and its page, on a small scale."""
+
+import dataclasses
+
+import pytest
+
+from benchmarks import page
+from benchmarks.casting import GrowthRow, Row
+from benchmarks.end_to_end import SCANS, BatchCost, batches, scan_cost
+from pipeline.recipe import Recipe
+
+PLATE = "  - builtin: steel_plate\n    parameters: {length_mm: 500, width_mm: 450}"
+
+
+@pytest.fixture(scope="module")
+def cost():
+    return scan_cost(24, 32, rounds=2, part=PLATE)
+
+
+def test_the_stages_make_up_the_scan(cost):
+    assert set(cost.stages_s) == set(SCANS)
+    assert all(seconds > 0 for seconds in cost.stages_s.values())
+    assert sum(cost.stages_s.values()) == pytest.approx(cost.wall_s, rel=0.5)
+    assert cost.disk_bytes > 24 * 32
+    assert cost.peak_bytes > 1e7
+    assert cost.triangles > 1000
+
+
+def test_the_datasets_are_what_their_names_say(tmp_path):
+    recipes = {name: Recipe.load(path) for name, path in batches(tmp_path).items()}
+    for name, recipe in recipes.items():
+        assert f"{recipe.file.profiles} × {recipe.points}" in name
+    parts, specimens, scans = zip(
+        *((len(r.file.parts), r.file.specimens, r.file.scans) for r in recipes.values()),
+        strict=True,
+    )
+    assert (parts, specimens, scans) == ((3, 3, 1), (4, 8, 1), (2, 2, 200))
+
+
+def test_the_page_puts_ratios_first(cost, tmp_path):
+    casting = [
+        Row(mesh="m", triangles=9, caster=name, rays=rays, rays_per_s=rate, ratio=rate / 2e6,
+            note="" if rays else "skipped: No module named 'vtkmodules'")
+        for name, rays, rate in (
+            ("sweep", 5, 50e6), ("embreex", 5, 2e6), ("trimesh", 5, 1e6), ("Open3D", 5, 4e6),
+            ("VTK", 0, 0.0), ("Embree, refined", 5, 5e6),
+        )
+    ]  # fmt: skip
+    larger = dataclasses.replace(cost, profiles=48, processor_s=4 * cost.processor_s)
+    triangles = [
+        GrowthRow(triangles=10, seconds=1.0, per_doubling=float("nan")),
+        GrowthRow(triangles=20, seconds=1.25, per_doubling=1.25),
+    ]
+    text = page.write(
+        machine=page.Machine.here(),
+        scans=[cost, larger],
+        datasets=[
+            BatchCost(name=name, scans=4, seconds={1: [4.0, 6.0], 2: [2.0, 4.0]}, disk_bytes=10)
+            for name in ("first", "second")
+        ],
+        casting=casting,
+        absent=["gone.stl"],
+        triangles=triangles,
+        points=[cost, larger],
+        noise={"field": 0.5},
+        seconds=60.0,
+    )
+    assert "| sweep against embreex, slowest mesh | 25 × | 10 × |" in text
+    assert "| 2 jobs against 1: second | 1.75 × | 1.8 × |" in text
+    assert "| time per doubling of triangles, worst | 1.25 × | 1.3 × |" in text
+    assert "| time per point, largest against smallest scan | 2.00 × | 1 × |" in text
+    assert "| m | 9 | 25.0 × | 50.0 × | 12.5 × | – | 10.0 × | 50 |" in text
+    assert "VTK skipped: No module named 'vtkmodules'" in text
+    assert "gone.stl: skipped" in text
+    page.plot(tmp_path / "growth.png", triangles, [cost, larger])
+    assert (tmp_path / "growth.png").stat().st_size > 5000
