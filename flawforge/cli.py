@@ -96,10 +96,13 @@ def _run(arguments: argparse.Namespace) -> int:
     try:
         code: int = _module(arguments.command).run(arguments)
         return code
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
     except (ValueError, OSError) as error:
         if arguments.debug or not _is_users(error):
             raise
-        print(f"flawforge: {error}", file=sys.stderr)
+        print(f"flawforge: {_line(error)}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print(f"flawforge: interrupted; {GO_ON}", file=sys.stderr)
@@ -107,20 +110,27 @@ def _run(arguments: argparse.Namespace) -> int:
     except Terminated:
         print(f"flawforge: terminated; {GO_ON}", file=sys.stderr)
         return 143
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
     finally:
         signal.signal(signal.SIGTERM, before)
 
 
 def _is_users(error: Exception) -> bool:
-    """Whether an error is about what the user gave (and not a fault of ours)."""
+    """Whether an error is about what the user gave or the disk (and not a fault of ours)."""
     from flawforge.dataset import ShardError
     from pipeline.part import PartError
     from sensors.typed_yaml import RecipeError
 
+    if isinstance(error, OSError) and error.errno is not None:
+        return True
     return isinstance(error, RecipeError | PartError | ShardError)
+
+
+def _line(error: Exception) -> str:
+    """Say an error in one line; of the system's own, the file first."""
+    if isinstance(error, OSError) and error.strerror:
+        said = f"the system says: {error.strerror}"
+        return f"{error.filename}: {said}" if error.filename is not None else said
+    return " ".join(str(error).split())
 
 
 if __name__ == "__main__":

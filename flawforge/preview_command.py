@@ -36,6 +36,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Draw; say where the picture is."""
+    from sensors.typed_yaml import RecipeError
+
+    if arguments.out.suffix.lower() != ".png":
+        raise RecipeError(
+            "isn't a picture's name", where="--out", value=str(arguments.out), allowed="NAME.png"
+        )
+    if arguments.what.is_dir() and arguments.part is not None:
+        raise RecipeError("--part goes with a recipe; of a dataset, --scan chooses")
+    if not arguments.what.is_dir() and arguments.scan is not None:
+        raise RecipeError("--scan goes with a dataset; of a recipe, --part chooses")
     if arguments.what.is_dir():
         from pipeline.preview import draw_scan
 

@@ -129,6 +129,9 @@ class Recipe:
         """
         document = load_yaml(path)
         file = parse(RecipeFile, document)
+        for root in roots:
+            if not root.is_dir():
+                raise RecipeError("no such folder", where="--parts", value=str(root))
         folders = (Path(path).resolve().parent, *(root.resolve() for root in roots))
         datasheet = _named(Datasheet.load, file.sensor, folders, document.where(("sensor",)))
         points = file.points or datasheet.points_per_profile
@@ -246,6 +249,8 @@ def resolve(name: str, roots: tuple[Path, ...], where: str) -> Path:
     RecipeError
         Where it leads outside all of them.
     """
+    if "\0" in name:
+        raise RecipeError("isn't a path", where=where, value=name)
     inside = [root / name for root in roots if _is_below(root / name, root)]
     if not inside and Path(name).is_absolute():
         inside = [Path(name) for root in roots if _is_below(Path(name), root)]

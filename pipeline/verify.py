@@ -11,6 +11,7 @@ from pipeline.shards import file_sha256, scan_checksums
 from sensors.typed_yaml import RecipeError
 
 LOCK_FORMAT: Final = "flawforge-lock"
+MADE_BY: Final = "a file made by verify --write"
 # A rebuild with other versions may differ by this much in each shard's figures.
 SHARE_TOLERANCE, DEPTH_TOLERANCE_MM, PIXEL_TOLERANCE = 1e-3, 1e-3, 0.01
 
@@ -113,10 +114,12 @@ def compare_with_lock(folder: Path, lock: Path) -> Report:
     said = read_dataset(folder)
     try:
         kept = json.loads(lock.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise RecipeError(f"can't be read as a lock ({error})", where=lock) from None
+    except OSError as error:
+        raise RecipeError(f"can't be read ({error.strerror})", where=lock) from None
+    except ValueError:
+        raise RecipeError("isn't a lock", where=lock, allowed=MADE_BY) from None
     if not isinstance(kept, dict) or kept.get("format") != LOCK_FORMAT:
-        raise RecipeError("isn't a lock", where=lock, allowed="a file made by verify --write")
+        raise RecipeError("isn't a lock", where=lock, allowed=MADE_BY)
     for key in ("recipe", "files"):
         if kept[key] != said[key]:
             was, now = kept[key], said[key]

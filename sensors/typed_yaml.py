@@ -18,7 +18,6 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 T = TypeVar("T")
 KeyPath = tuple[str | int, ...]
 PLAIN_WORDS = {
-    "too_short": "at least one entry",
     "tuple_type": "a list",
     "list_type": "a list",
     "dict_type": "keys and values",
@@ -26,6 +25,7 @@ PLAIN_WORDS = {
     "string_type": "a text",
     "int_type": "a whole number",
     "int_parsing": "a whole number",
+    "int_parsing_size": "a whole number",
     "int_from_float": "a whole number",
     "float_type": "a number",
     "float_parsing": "a number",
@@ -193,6 +193,9 @@ def parse(cls: type[T], source: Document | Mapping[str, Any], *, where: str | No
         if located:
             raise RecipeError(f"'{key}': {said}{more}", where=place) from None
         allowed_text = PLAIN_WORDS.get(kind) or said.removeprefix("Input should be ")
+        if kind == "too_short":
+            least = first["ctx"]["min_length"]
+            allowed_text = "at least one entry" if least == 1 else f"at least {least} entries"
         raise RecipeError(
             f"'{key}' isn't right{more}", where=place, value=first["input"], allowed=allowed_text
         ) from None

@@ -1,5 +1,7 @@
 """The command line as a newcomer meets it."""
 
+import errno
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -101,3 +103,45 @@ def test_a_summary_keeps_to_a_few_lines_of_a_kind():
     assert said[-2] == "... and 490 more, see 'flaws_dropped' in dataset.json"
     assert said[-1] == "failed: b-0000-0000: nothing seen"
     assert len(said) == MOST_LINES + 4
+
+
+def test_what_the_system_refuses_is_one_line(tmp_path, capfd, monkeypatch):
+    import flawforge.verify_command
+
+    def full(arguments):
+        raise OSError(errno.ENOSPC, "No space left on device", str(tmp_path / "x"))
+
+    monkeypatch.setattr(flawforge.verify_command, "run", full)
+    assert main(["verify", str(tmp_path)]) == 2
+    assert capfd.readouterr().err == (
+        f"flawforge: {tmp_path}/x: the system says: No space left on device\n"
+    )
+
+    def piped(arguments):
+        raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+
+    monkeypatch.setattr(flawforge.verify_command, "run", piped)
+    monkeypatch.setattr(os, "dup2", lambda *descriptors: None)
+    assert main(["verify", str(tmp_path)]) == 1
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["preview", "{}", "--part", "a"], "--part goes with a recipe"),
+        (["preview", "{}/r.yaml", "--scan", "a"], "--scan goes with a dataset"),
+        (["preview", "{}", "--out", "x.doc"], "allowed: NAME.png"),
+        (["verify", "{}", "--write"], "--write needs --lock"),
+        (["generate", "{}/r.yaml", "--out", "{}/o", "--parts", "{}/no"], "no such folder"),
+    ],
+)
+def test_words_that_dont_fit_are_one_line(words, said, tmp_path, capsys):
+    (tmp_path / "r.yaml").write_text(
+        "name: x\nseed: 1\nsensor: KEYENCE-LJ-X8200\nprofiles: 2\nparts: [{builtin: car_door}]\n"
+    )
+    assert main([word.format(tmp_path) for word in words]) == 2
+    captured = capsys.readouterr()
+    assert captured.err.count("\n") == 1
+    assert said in captured.err
+    assert [path.name for path in tmp_path.iterdir()] == ["r.yaml"]

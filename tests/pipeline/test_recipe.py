@@ -39,6 +39,7 @@ def test_a_good_recipe_is_read_with_the_files_it_names(recipe_path):
         ("sensor: sensor.yaml", "sensor: none.yaml", ["none.yaml", "can't be read"]),
         ("surface: car_door", "surface: velvet", ["no such surface", "car_door"]),
         ("yaw_deg: {uniform: [-10, 10]}", "yaw_deg: left", ["motion.yaw_deg", "left"]),
+        ("surface: car_door", 'surface: "a\\0.yaml"', ["tiny.yaml:4", "isn't a path"]),
         ("name: tiny", "name: a/b", ["tiny.yaml:1", "'name': 'a/b'"]),
         ("sensor: sensor.yaml", "sensor: nothing", ["tiny.yaml:3: no such sensor", "'nothing'"]),
         ("profiles: 40", "profiles: 1000000\npoints: 1000", ["tiny.yaml:5", "too many points"]),
