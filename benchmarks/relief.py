@@ -21,7 +21,7 @@ SPECKLE = PerlinField(amplitude_mm=0.035, cell_x_mm=0.8, cell_y_mm=1.1, octaves=
 
 
 def solid(height: Callable[[Floats, Floats], Floats], x_mm: Floats, y_mm: Floats) -> Scene:
-    """Closed solid under a height field, base at z = -20."""
+    """Build the closed solid under a height field, base at z = -20."""
     grid_x, grid_y = np.meshgrid(x_mm, y_mm, indexing="ij")
     top = np.stack([grid_x, grid_y, height(grid_x, grid_y)], axis=-1)
     base = np.stack([grid_x, grid_y, np.full_like(grid_x, -20.0)], axis=-1)
@@ -29,7 +29,8 @@ def solid(height: Callable[[Floats, Floats], Floats], x_mm: Floats, y_mm: Floats
     vertices = np.concatenate([top.reshape(-1, 3), base.reshape(-1, 3)])
     index = np.arange(n * m).reshape(n, m)
     a, b, c, d = (
-        index[:-1, :-1].ravel(), index[1:, :-1].ravel(), index[1:, 1:].ravel(), index[:-1, 1:].ravel()
+        index[:-1, :-1].ravel(), index[1:, :-1].ravel(),
+        index[1:, 1:].ravel(), index[:-1, 1:].ravel(),
     )  # fmt: skip
     up = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
     down = up[:, ::-1] + n * m
@@ -99,7 +100,7 @@ def part(name: str) -> Scene:
 
 
 def datasheet(points: int = 160, effects: Sequence[dict[str, object]] = ()) -> Datasheet:
-    """A bench sensor: 60 mm line at 100 mm."""
+    """Make a bench sensor: 60 mm line at 100 mm."""
     return Datasheet(
         name="bench",
         working_distance_mm=100.0,

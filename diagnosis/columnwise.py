@@ -1,4 +1,4 @@
-"""Whole columns: fixed offsets of the profile's columns, the same in every profile and recording."""
+"""Whole columns: fixed offsets of the profile's columns, the same in every recording."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -82,7 +82,9 @@ def column_equations(
             # the one group of this phase within reach of the innovation
             reach = owner_of[np.clip(columns[:, None] + np.arange(-3, 3)[None], 0, m - 1)]
             hit = reach % COMB == phase
-            owners.append(np.where(hit.any(axis=1), reach[np.arange(len(rows)), hit.argmax(axis=1)], 0))
+            owners.append(
+                np.where(hit.any(axis=1), reach[np.arange(len(rows)), hit.argmax(axis=1)], 0)
+            )
         weight = np.stack(combs, axis=1)
         owner = np.stack(owners, axis=1)
         matrix = weights_matrix(owner, weight, count)
@@ -91,7 +93,9 @@ def column_equations(
         right = right + matrix @ values
         r = patch.recording
         cross[r] = cross.get(r, 0.0) + matrix @ whitened_columns
-        pose[r] = pose.get(r, np.eye(whitened_columns.shape[1])) + whitened_columns.T @ whitened_columns
+        pose[r] = (
+            pose.get(r, np.eye(whitened_columns.shape[1])) + whitened_columns.T @ whitened_columns
+        )
         pose_right[r] = pose_right.get(r, 0.0) + whitened_columns.T @ values
     for r in cross:
         solved = np.linalg.solve(pose[r], cross[r].T)

@@ -156,9 +156,7 @@ def diagnose(
     finishes = [e for e in finishes if e.name not in set(withheld)]
     mounting = None
     if "pose_error" not in set(withheld):
-        mounting = mounting_error(
-            [r.poses for r in fit_on], [placed[r.name] for r in fit_on]
-        )
+        mounting = mounting_error([r.poses for r in fit_on], [placed[r.name] for r in fit_on])
     if verdict == "match" and (finishes or mounting):
         verdict = "explained"
     elif verdict == "match" and finish_findings:
@@ -227,7 +225,7 @@ def diagnose(
 
 
 def _verdict(selection: Selection) -> tuple[str, list[Finding]]:
-    """What the findings before and after the explanation amount to."""
+    """Judge what the findings before and after the explanation amount to."""
     first, last = selection.first.significant(), selection.last.significant()
     if not first:
         return "match", []
@@ -267,7 +265,8 @@ def _found(
         if rivals:
             names = " or ".join(name for name, _ in rivals)
             statement += (
-                f" These recordings can't tell it from {names}; to separate them: {effect.separating}."
+                f" These recordings can't tell it from {names}; to separate them: "
+                f"{effect.separating}."
             )
         out.append(
             FoundEffect(
@@ -316,7 +315,7 @@ def _commanded_gain(
     mounting: Mounting,
     lateral: float,
 ) -> float:
-    """Nats per held-out reading that the common offset gains at commanded poses, nothing refitted."""
+    """Nats per held-out reading that a common offset gains at commanded poses."""
     names = {p.recording for p in held}
     total, count = 0.0, 0.0
     for number, recording in enumerate(recordings):
@@ -334,7 +333,10 @@ def _commanded_gain(
         ):  # fmt: skip
             scores = [
                 log_density(
-                    patch, predict(patch.view, e, noise, softness=patch.softness), noise, np.zeros(7)
+                    patch,
+                    predict(patch.view, e, noise, softness=patch.softness),
+                    noise,
+                    np.zeros(7),
                 )
                 for e in ((), (mounting.effect,))
             ]
@@ -356,7 +358,7 @@ def _nominal_sd_mm(nominal: NoiseModel | None, surface: Surface | None, view: Vi
 def _nominal_noise(
     noise: NoiseModel, nominal: NoiseModel | None, surface: Surface | None, view: View
 ) -> NoiseModel:
-    """The noise as the plain model has it."""
+    """Return the noise as the plain model has it."""
     if nominal is not None and nominal.acf.shape == noise.acf.shape:
         return nominal
     return replace(noise, sd_mm=_nominal_sd_mm(nominal, surface, view))
@@ -397,7 +399,9 @@ def _noise(
     """Correlation and size from the recordings' own residuals, losses and tails from plates."""
     fields, masks = [], []
     for patch in patches:
-        mask = patch.fit & patch.observed & np.isfinite(patch.plain_mm) & ~patch.edge & patch.counted
+        mask = (
+            patch.fit & patch.observed & np.isfinite(patch.plain_mm) & ~patch.edge & patch.counted
+        )
         if mask.any():
             fields.append(patch.depth_mm - patch.plain_mm)
             masks.append(mask)
@@ -490,7 +494,8 @@ def _check_fits(datasheet: Datasheet, recording: Recording, notes: list[str]) ->
         )  # fmt: skip
     if inside.mean() < 1:
         notes.append(
-            f"{recording.name}: {(~inside).sum()} readings outside the working range count as missing"
+            f"{recording.name}: {(~inside).sum()} readings outside the working range count as "
+            "missing"
         )
     if recording.depth_mm.shape[1] != datasheet.points_per_profile:
         notes.append(
@@ -512,6 +517,6 @@ def _note_repeats(recordings: Sequence[Recording], notes: list[str]) -> None:
         count = int(repeated_rows(r.depth_mm).sum())
         if count:
             notes.append(
-                f"{r.name}: {count} of {len(r.depth_mm)} profiles repeat the one before, reading for "
-                "reading; they measured nothing and are left out"
+                f"{r.name}: {count} of {len(r.depth_mm)} profiles repeat the one before, "
+                "reading for reading; they measured nothing and are left out"
             )

@@ -39,9 +39,7 @@ def fit_empirical(ws: Workspace, model: Model, left: Sequence[Finding]) -> Effec
         )
         if knots.size < 3:
             continue
-        effect = Empirical(
-            against=name, knots=tuple(map(float, knots)), values=(0.0,) * knots.size
-        )
+        effect = Empirical(against=name, knots=tuple(map(float, knots)), values=(0.0,) * knots.size)
         fitted = solve_linear(effect, ws, states, ws.masks())
         if fitted is not None and (best is None or fitted.gain > best[0]):
             best = (fitted.gain, fitted.effect)

@@ -22,7 +22,7 @@ SKIPPED = {
     "roughness_level", "anisotropic_lay", "form_error", "pose_error", "empirical",
     "stage_vibration", "travel_ripple", "column_offset",
 }  # fmt: skip
-"""Effects that other tests cover: the noise's spectrum, free-form maps, placements, rows, columns."""
+"""Effects that other tests cover: spectrum, free-form maps, placements, rows, columns."""
 MOST_POINTS = 4
 
 
@@ -79,7 +79,9 @@ def free_families(patches: Sequence[Patch]) -> list[Family]:
             )
         )
     part = [p.view.part_mm for p in patches]
-    spread = [np.ptp(np.concatenate([c[..., k][np.isfinite(c[..., k])] for c in part])) for k in range(3)]
+    spread = [
+        np.ptp(np.concatenate([c[..., k][np.isfinite(c[..., k])] for c in part])) for k in range(3)
+    ]
     first, second = np.argsort(spread)[::-1][:2]
     families.append(
         Family(
@@ -87,7 +89,9 @@ def free_families(patches: Sequence[Patch]) -> list[Family]:
             words="place on the part",
             frame="part",
             fields=tuple(
-                products(hats([c[..., first] for c in part], 6), hats([c[..., second] for c in part], 6))
+                products(
+                    hats([c[..., first] for c in part], 6), hats([c[..., second] for c in part], 6)
+                )
             ),
         )
     )
@@ -164,8 +168,9 @@ def mean_signature(
     out: list[Field] = []
     try:
         for patch, plain in zip(patches, base, strict=True):
-            if isinstance(effect, AdditiveEffect):
-                fields = effect.basis(patch.view).fields
+            basis = effect.basis(patch.view) if isinstance(effect, AdditiveEffect) else None
+            if basis is not None:
+                fields = basis.fields
                 out.append(
                     np.stack([np.nan_to_num(np.broadcast_to(f, patch.shape)) for f in fields])
                 )
@@ -192,7 +197,9 @@ def covariate_values(name: str, patches: Sequence[Patch]) -> list[Field] | None:
 
 def hats(values: Sequence[Field | None], count: int) -> list[Field | None]:
     """Piecewise linear hat functions with knots spread between quantiles and even steps."""
-    known = np.concatenate([v[np.isfinite(v)].ravel()[:: max(1, v.size // 20000)] for v in values if v is not None])
+    known = np.concatenate(
+        [v[np.isfinite(v)].ravel()[:: max(1, v.size // 20000)] for v in values if v is not None]
+    )
     if known.size == 0:
         return [None if v is None else np.zeros((1, *v.shape)) for v in values]
     by_rank = np.quantile(known, np.linspace(0, 1, count))

@@ -1,4 +1,4 @@
-"""The surface's finish: is the noise as large, as fine and as even as the nominal one?
+"""The surface's finish: whether its noise is as large, as fine, as even as the nominal one.
 
 Compared are the noise on the part, where it is hit squarely, and the plate's (or that of the
 surface's file): a factor on its size, a factor on its peaks, a direction along which it is drawn
@@ -59,22 +59,27 @@ def finish_effects(
             )
             peaks = 1.0
             if nominal is not None:
-                peaks = math.sqrt(
-                    np.prod(nominal.correlation_length_px())
-                    / max(np.prod(own.correlation_length_px()), 1e-9)
-                )
+                was, now = nominal.correlation_length_px(), own.correlation_length_px()
+                peaks = math.sqrt(was[0] * was[1] / max(now[0] * now[1], 1e-9))
                 peaks = 1.0 if abs(math.log(peaks)) < 0.3 else peaks
             effects.append(
                 RoughnessLevel(
-                    amplitude=float(np.clip(amplitude, 0.05, 20)), peaks=float(np.clip(peaks, 0.05, 20))
+                    amplitude=float(np.clip(amplitude, 0.05, 20)),
+                    peaks=float(np.clip(peaks, 0.05, 20)),
                 )
             )
-            findings.append(_finding("variance", "level of the noise", abs(math.expm1(ratio)), ratio))
+            findings.append(
+                _finding("variance", "level of the noise", abs(math.expm1(ratio)), ratio)
+            )
     if nominal is not None:
         lay = _lay(ws, nominal)
         if lay is not None:
             effects.append(lay)
-            findings.append(_finding("correlation", "direction of the noise", lay.ratio - 1, math.log(lay.ratio)))
+            findings.append(
+                _finding(
+                    "correlation", "direction of the noise", lay.ratio - 1, math.log(lay.ratio)
+                )
+            )
     return effects, findings
 
 
@@ -87,13 +92,15 @@ def _finding(channel: str, words: str, size: float, strength: float) -> Finding:
 
 
 def _lay(ws: Workspace, nominal: NoiseModel) -> AnisotropicLay | None:
-    """A direction on the part along which the noise is drawn out, from its turn with the poses."""
+    """Find a direction on the part along which the noise is drawn out."""
     even = _stretch(nominal)
     rows, seen = [], []
     for number in sorted({p.recording for p in ws.patches}):
         patches = [p for p in ws.patches if p.recording == number]
         fields = [p.depth_mm - p.plain_mm for p in patches]
-        masks = [p.fit & p.observed & np.isfinite(p.plain_mm) & ~p.edge & p.counted for p in patches]
+        masks = [
+            p.fit & p.observed & np.isfinite(p.plain_mm) & ~p.edge & p.counted for p in patches
+        ]
         if sum(int(m.sum()) for m in masks) < 3000:
             continue
         own = calibrate(

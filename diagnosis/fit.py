@@ -1,4 +1,4 @@
-"""Fit one effect, the pose and the accepted effects beside it: linear parts solved, others searched.
+"""Fit one effect beside the pose and the accepted effects: linear parts solved, others searched.
 
 Where the mean is linear in an effect, its coefficients follow from generalised least squares on
 whitened residuals, at each point of the grid of what isn't linear (variable projection, Golub and
@@ -101,12 +101,14 @@ def _grid(kind: type[Effect], ws: Workspace, states: Sequence[Whitened]) -> tupl
 
 
 def _peaks(effect: Effect, ws: Workspace, states: Sequence[Whitened]) -> tuple[Effect, ...]:
-    """Effect at the strongest frequencies of the rows' offsets or slips, all recordings together."""
+    """Put an effect at the strongest frequencies of the rows' offsets or slips."""
     kind = "row_offset" if effect.name == "stage_vibration" else "row_slip"
     total: dict[float, float] = {}
     for recording in sorted({p.recording for p in ws.patches}):
         own = [k for k, p in enumerate(ws.patches) if p.recording == recording]
-        for hertz, power in row_powers([ws.patches[k] for k in own], [states[k] for k in own], kind):
+        for hertz, power in row_powers(
+            [ws.patches[k] for k in own], [states[k] for k in own], kind
+        ):
             total[hertz] = total.get(hertz, 0.0) + power
     strongest = sorted(total, key=lambda f: -total[f])
     picked: list[float] = []
@@ -204,7 +206,8 @@ def _ready(state: Whitened, mask: Mask) -> _Ready:
     key = id(mask)
     held = state.kept.get(key)
     if isinstance(held, tuple) and held[0] is mask:
-        return held[1]
+        kept: _Ready = held[1]
+        return kept
     pick = mask & state.used
     columns = state.columns[pick].astype(np.float32)
     # wide: a large misfit is what is being fitted; spikes are out already
@@ -354,9 +357,12 @@ def _spread(point: Effect, names: Sequence[str], ws: Workspace) -> Field:
 
 def _number(effect: Effect, name: str) -> float:
     value = getattr(effect, name)
-    if value is None:
-        value = effect.parameter(name).typical
-    return float(value)
+    return _typical(effect, name) if value is None else float(value)
+
+
+def _typical(effect: Effect, name: str) -> float:
+    typical = effect.parameter(name).typical
+    return float(typical) if isinstance(typical, int | float) else 1.0
 
 
 def solve_linear(
@@ -452,13 +458,17 @@ def _fit_searched(
     names = [
         p.name
         for p in best.searched()
-        if p.owner == "instrument" and p.name not in ("seed", "merge_um", "rayleigh_mm", "along_um", "index")
+        if p.owner == "instrument"
+        and p.name not in ("seed", "merge_um", "rayleigh_mm", "along_um", "index")
     ]
     if not polish or not names:
         return Fitted(effect=best, own={}, gain=gain, free=max(len(names), 1))
     start = np.array([_number(best, n) for n in names])
     step = np.array(
-        [max(abs(s) * 0.4, 0.05 * abs(float(best.parameter(n).typical or 1.0)), 1e-4) for s, n in zip(start, names, strict=True)]  # type: ignore[arg-type]  # numbers are searched
+        [
+            max(0.4 * abs(s), 0.05 * abs(_typical(best, n)), 1e-4)
+            for s, n in zip(start, names, strict=True)
+        ]
     )
     top = (gain, best)
 

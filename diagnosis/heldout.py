@@ -70,7 +70,7 @@ class Judgement:
 
 
 def judging_masks(patches: Sequence[Patch], share_own: bool) -> tuple[list[Mask], list[Mask]]:
-    """Readings for a recording's own parameters, and readings to score."""
+    """Choose readings for a recording's own parameters, and readings to score."""
     small, scored = [], []
     for patch in patches:
         inside = patch.scored & patch.counted
@@ -135,16 +135,22 @@ def judge(
     clipped = np.clip(e, -limit, limit)
     blocks = ws.block_scores(densities, scored)
     counts = ws.block_scores([m.astype(float) for m in scored], scored)
-    rms = [None, None]
+    rms: list[float | None] = [None, None]
     if regions is not None:
         for k, wanted in enumerate((True, False)):
-            part = np.concatenate([r[b & (g == wanted)] for r, b, g in zip(residuals, inside, regions, strict=True)])
-            rms[k] = 1e3 * float(np.sqrt(np.mean(np.clip(part, -limit, limit) ** 2))) if part.size else None
+            part = np.concatenate(
+                [r[b & (g == wanted)] for r, b, g in zip(residuals, inside, regions, strict=True)]
+            )
+            rms[k] = (
+                1e3 * float(np.sqrt(np.mean(np.clip(part, -limit, limit) ** 2)))
+                if part.size
+                else None
+            )
     return Judgement(
         log_score=-float(blocks.sum()) / max(float(counts.sum()), 1.0),
         rms_um=1e3 * float(np.sqrt(np.mean(clipped**2))) if e.size else float("nan"),
         ks=float(stats.kstest(z, "norm").statistic) if z.size else float("nan"),
-        coverage=(float(np.mean(np.abs(z) < 0.6745)), float(np.mean(np.abs(z) < 1.6449))) if z.size else (0.0, 0.0),
+        coverage=_coverage(z),
         brier=float(np.concatenate(missing).mean()) if z.size else 0.0,
         blocks=blocks,
         counts=counts,
@@ -153,3 +159,11 @@ def judge(
         rms_in_um=rms[0],
         rms_out_um=rms[1],
     )  # fmt: skip
+
+
+def _coverage(standard: Field) -> tuple[float, float]:
+    """Share of standardised residuals inside the central 50 % and 90 %."""
+    if standard.size == 0:
+        return 0.0, 0.0
+    size = np.abs(standard)
+    return float(np.mean(size < 0.6745)), float(np.mean(size < 1.6449))

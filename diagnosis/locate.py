@@ -32,14 +32,18 @@ class Region:
         }
 
 
-def smoothed_score(residual_mm: Field, sd_mm: Field, noise: NoiseModel, width: float = 2.0) -> Field:
+def smoothed_score(
+    residual_mm: Field, sd_mm: Field, noise: NoiseModel, width: float = 2.0
+) -> Field:
     """Signed strength: residuals averaged over a few neighbours, in deviations of that average."""
     known = np.isfinite(residual_mm)
     standard = np.where(known, np.clip(np.nan_to_num(residual_mm / sd_mm), -8, 8), 0.0)
     weight = gaussian_filter(known.astype(float), width)
     mean = gaussian_filter(standard, width) / np.maximum(weight, 1e-3)
     # effective readings under the kernel, from the noise's correlation
-    inflation = np.sqrt(min(max(noise.acf.sum(), 1.0), 4 * np.pi * width**2) / (4 * np.pi * width**2))
+    inflation = np.sqrt(
+        min(max(noise.acf.sum(), 1.0), 4 * np.pi * width**2) / (4 * np.pi * width**2)
+    )
     return np.where(known, mean / inflation, 0.0).astype(np.float32)
 
 
@@ -74,7 +78,7 @@ def regions_of(
         return []
     areas = np.bincount(marks.ravel())[1:]
     boxes = find_objects(marks)
-    found = []
+    found: list[Region] = []
     for k in np.argsort(areas)[::-1][:MOST_REGIONS]:
         if areas[k] < 4 and found:
             break

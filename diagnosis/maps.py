@@ -34,12 +34,11 @@ class RecordingMaps:
     regions: tuple[Region, ...]
 
     def silenced(self) -> "RecordingMaps":
-        """The same without a mismatch."""
+        """Return the same without a mismatch."""
         return replace(self, mask=np.zeros_like(self.mask), regions=())
 
-
     def everywhere(self, effect: str) -> "RecordingMaps":
-        """The same with every reading marked: what departs is the whole recording."""
+        """Mark every reading: what departs is the whole recording."""
         mask = np.isfinite(self.depth_mm)
         if not mask.any():
             return self
@@ -71,7 +70,9 @@ def map_recording(
     rows = max(8, min(n, CHUNK // m))
     settled: Model = shifts["model"][0]  # type: ignore[assignment]  # see _final_shifts
     plain_shift, final_shift = shifts["plain"][number], shifts["final"][number]
-    pieces: dict[str, list[Field]] = {k: [] for k in ("plain", "final", "sd", "lost", "pure", "soft")}
+    pieces: dict[str, list[Field]] = {
+        k: [] for k in ("plain", "final", "sd", "lost", "pure", "soft")
+    }
     single: dict[str, list[Mask]] = {e.name: [] for e in settled.effects}
     whole_travel = View(scene, datasheet, placement.poses, recording.time_s, laser=laser).travel_mm
     for start in range(0, n, rows):
@@ -83,7 +84,11 @@ def map_recording(
         )  # fmt: skip
         place_travel(view, whole_travel[part])
         columns = pose_columns(
-            view.poses, laser, view.hits.depth_mm, hits_normal(scene, view.hits), placement.centre_mm
+            view.poses,
+            laser,
+            view.hits.depth_mm,
+            hits_normal(scene, view.hits),
+            placement.centre_mm,
         )
         columns = np.where(np.isfinite(view.depth_mm)[..., None], columns, 0.0) * PRIOR_SD
         soft = edge_softness(view, view.depth_mm, lateral_mm)
@@ -95,7 +100,9 @@ def map_recording(
         pieces["final"].append(np.where(after.p_missing > 0.5, np.nan, final))
         pieces["sd"].append(before.sd_mm)
         pieces["lost"].append(after.p_missing - before.p_missing)
-        pieces["pure"].append(np.where(before.seen, np.nan_to_num(after.mean_mm - before.mean_mm), 0.0))
+        pieces["pure"].append(
+            np.where(before.seen, np.nan_to_num(after.mean_mm - before.mean_mm), 0.0)
+        )
         pieces["soft"].append(soft[1])
         for effect in effects:
             alone = predict(view, (effect,), noise, softness=soft)
@@ -121,7 +128,7 @@ def map_recording(
         name=recording.name,
         depth_mm=depth.astype(np.float32),
         mask=mask,
-        score=score,
+        score=score.astype(np.float32),
         simulated=whole["plain"].astype(np.float32),
         explained=whole["final"].astype(np.float32),
         regions=tuple(regions_of(recording.name, mask, shown, named)),
@@ -130,7 +137,9 @@ def map_recording(
 
 def _one(before: Prediction, alone: Prediction) -> Mask:
     moved = np.abs(np.nan_to_num(alone.mean_mm - before.mean_mm)) > 0.1 * before.sd_mm
-    return np.asarray(moved | (alone.p_missing - before.p_missing > 0.002) | (alone.sd_mm > 1.1 * before.sd_mm))
+    return np.asarray(
+        moved | (alone.p_missing - before.p_missing > 0.002) | (alone.sd_mm > 1.1 * before.sd_mm)
+    )
 
 
 def _random_losses(model: Model, wrong: Mask) -> Mask:

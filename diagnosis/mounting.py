@@ -1,4 +1,4 @@
-"""The mounting: do the recordings' placements agree in the sensor's own frame?
+"""The mounting: whether the recordings' placements agree in the sensor's own frame.
 
 Every other test takes a recording's rigid misplacement as a nuisance. Where the corrections of
 several recordings agree in the sensor's frame, far better than they scatter, it isn't the part that
@@ -75,7 +75,7 @@ def mounting_error(commanded: Sequence[Field], placements: Sequence[Placement]) 
 
 
 def _in_sensor(commanded: Field, placement: Placement) -> Field:
-    """A placement as an error in the sensor's frame, true = commanded · error: (6,)."""
+    """Express a placement as an error in the sensor's frame, true = commanded · error: (6,)."""
     middle = commanded[len(commanded) // 2]
     shift = placement.shift
     turn = Rotation.from_rotvec(shift[3:6]).as_matrix()
@@ -91,7 +91,5 @@ def _in_sensor(commanded: Field, placement: Placement) -> Field:
 def _spread_deg(commanded: Sequence[Field]) -> float:
     """Largest turn between the recordings' orientations."""
     first = Rotation.from_matrix(commanded[0][0, :3, :3])
-    turns = [
-        (first.inv() * Rotation.from_matrix(p[0, :3, :3])).magnitude() for p in commanded
-    ]
+    turns = [(first.inv() * Rotation.from_matrix(p[0, :3, :3])).magnitude() for p in commanded]
     return math.degrees(max(turns))

@@ -7,12 +7,13 @@ from the recordings' own residuals; its Fourier transform draws the null fields 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
-Field = NDArray[np.float64]
+Field = NDArray[Any]
 Mask = NDArray[np.bool_]
 
 CLIP_SD = 4.5

@@ -41,7 +41,7 @@ def write_outputs(
 
 
 def as_json(result: Diagnosis) -> dict[str, object]:
-    """The content of diagnosis.json."""
+    """Return the content of diagnosis.json."""
     rng = np.random.default_rng(result.seed)
     return {
         "format": FORMAT,

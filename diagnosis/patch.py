@@ -125,7 +125,11 @@ def cut(
         plain = np.array(np.broadcast_to(law_of(view, (), None).mean_mm, view.shape))
         depth = in_range(recording.depth_mm[rows], datasheet)
         columns = pose_columns(
-            view.poses, laser, view.hits.depth_mm, hits_normal(scene, view.hits), placement.centre_mm
+            view.poses,
+            laser,
+            view.hits.depth_mm,
+            hits_normal(scene, view.hits),
+            placement.centre_mm,
         )
         columns = np.where(np.isfinite(view.depth_mm)[..., None], columns, 0.0) * PRIOR_SD
         softness = edge_softness(view, plain, lateral_mm)
@@ -150,7 +154,7 @@ def cut(
 
 
 def thinned(patches: Sequence[Patch], budget: int) -> list[Patch]:
-    """Strips of whole profiles of each patch, so that at most about `budget` readings are left."""
+    """Cut strips of whole profiles so that at most about `budget` readings are left."""
     total = sum(p.depth_mm.size for p in patches)
     if total <= budget:
         return list(patches)
@@ -160,13 +164,15 @@ def thinned(patches: Sequence[Patch], budget: int) -> list[Patch]:
         wanted = max(24, int(n * budget / total))
         count = max(1, min(4, wanted // 24))
         rows = min(wanted // count, n // count)
-        for start in np.linspace(0, n - rows, count).astype(int) if count > 1 else [(n - rows) // 2]:
+        for start in (
+            np.linspace(0, n - rows, count).astype(int) if count > 1 else [(n - rows) // 2]
+        ):
             out.append(strip_of(patch, slice(int(start), int(start) + rows)))
     return out
 
 
 def strip_of(patch: Patch, part: slice) -> Patch:
-    """The profiles `part` of a patch, with their place in time and travel."""
+    """Take the profiles `part` of a patch, with their place in time and travel."""
     view = patch.view
     short = View(
         view.scene,
@@ -214,13 +220,13 @@ def strips(profiles: int, points: int) -> list[slice]:
 
 
 def in_range(depth_mm: Field, datasheet: Datasheet) -> Field:
-    """Readings within the working range; others count as missing."""
+    """Keep readings within the working range; others count as missing."""
     inside = (depth_mm >= datasheet.depth_min_mm) & (depth_mm <= datasheet.depth_max_mm)
     return np.where(inside, depth_mm, np.nan)
 
 
 def edge_softness(view: View, plain_mm: Field, lateral_mm: float) -> tuple[Field, Field]:
-    """What a sideways error of `lateral_mm` may do beyond the tangent plane's linear change."""
+    """Tell what a sideways error of `lateral_mm` may do beyond the tangent plane."""
     sd = np.zeros(view.shape)
     chance = np.zeros(view.shape)
     middle = view.depth_mm
@@ -260,12 +266,12 @@ def near_edges(view: View, plain_mm: Field, reach: int = 2) -> Mask:
 
 
 def spikes(residual_mm: Field, used: Mask, sd_mm: Field) -> Mask:
-    """Readings that leave their neighbours: isolated, unlike a misfit, which is smooth."""
+    """Mark readings that leave their neighbours: isolated, unlike a misfit, which is smooth."""
     limit = np.ascontiguousarray(np.broadcast_to(SPIKE_SD * sd_mm, residual_mm.shape))
     return np.asarray(_spikes(np.ascontiguousarray(residual_mm), used, limit))
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _spikes(residual: Field, used: Mask, limit: Field) -> Mask:
     n, m = residual.shape
     out = np.zeros((n, m), dtype=np.bool_)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diagnosis.diagnose import Diagnosis, FoundEffect
-from diagnosis.noise import Field
+from diagnosis.noise import Field, Mask
 from diagnosis.workspace import Workspace
 from sensors.covariates import COVARIATES
 
@@ -162,7 +162,10 @@ def profile_picture(result: Diagnosis) -> bytes | None:
         limit = max(limit, float(np.quantile(np.abs(every), 0.98)))
         right.hist(every, bins=90, range=(-limit, limit), histtype="step", color=colour, label=word)
     both = np.concatenate(
-        [1e3 * r[k][row][np.isfinite(r[k][row])] for r in (result.before.residuals_mm, result.after.residuals_mm)]
+        [
+            1e3 * r[k][row][np.isfinite(r[k][row])]
+            for r in (result.before.residuals_mm, result.after.residuals_mm)
+        ]
     )
     if both.size:
         reach = max(float(np.quantile(np.abs(both), 0.98)) * 1.4, 1.0)
@@ -179,8 +182,8 @@ def profile_picture(result: Diagnosis) -> bytes | None:
     return _png(figure)
 
 
-def _pose_part(columns: Field, field: Field, used: Field) -> Field:
-    """The part of a field that a placement takes up, least squares on every so many readings."""
+def _pose_part(columns: Field, field: Field, used: Mask) -> Field:
+    """Fit the part of a field that a placement takes up."""
     flat, values = columns[used], field[used]
     step = max(1, len(values) // 20000)
     solved, *_ = np.linalg.lstsq(flat[::step], values[::step], rcond=1e-6)
@@ -189,7 +192,8 @@ def _pose_part(columns: Field, field: Field, used: Field) -> Field:
 
 def _binned(x: Field, y: Field, bins: int = 24) -> tuple[Field, Field, Field, Field]:
     edges = np.unique(
-        0.5 * np.quantile(x, np.linspace(0, 1, bins + 1)) + 0.5 * np.linspace(x.min(), x.max(), bins + 1)
+        0.5 * np.quantile(x, np.linspace(0, 1, bins + 1))
+        + 0.5 * np.linspace(x.min(), x.max(), bins + 1)
     )
     which = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, edges.size - 2)
     count = np.bincount(which, minlength=edges.size - 1)

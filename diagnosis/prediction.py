@@ -90,7 +90,9 @@ def predict(
         What a small error of the pose may do at edges: further standard deviation (mm) and the
         chance that the point belongs to the other side.
     """
-    law = law_of(view, effects, noise if level == 1.0 else replace(noise, sd_mm=noise.sd_mm * level))
+    law = law_of(
+        view, effects, noise if level == 1.0 else replace(noise, sd_mm=noise.sd_mm * level)
+    )
     shape = view.shape
     mean = np.array(np.broadcast_to(law.mean_mm, shape))
     sd = np.array(law.sd_mm(view))

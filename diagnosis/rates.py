@@ -47,7 +47,9 @@ def screen_rates(
         findings += _overall(channel, values, masks, block, floor, noise)
         for name in WATCHED:
             covariate = covariate_values(name, patches)
-            if covariate is None or all(np.ptp(c[np.isfinite(c)]) == 0 for c in covariate if np.isfinite(c).any()):
+            if covariate is None or all(
+                np.ptp(c[np.isfinite(c)]) == 0 for c in covariate if np.isfinite(c).any()
+            ):
                 continue
             finding = _against(channel, name, values, masks, covariate, block, floor)
             if finding is not None:
@@ -107,7 +109,11 @@ def _overall(
     usual = sum(float(((v > 0.5) - v)[m].sum()) for v, m in zip(values, masks, strict=True))
     expected = max(floor * count, usual)
     log_tail = stats.poisson.logsf(events - 1, expected) if events else 0.0
-    z = float(stats.norm.isf(np.exp(log_tail))) if log_tail > -600 else float(np.sqrt(-2 * log_tail))
+    z = (
+        float(stats.norm.isf(np.exp(log_tail)))
+        if log_tail > -600
+        else float(np.sqrt(-2 * log_tail))
+    )
     if channel == "tails":
         z *= 0.7  # real noise has heavier shoulders than a Gaussian's
     return [
@@ -120,7 +126,7 @@ def _overall(
 
 
 def _events(marked: Mask) -> int:
-    """Marked readings, those of one connected patch counting as LARGEST_EVENT at most."""
+    """Count marked readings, those of one connected patch as LARGEST_EVENT at most."""
     marks, _ = label(marked)
     return int(np.minimum(np.bincount(marks.ravel())[1:], LARGEST_EVENT).sum())
 
@@ -137,7 +143,12 @@ def _against(
     fields = hats([np.where(m, c, np.nan) for m, c in zip(masks, covariate, strict=True)], 6)
     if fields[0] is None or len(fields[0]) < 2:
         return None
-    weight = np.array([sum(float(f[k][m].sum()) for f, m in zip(fields, masks, strict=True) if f is not None) for k in range(len(fields[0]))])
+    weight = np.array(
+        [
+            sum(float(f[k][m].sum()) for f, m in zip(fields, masks, strict=True) if f is not None)
+            for k in range(len(fields[0]))
+        ]
+    )
     kept = weight > 50
     if kept.sum() < 2:
         return None
@@ -145,14 +156,17 @@ def _against(
     weights = []
     for value, mask, field in zip(values, masks, fields, strict=True):
         assert field is not None
-        sums.append(np.stack([block_sums(np.where(mask, value * f, 0.0), block) for f in field[kept]], axis=1))
-        weights.append(np.stack([block_sums(np.where(mask, f, 0.0), block) for f in field[kept]], axis=1))
+        sums.append(
+            np.stack(
+                [block_sums(np.where(mask, value * f, 0.0), block) for f in field[kept]], axis=1
+            )
+        )
+        weights.append(
+            np.stack([block_sums(np.where(mask, f, 0.0), block) for f in field[kept]], axis=1)
+        )
     total, mass = np.concatenate(sums), np.concatenate(weights)
     rate = total.sum(axis=0) / mass.sum(axis=0)
-    if channel == "variance":
-        centre = float(total.sum() / mass.sum())
-    else:
-        centre = 0.0
+    centre = float(total.sum() / mass.sum()) if channel == "variance" else 0.0
     departure = total - centre * mass
     score = departure.sum(axis=0)
     blocks = int((mass.sum(axis=1) > 0).sum())
@@ -166,7 +180,11 @@ def _against(
     # Hotelling's small-sample correction
     f = statistic * (blocks - dof) / (dof * max(blocks - 1, 1))
     log_tail = stats.f.logsf(f, dof, blocks - dof)
-    z = float(stats.norm.isf(np.exp(log_tail))) if log_tail > -600 else float(np.sqrt(-2 * log_tail))
+    z = (
+        float(stats.norm.isf(np.exp(log_tail)))
+        if log_tail > -600
+        else float(np.sqrt(-2 * log_tail))
+    )
     if channel == "variance":
         size = float(np.quantile(np.abs(np.sqrt(np.clip(1 + rate - centre, 0.05, None)) - 1), 0.9))
     else:

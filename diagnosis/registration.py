@@ -69,7 +69,7 @@ def travel_vector(poses: Field) -> Field:
 def pose_columns(
     poses: Field, laser: Laser, depth_mm: Field, normal: Field, centre_mm: Field
 ) -> Field:
-    """Derivative of depth by the seven parameters of a placement, (n, m, 7).
+    """Return the derivative of depth by the seven parameters of a placement, (n, m, 7).
 
     The point of a ray at fixed depth moves with the sensor by δ; the tangent plane at the hit
     with normal n then cuts the ray with direction v deeper by -n·δ / n·v.
@@ -107,9 +107,7 @@ def smooth_weight(depth_mm: Field, normal: Field, pitch_mm: float) -> Field:
     jump = np.where(finite, high - low, 0.0) > 6 * pitch_mm
     turned = np.zeros(depth_mm.shape, dtype=bool)
     for axis in (0, 1):
-        dot = np.einsum(
-            "nmk,nmk->nm", normal, np.roll(normal, 1, axis=axis)
-        )
+        dot = np.einsum("nmk,nmk->nm", normal, np.roll(normal, 1, axis=axis))
         bent = dot < np.cos(np.radians(12))
         bent[0 if axis == 0 else slice(None), 0 if axis == 1 else slice(None)] = False
         turned |= bent | np.roll(bent, -1, axis=axis)
@@ -282,7 +280,7 @@ def overlap_fault(
     for factor, unit in ((1000.0, "m"), (25.4, "inch"), (10.0, "cm"), (1e-3, "µm")):
         fits = 0.2 < scan / (part * factor) < 1.5
         doesnt = not 0.2 < scan / part < 1.5
-        reach = np.all((points.mean(axis=0) > factor * low - 0.1 * part * factor)) and np.all(
+        reach = np.all(points.mean(axis=0) > factor * low - 0.1 * part * factor) and np.all(
             points.mean(axis=0) < factor * high + 0.1 * part * factor
         )
         if fits and doesnt and reach:
@@ -313,8 +311,7 @@ def _points(poses: Field, rays: Laser, depth_mm: Field) -> Field:
 
 def _pitch(points: Field, shape: tuple[int, ...]) -> float:
     spread = points.max(axis=0) - points.min(axis=0)
-    sides = np.sort(spread)[::-1][:2]
-    return float(max(sides[0] / max(shape), sides[1] / max(shape), 1e-6))
+    return max(*(float(s) / max(shape) for s in spread), 1e-6)
 
 
 def _reach(poses: Field, rays: Laser, depth: Field) -> float:

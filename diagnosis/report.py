@@ -11,7 +11,7 @@ VERDICTS = {
     "match": "The simulation explains the recordings.",
     "explained": "The recordings differ from the simulation, and the effects below explain it.",
     "partly_explained": "The effects below explain part of the difference; something is left.",
-    "unexplained": "The recordings differ from the simulation in a way that no known effect explains.",
+    "unexplained": "The recordings differ from the simulation, and no known effect explains it.",
 }
 FRAMES = {
     "sensor": "It stays with the sensor: look at the instrument, its calibration or optics.",
@@ -20,15 +20,24 @@ FRAMES = {
     "part": "It stays with the part: look at its shape, finish or material.",
 }
 STYLE = """
-body{font:15px/1.5 system-ui,sans-serif;color:#22303c;max-width:1080px;margin:24px auto;padding:0 20px}
-h1{font-size:22px;margin:0 0 4px} h2{font-size:17px;margin:30px 0 6px;border-bottom:1px solid #d6dde2}
-.verdict{padding:14px 18px;border-radius:8px;margin:14px 0;background:#eef3f5;border-left:6px solid #1f6f8b}
-.unexplained,.partly_explained{background:#fbf0ec;border-color:#c2452d}.match{background:#eef6ef;border-color:#3c8a4b}
+body{font:15px/1.5 system-ui,sans-serif;color:#22303c;
+  max-width:1080px;margin:24px auto;padding:0 20px}
+h1{font-size:22px;margin:0 0 4px}
+h2{font-size:17px;margin:30px 0 6px;border-bottom:1px solid #d6dde2}
+.verdict{padding:14px 18px;border-radius:8px;
+  margin:14px 0;background:#eef3f5;border-left:6px solid #1f6f8b}
+.unexplained,.partly_explained{background:#fbf0ec;border-color:#c2452d}
+.match{background:#eef6ef;border-color:#3c8a4b}
 .verdict b{font-size:18px;display:block}
-table{border-collapse:collapse;margin:8px 0}td,th{padding:3px 14px 3px 0;text-align:left;vertical-align:top}
-th{font-weight:600;color:#5b6b78;font-size:13px}td.n{font-variant-numeric:tabular-nums}
-.effect{display:flex;gap:22px;align-items:flex-start;flex-wrap:wrap}.effect>div{flex:1 1 420px}
-img{max-width:100%;height:auto}.small{color:#5b6b78;font-size:13px}.next{background:#f6f3e7;padding:8px 14px;border-radius:6px}
+table{border-collapse:collapse;margin:8px 0}
+td,th{padding:3px 14px 3px 0;text-align:left;vertical-align:top}
+th{font-weight:600;color:#5b6b78;font-size:13px}
+td.n{font-variant-numeric:tabular-nums}
+.effect{display:flex;gap:22px;align-items:flex-start;flex-wrap:wrap}
+.effect>div{flex:1 1 420px}
+img{max-width:100%;height:auto}
+.small{color:#5b6b78;font-size:13px}
+.next{background:#f6f3e7;padding:8px 14px;border-radius:6px}
 """
 
 
@@ -46,7 +55,8 @@ def render(result: Diagnosis, *, part_name: str) -> str:
         f"<h1>{html.escape(title)}</h1>",
         f"<p class='small'>Fitted on {_names(result.fitted)}; judged on "
         f"{_names(result.held) if result.held else 'blocks of it that were left out'}.</p>",
-        f"<div class='verdict {result.verdict}' id='verdict'><b>{html.escape(_headline(result))}</b>"
+        f"<div class='verdict {result.verdict}' id='verdict'>"
+        f"<b>{html.escape(_headline(result))}</b>"
         f"{html.escape(_summary(result))}</div>",
         _figures(result),
     ]
@@ -57,7 +67,10 @@ def render(result: Diagnosis, *, part_name: str) -> str:
         parts.append(_left(result))
     picture = profile_picture(result)
     if picture is not None:
-        parts += ["<h2>Before and after, on readings that nothing was fitted to</h2>", _image(picture, "held-out profile")]
+        parts += [
+            "<h2>Before and after, on readings that nothing was fitted to</h2>",
+            _image(picture, "held-out profile"),
+        ]
     if result.notes:
         notes = "".join(f"<li>{html.escape(n)}</li>" for n in result.notes)
         parts.append(f"<h2>Notes</h2><ul class='small'>{notes}</ul>")
@@ -76,7 +89,8 @@ def _headline(result: Diagnosis) -> str:
 def _summary(result: Diagnosis) -> str:
     if result.verdict == "match":
         return (
-            f"Nothing beyond chance (one false alarm in a thousand) and beyond a tenth of the noise "
+            "Nothing beyond chance (one false alarm in a thousand) and beyond a tenth of the "
+            "noise "
             f"of {1e3 * result.noise.sd_mm:.1f} µm."
         )
     share = f"It concerns {100 * result.share_of_points:.0f} % of the points. "
@@ -103,9 +117,11 @@ def _figures(result: Diagnosis) -> str:
     )
     cover = (
         f"<tr><td>readings inside the 50 % and 90 % intervals</td>"
-        f"<td class='n'>{_cover(result.before.coverage)}</td><td class='n'>{_cover(result.after.coverage)}</td></tr>"
+        f"<td class='n'>{_cover(result.before.coverage)}</td>"
+        f"<td class='n'>{_cover(result.after.coverage)}</td></tr>"
     )
-    return f"<table><tr><th>on held-out readings</th><th>plain</th><th>with the effects</th></tr>{body}{cover}</table>"
+    head = "<tr><th>on held-out readings</th><th>plain</th><th>with the effects</th></tr>"
+    return f"<table>{head}{body}{cover}</table>"
 
 
 def _cover(coverage: tuple[float, float]) -> str:
@@ -114,7 +130,8 @@ def _cover(coverage: tuple[float, float]) -> str:
 
 def _effect(result: Diagnosis, found: FoundEffect) -> str:
     rows = "".join(
-        f"<tr><td>{html.escape(k)}</td><td class='n'>{v:.4g}</td><td class='n'>{low:.4g} to {high:.4g}</td></tr>"
+        f"<tr><td>{html.escape(k)}</td><td class='n'>{v:.4g}</td>"
+        f"<td class='n'>{low:.4g} to {high:.4g}</td></tr>"
         for k, (v, low, high) in found.parameters.items()
     )
     table = (
@@ -129,22 +146,27 @@ def _effect(result: Diagnosis, found: FoundEffect) -> str:
     picture = covariate_picture(result, found)
     shown = _image(picture, f"residual against {found.covariate}") if picture else ""
     return (
-        f"<h2>{html.escape(found.name)}</h2><div class='effect'><div><p>{html.escape(found.statement)}</p>{frame}"
-        f"{table}<p class='small'>Taking it out costs {found.heldout_gain:.3f} nats per held-out reading.</p>"
-        f"{rivals}<p class='next'><b>Measure next:</b> {html.escape(found.separating)}.</p></div><div>{shown}</div></div>"
+        f"<h2>{html.escape(found.name)}</h2><div class='effect'><div>"
+        f"<p>{html.escape(found.statement)}</p>{frame}{table}"
+        f"<p class='small'>Taking it out costs {found.heldout_gain:.3f} nats per held-out "
+        f"reading.</p>{rivals}"
+        f"<p class='next'><b>Measure next:</b> {html.escape(found.separating)}.</p></div>"
+        f"<div>{shown}</div></div>"
     )
 
 
 def _left(result: Diagnosis) -> str:
     rows = "".join(
-        f"<tr><td>{html.escape(f.channel)}</td><td>{html.escape(f.words)}{': ' + html.escape(f.detail) if f.detail else ''}</td>"
+        f"<tr><td>{html.escape(f.channel)}</td><td>{html.escape(f.words)}"
+        f"{': ' + html.escape(f.detail) if f.detail else ''}</td>"
         f"<td>{html.escape(f.frame)}</td><td class='n'>{_size(f.channel, f.size)}</td></tr>"
         for f in result.left[:6]
     )
     return (
         "<h2>What is left</h2><p>Structure that no catalogued effect explains, strongest first. "
         "A fitted curve named <i>empirical</i> reproduces it without explaining it.</p>"
-        f"<table><tr><th>what changes</th><th>with</th><th>it follows the</th><th>size</th></tr>{rows}</table>"
+        "<table><tr><th>what changes</th><th>with</th><th>it follows the</th><th>size</th></tr>"
+        f"{rows}</table>"
     )
 
 

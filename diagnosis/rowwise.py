@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from diagnosis.noise import Field
+from diagnosis.noise import Field, Mask
 from diagnosis.patch import Patch
 from diagnosis.score import CLIP, Whitened
 
@@ -59,7 +59,7 @@ class RowTests:
         cls,
         patches: Sequence[Patch],
         states: Sequence[Whitened],
-        picks: Sequence[Field],
+        picks: Sequence[Mask],
         basis: Field,
         kinds: Sequence[str] = ("row_offset", "row_slip"),
     ) -> "RowTests":
@@ -89,7 +89,9 @@ class RowTests:
                 for a in range(COMB):
                     for b in range(COMB):
                         np.add.at(
-                            gram, (start + owner[:, a], start + owner[:, b]), values[:, a] * values[:, b]
+                            gram,
+                            (start + owner[:, a], start + owner[:, b]),
+                            values[:, a] * values[:, b],
                         )
                 entries.append((start + owner, values))
                 start += n
@@ -119,7 +121,7 @@ class RowTests:
         two = innovations.reshape(len(innovations), -1)
         plain = weights_matrix(owners, value, self.time_s.size) @ two
         plain -= self.overlap[kind] @ (self.basis.T @ two)
-        return plain.reshape(self.time_s.size, *innovations.shape[1:])
+        return np.asarray(plain.reshape(self.time_s.size, *innovations.shape[1:]))
 
     def run(self, actual: Field, null: Field) -> tuple[list[RowFinding], Field]:
         """Test smooth and periodic patterns; return findings and the nulls' largest deviate."""
@@ -135,11 +137,12 @@ class RowTests:
             z, t, beta, dof, z_null = _test(smooth, gram, real, drawn)
             largest = np.maximum(largest, z_null)
             curve = smooth @ beta
-            shrunk = np.sqrt(max(0.0, 1 - dof / max(t, 1e-9)))
+            shrunk = float(np.sqrt(max(0.0, 1 - dof / max(t, 1e-9))))
+            reach = float(np.quantile(np.abs(curve - curve.mean()), 0.95))
             findings.append(
                 RowFinding(
                     name=name, words="time since the first profile", frame="time", z=z,
-                    size=float(np.quantile(np.abs(curve - curve.mean()), 0.95) * self.strength[kind] * shrunk),
+                    size=reach * self.strength[kind] * shrunk,
                     gain=0.5 * (t - dof), coefficients=curve,
                     detail=f"{what}, slowly varying",
                 )
@@ -185,7 +188,9 @@ class RowTests:
         step = float(np.median(np.diff(self.time_s)))
         return (
             RowFinding(
-                name=f"{self.kinds[kind]}_period", words="time since the first profile", frame="time",
+                name=f"{self.kinds[kind]}_period",
+                words="time since the first profile",
+                frame="time",
                 z=float(z_real[k]), size=float(amplitude * self.strength[kind]),
                 gain=0.5 * (float(p_real[k]) - 2), coefficients=np.array([rate, amplitude]),
                 detail=f"{what}, periodic at {rate:.4g} Hz, every {1 / (rate * step):.3g} profiles",
@@ -204,7 +209,9 @@ def row_powers(
     kept = values > 1e-6 * max(values.max(), 1e-30)
     basis = columns @ (vectors[:, kept] / np.sqrt(values[kept]))
     tests = RowTests.build(patches, states, picks, basis, kinds=(kind,))
-    actual = np.concatenate([np.clip(s.innovations[k], -CLIP, CLIP) for s, k in zip(states, picks, strict=True)])
+    actual = np.concatenate(
+        [np.clip(s.innovations[k], -CLIP, CLIP) for s, k in zip(states, picks, strict=True)]
+    )
     waves = tests.waves(0)
     if waves is None:
         return []

@@ -129,7 +129,7 @@ def placements(
 
 
 def placed(patch: Patch, state: Whitened, placement: Field) -> Whitened:
-    """The same with the residual at a placement."""
+    """Return the same with the residual at a placement."""
     moved = np.where(state.used, patch.columns @ placement, 0.0)
     return replace(
         state,

@@ -14,7 +14,7 @@ from scipy import stats
 
 from diagnosis.columnwise import column_equations
 from diagnosis.families import Family
-from diagnosis.noise import Field, NoiseModel
+from diagnosis.noise import Field, Mask, NoiseModel
 from diagnosis.patch import Patch
 from diagnosis.rangewise import strongest_wave
 from diagnosis.rowwise import RowTests
@@ -69,7 +69,7 @@ class Screening:
     threshold: float
 
     def significant(self) -> list[Finding]:
-        """Findings beyond chance and tolerance."""
+        """Return the findings beyond chance and tolerance."""
         return [f for f in self.findings if f.z > self.threshold and f.matters]
 
 
@@ -86,11 +86,14 @@ def screen_mean(
     recordings = sorted({p.recording for p in patches})
     own = {r: [k for k, p in enumerate(patches) if p.recording == r] for r in recordings}
     picks = [s.used & p.fit for p, s in zip(patches, states, strict=True)]
-    basis = {r: _orthonormal(np.concatenate([states[k].columns[picks[k]] for k in own[r]])) for r in recordings}
+    basis = {
+        r: _orthonormal(np.concatenate([states[k].columns[picks[k]] for k in own[r]]))
+        for r in recordings
+    }
     real, fields = _innovations(patches, states, picks, noise, rng, draws)
     matrix = {r: np.concatenate([fields[k] for k in own[r]]).astype(np.float32) for r in recordings}
     actual = {r: np.concatenate([real[k] for k in own[r]]).astype(np.float32) for r in recordings}
-    rows: list[tuple[str, str, str, Field, Field, Field | None, Family | None]] = []
+    rows: list[tuple[str, str, str, Field, Field, Field, Family]] = []
     for family in families:
         projected = _projected(family, patches, states, picks, own, basis)
         if projected is None:
@@ -105,7 +108,10 @@ def screen_mean(
         t_real = float(c_real @ solver @ c_real)
         t_null = np.einsum("kd,kl,ld->d", c_null, solver, c_null)
         rows.append(
-            (family.name, family.words, family.frame, np.array([t_real, dof]), t_null, solver @ c_real, family)
+            (
+                family.name, family.words, family.frame, np.array([t_real, dof]), t_null,
+                solver @ c_real, family,
+            )
         )  # fmt: skip
     findings: list[Finding] = []
     maxima = np.full(draws, -np.inf)
@@ -141,7 +147,9 @@ def screen_mean(
     wave = strongest_wave(patches, states, picks, drawn)
     if wave is not None:
         maxima = np.maximum(maxima, wave.null)
-        sd = float(np.median(np.concatenate([s.sd_mm[p] for s, p in zip(states, picks, strict=True)])))
+        sd = float(
+            np.median(np.concatenate([s.sd_mm[p] for s, p in zip(states, picks, strict=True)]))
+        )
         findings.append(
             Finding(
                 channel="mean", name="free:range_period", words="range from the sensor",
@@ -154,14 +162,12 @@ def screen_mean(
     maxima = np.maximum(maxima, null)
     findings.append(column)
     threshold = tail_threshold(maxima, max(len(findings), 1))
-    return Screening(
-        findings=tuple(sorted(findings, key=lambda f: -f.z)), threshold=threshold
-    )
+    return Screening(findings=tuple(sorted(findings, key=lambda f: -f.z)), threshold=threshold)
 
 
 def _by_patch(
     patches: Sequence[Patch],
-    picks: Sequence[Field],
+    picks: Sequence[Mask],
     own: dict[int, list[int]],
     matrix: dict[int, Field],
 ) -> list[Field]:
@@ -177,7 +183,7 @@ def _by_patch(
 def _columns(
     patches: Sequence[Patch],
     states: Sequence[Whitened],
-    picks: Sequence[Field],
+    picks: Sequence[Mask],
     drawn: Sequence[Field],
 ) -> tuple[Finding, Field]:
     """Test fixed offsets of the columns, shared by all recordings."""
@@ -210,25 +216,25 @@ def as_deviate(chi_square: Field, dof: float) -> Field:
 
 
 def tail_threshold(maxima: Field, statistics: int) -> float:
-    """Strength that the maximum of the null exceeds once in a thousand; never below Bonferroni's."""
+    """Strength that the null's maximum exceeds once in a thousand; at least Bonferroni's."""
     finite = maxima[np.isfinite(maxima)]
     bonferroni = float(stats.norm.isf(LEVEL / statistics))
     if finite.size < 10:
         return bonferroni
     scale = max(float(np.std(finite)) * np.sqrt(6) / np.pi, 0.15)
     middle = float(np.mean(finite)) - 0.5772 * scale
-    return max(bonferroni, middle - scale * float(np.log(-np.log1p(-LEVEL))))
+    return float(max(bonferroni, middle - scale * float(np.log(-np.log1p(-LEVEL)))))
 
 
 def _innovations(
     patches: Sequence[Patch],
     states: Sequence[Whitened],
-    picks: Sequence[Field],
+    picks: Sequence[Mask],
     noise: NoiseModel,
     rng: np.random.Generator,
     draws: int,
 ) -> tuple[list[Field], list[Field]]:
-    """Whitened residual of each patch at the picked readings (N,), and of drawn nulls (N, draws)."""
+    """Whitened residuals at the picked readings (N,), and of drawn nulls (N, draws)."""
     real, null = [], []
     for patch, state, pick in zip(patches, states, picks, strict=True):
         real.append(np.clip(state.innovations[pick], -CLIP, CLIP))
@@ -256,7 +262,7 @@ def _projected(
     family: Family,
     patches: Sequence[Patch],
     states: Sequence[Whitened],
-    picks: Sequence[Field],
+    picks: Sequence[Mask],
     own: dict[int, list[int]],
     basis: dict[int, Field],
 ) -> tuple[dict[int, Field], Field] | None:
@@ -292,16 +298,15 @@ def _inverse(gram: Field, raw: Field) -> tuple[Field, int]:
 
 
 def _size(
-    family: Family | None,
+    family: Family,
     patches: Sequence[Patch],
     states: Sequence[Whitened],
-    picks: Sequence[Field],
+    picks: Sequence[Mask],
     beta: Field,
     statistic: float,
     dof: float,
 ) -> tuple[float, bool]:
-    """Typical departure where the fitted signature lives, in units of the noise; whether at edges."""
-    assert family is not None
+    """Typical departure where a signature lives, in units of the noise; whether at edges."""
     fourth = square = at_edges = 0.0
     for fields, patch, state, pick in zip(family.fields, patches, states, picks, strict=True):
         if fields is None:

@@ -113,7 +113,11 @@ def _best(
     states = ws.states(predictions)
     quick: list[tuple[float, str]] = []
     for name, kind in CATALOGUE.items():
-        if name in NOT_SEARCHED | withheld or name in model.names() or not channels & set(kind.channels):
+        if (
+            name in NOT_SEARCHED | withheld
+            or name in model.names()
+            or not channels & set(kind.channels)
+        ):
             continue
         fitted = fit_effect(kind, ws, model, predictions, states, polish=False)
         if fitted is not None and np.isfinite(fitted.gain) and not fitted.effect.is_null:

@@ -19,7 +19,9 @@ def intervals(ws: Workspace, model: Model) -> Intervals:
     if not slots:
         return out
     centre = np.array([_value(_effect(model, e), n) for e, n in slots])
-    steps = np.array([_step(_effect(model, e), n, v) for (e, n), v in zip(slots, centre, strict=True)])
+    steps = np.array(
+        [_step(_effect(model, e), n, v) for (e, n), v in zip(slots, centre, strict=True)]
+    )
     base = ws.block_scores(ws.log_densities(model))
     ahead, back = [], []
     for k in range(len(slots)):
@@ -56,7 +58,7 @@ def fitted_numbers(effect: Effect) -> list[str]:
         if p.owner == "instrument"
         and p.name not in skip
         and (getattr(effect, p.name) is not None)
-        and not (p.name == "patch_mm")
+        and p.name != "patch_mm"
     ]
 
 

@@ -60,7 +60,9 @@ class Whitener:
                     correlation[np.ix_(have, have)] + 1e-6 * np.eye(int(have.sum())), towards[have]
                 )
                 weights[code, have] = solved
-                deviation[code] = np.sqrt(max(1 - solved @ towards[have], 1e-4)) * noise.innovation_sd
+                deviation[code] = (
+                    np.sqrt(max(1 - solved @ towards[have], 1e-4)) * noise.innovation_sd
+                )
         return cls(used=used, pattern=pattern, weights=weights, deviation=deviation)
 
     def apply(self, field: Field) -> Field:
@@ -75,7 +77,7 @@ class Whitener:
         )
 
     def conditional_sd(self) -> Field:
-        """Standard deviation of each innovation before scaling, (n, m)."""
+        """Return the standard deviation of each innovation before scaling, (n, m)."""
         return np.asarray(self.deviation[self.pattern])
 
 
@@ -88,7 +90,7 @@ def _between(noise: NoiseModel, lag: NDArray[np.int64]) -> Field:
     )
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _patterns(used: Mask, neighbours: NDArray[np.int64]) -> NDArray[np.int32]:
     n, m = used.shape
     out = np.zeros((n, m), dtype=np.int32)
@@ -105,7 +107,7 @@ def _patterns(used: Mask, neighbours: NDArray[np.int64]) -> NDArray[np.int32]:
     return out
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _apply(
     field: Field,
     used: Mask,
@@ -143,7 +145,7 @@ def transposed(whitener: Whitener, innovations: Field) -> Field:
     )
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _transposed(
     innovations: Field,
     used: Mask,

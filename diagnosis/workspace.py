@@ -146,7 +146,7 @@ class Workspace:
         return np.concatenate(sums)
 
     def count(self, masks: Sequence[Mask] | None = None) -> int:
-        """Readings that count."""
+        """Count the readings."""
         return int(sum(m.sum() for m in (masks or self.masks())))
 
 

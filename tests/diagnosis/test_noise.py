@@ -15,7 +15,9 @@ def correlated(rng: np.random.Generator, shape: tuple[int, int] = (160, 200)) ->
 
 def test_calibration_of_correlated_noise_under_a_smooth_misfit() -> None:
     rng = np.random.default_rng(5)
-    misfit = 0.05 * np.sin(np.linspace(0, 3, 200))[None, :] + 0.02 * np.linspace(-1, 1, 160)[:, None]
+    misfit = (
+        0.05 * np.sin(np.linspace(0, 3, 200))[None, :] + 0.02 * np.linspace(-1, 1, 160)[:, None]
+    )
     field = correlated(rng) + misfit
     field[40, 50] = 3.0  # a spike
     model = calibrate(
@@ -48,7 +50,9 @@ def test_whitened_readings_are_independent_even_beside_gaps() -> None:
     rng = np.random.default_rng(7)
     fields = [correlated(rng) for _ in range(3)]
     whole = np.ones((160, 200), bool)
-    model = calibrate(fields, [whole] * 3, pitch_mm=(0.1, 0.1), missing_share=0.0, from_reference=True)
+    model = calibrate(
+        fields, [whole] * 3, pitch_mm=(0.1, 0.1), missing_share=0.0, from_reference=True
+    )
     used = rng.random((160, 200)) > 0.2
     used[60:80, 90:120] = False
     white = Whitener.build(model, used).apply(np.where(used, fields[0] / model.sd_mm, 0.0))

@@ -66,13 +66,15 @@ def test_mismatch_maps_hold_every_recording(diagnosed: tuple[Diagnosis, Path]) -
 
 
 def test_the_sensor_found_reproduces_the_recordings(diagnosed: tuple[Diagnosis, Path]) -> None:
-    """sensor.yaml simulates the bow: its own recording's residual has none left beyond the noise."""
+    """sensor.yaml simulates the bow, and its law leaves nothing of it."""
     sheet = Datasheet.load(diagnosed[1] / "sensor.yaml")
     assert [e["name"] for e in sheet.effects] == ["line_bow"]
     scene = part("bowl")
     plain = datasheet(100)
     again = record(scene, sheet, [], name="again", seed=9, profiles=60, pitch_mm=0.7, misplaced=0.0)
-    truth = record(scene, plain, BOW, name="truth", seed=9, profiles=60, pitch_mm=0.7, misplaced=0.0)
+    truth = record(
+        scene, plain, BOW, name="truth", seed=9, profiles=60, pitch_mm=0.7, misplaced=0.0
+    )
     difference = again.depth_mm - truth.depth_mm
     assert np.nanmax(np.abs(difference)) < 0.1 * 0.040
     view = View(scene, sheet, again.poses, again.time_s, laser=Laser.from_datasheet(sheet))

@@ -1,4 +1,4 @@
-"""Registration: the derivative of depth by pose, poses recovered, and clear words where it can't."""
+"""Registration: the derivative of depth by pose, poses recovered, clear words where not."""
 
 import numpy as np
 import pytest
@@ -56,5 +56,3 @@ def test_units_and_places_that_cannot_be(scale: float, offset: float, words: str
         register(
             wrong, made, Laser.from_datasheet(sheet), valid=np.isfinite(made.depth_mm), sd_mm=0.003
         )
-
-
