@@ -61,24 +61,24 @@ def run(arguments: argparse.Namespace) -> int:
     """Make the dataset; say on standard output what came out."""
     import os
 
-    from pipeline.batch import Backend, generate
-    from pipeline.recipe import Recipe
-    from sensors.typed_yaml import RecipeError
+    from pipeline.backend import Backend
 
-    if (arguments.backend == "dask") != (arguments.scheduler is not None):
-        raise RecipeError("--scheduler and --backend dask go together")
-    recipe = Recipe.load(arguments.recipe, roots=tuple(arguments.parts))
-    progress = Progress(json_lines=arguments.log_json)
     jobs = arguments.jobs or os.cpu_count() or 1
-    try:
-        dataset = generate(
-            recipe,
-            arguments.out,
-            backend=Backend(jobs=jobs, scheduler=arguments.scheduler),
-            event=progress.event,
-        )
-    finally:
-        progress.close()
+    with Backend(jobs=jobs, scheduler=arguments.scheduler).started() as backend:
+        from pipeline.batch import generate
+        from pipeline.recipe import Recipe
+        from sensors.typed_yaml import RecipeError
+
+        if (arguments.backend == "dask") != (arguments.scheduler is not None):
+            raise RecipeError("--scheduler and --backend dask go together")
+        recipe = Recipe.load(arguments.recipe, roots=tuple(arguments.parts))
+        progress = Progress(json_lines=arguments.log_json)
+        try:
+            dataset = generate(
+                recipe, arguments.out, backend=backend, event=progress.event
+            )
+        finally:
+            progress.close()
     if not arguments.log_json:
         print(summary(dataset, arguments.out))
     return 1 if dataset["failed"] else 0

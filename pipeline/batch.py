@@ -1,21 +1,17 @@
 """The batch: parts are prepared, shards are made in parallel, the manifest is written last.
 
-The one place that knows joblib. A shard is a unit of work: it depends on the recipe and the plan
+A shard is a unit of work: it depends on the recipe and the plan
 alone, so the bytes are the same for any number of workers and after any restart.
 """
 
 import hashlib
 import json
-import sys
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
-import joblib
-from joblib.externals.loky import process_executor
-
+from pipeline.backend import Backend
 from pipeline.folder import drop_leftovers, drop_parts, held
 from pipeline.manifest import versions, write_manifest
 from pipeline.part import PartError, find_parts
@@ -24,9 +20,8 @@ from pipeline.recipe import PartEntry, Recipe, resolve
 from pipeline.shards import file_sha256
 from pipeline.specimen import check_plan, load_entry, store_part
 from pipeline.work import Workplace, is_whole, make_shard, read_journal
-from sensors.typed_yaml import RecipeError
 
-QUEUED: Final = 1024  # shards that wait at a Dask scheduler
+__all__ = ["Backend", "generate"]
 
 Event = Callable[[str, Mapping[str, Any]], None]
 
@@ -38,53 +33,6 @@ class Wanted:
     name: str
     entry: PartEntry
     path: Path | None
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Backend:
-    """Where shards are made: `jobs` processes here, or the workers of a Dask scheduler."""
-
-    jobs: int = 1
-    scheduler: str | None = None
-
-    def parallel(self) -> joblib.Parallel:
-        """Return joblib's pool, results as they come."""
-        return joblib.Parallel(
-            n_jobs=-1 if self.scheduler else self.jobs,
-            return_as="generator_unordered",
-            batch_size=1,
-            # enough for workers that join later, yet not all of a million scans at once
-            pre_dispatch=QUEUED if self.scheduler else "2*n_jobs",
-        )
-
-    @contextmanager
-    def chosen(self) -> Iterator[Any]:
-        """Make joblib use this backend within a context; yields Dask's client, or None.
-
-        Raises
-        ------
-        RecipeError
-            Where the scheduler or its workers can't be used, or a worker died.
-        """
-        if self.scheduler:
-            from pipeline.cluster import cluster
-
-            with cluster(self.scheduler) as client, joblib.parallel_config("dask", client=client):
-                yield client
-        elif self.jobs > 1:
-            # each worker is one thread: cores are shared out among processes
-            with joblib.parallel_config("loky", inner_max_num_threads=1):
-                try:
-                    yield None
-                except process_executor.TerminatedWorkerError:
-                    raise RecipeError(
-                        "a worker was killed; memory may be short",
-                        where="--jobs",
-                        value=self.jobs,
-                        allowed="fewer jobs; the same command goes on from what is finished",
-                    ) from None
-        else:
-            yield None
 
 
 def generate(
@@ -205,8 +153,9 @@ def prepare(
     """Load, mend and keep every part, in parallel; one that fails doesn't stop the others."""
     folder.mkdir(exist_ok=True)
     results: dict[str, tuple[str | None, dict[str, Any]]] = {}
-    work = (joblib.delayed(_worked)(_prepare_one, recipe, want, folder) for want in wanted)
-    for name, stored, facts in backend.parallel()(work):
+    for name, stored, facts in backend.results(
+        _prepare_one, ((recipe, want, folder) for want in wanted)
+    ):
         results[name] = stored, facts
         event("part", facts)
     planned, facts_kept, failed = [], [], []
@@ -245,17 +194,6 @@ def _prepare_one(
         return want.name, None, facts | {"why": why}
 
 
-def _worked(task: Callable[..., Any], *arguments: Any) -> Any:
-    """Run a task in a worker, which may keep as much memory as it needs.
-
-    Loky takes a worker for leaking, and ends it, once it has 300 MB more than after its first
-    task. Kept parts and a large scan's arrays are more than that; a test holds that memory doesn't
-    grow with the number of scans.
-    """
-    process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize
-    return task(*arguments)
-
-
 def _make_shards(
     place: Workplace, plan: Plan, triangles: Mapping[str, int], backend: Backend, event: Event
 ) -> None:
@@ -268,6 +206,5 @@ def _make_shards(
             todo.append(shard)
     cost = {shard.name: sum(triangles[work.part.name] for work in shard.work) for shard in todo}
     todo.sort(key=lambda shard: cost[shard.name], reverse=True)
-    work = (joblib.delayed(_worked)(make_shard, place, shard) for shard in todo)
-    for name, scans in backend.parallel()(work):
+    for name, scans in backend.results(make_shard, ((place, shard) for shard in todo)):
         event("shard", {"shard": name, "scans": scans, "kept": False})

@@ -14,7 +14,7 @@ MAY_IMPORT = {
     "challenge": {"challenge"},
 }
 ONE_PLACE = {
-    "joblib": {"pipeline/batch.py"},
+    "joblib": {"pipeline/backend.py"},
     "embreex": {"sensors/embree.py"},
     "pydantic": {"sensors/typed_yaml.py", "pipeline/size_field.py", "pipeline/recipe.py"},
     "yaml": {"sensors/typed_yaml.py"},
