@@ -316,7 +316,8 @@ def _pitch(points: Field, shape: tuple[int, ...]) -> float:
 
 def _reach(poses: Field, rays: Laser, depth: Field) -> float:
     points = _points(poses, rays, depth)[np.isfinite(depth)]
-    return float(max(np.linalg.norm(points.max(axis=0) - points.min(axis=0)) / 2, 1e-3))
+    spread = points.max(axis=0) - points.min(axis=0)
+    return max(0.5 * float(np.sqrt((spread**2).sum())), 1e-3)
 
 
 def _length(poses: Field) -> float:
