@@ -8,7 +8,15 @@ from pathlib import Path
 
 from benchmarks import page
 from benchmarks.casting import built_in_meshes, growth_rows, mesh_file, rows
-from benchmarks.end_to_end import HOME, ONE_THREAD, SIZES, batch_cost, batches, scan_cost_alone
+from benchmarks.end_to_end import (
+    HOME,
+    ONE_THREAD,
+    SIZES,
+    batch_cost,
+    batches,
+    dask_seconds,
+    scan_cost_alone,
+)
 from benchmarks.perlin import fields, median_seconds
 
 MESHES = tuple(
@@ -36,9 +44,12 @@ def main() -> None:
     done("labelled scans")
     with tempfile.TemporaryDirectory() as folder:
         datasets = []
-        for name, recipe in batches(Path(folder)).items():
+        recipes = batches(Path(folder))
+        for name, recipe in recipes.items():
             datasets.append(batch_cost(name, recipe, turns=arguments.turns))
             done(name)
+        dask = dask_seconds(list(recipes.values())[1])
+        done("Dask")
     casting = rows(built_in_meshes())
     absent = [path.name for path in arguments.mesh if not path.exists()]
     casting += rows(mesh_file(path) for path in arguments.mesh if path.exists())
@@ -51,6 +62,7 @@ def main() -> None:
         machine=machine,
         scans=scans,
         datasets=datasets,
+        dask=dask,
         casting=casting,
         absent=absent,
         triangles=triangles,

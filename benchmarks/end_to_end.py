@@ -6,6 +6,7 @@ Each size is measured in a process of its own, so that its peak of memory is its
 
 import argparse
 import dataclasses
+import importlib.util
 import json
 import os
 import resource
@@ -260,6 +261,47 @@ def batch_cost(name: str, recipe: Path, *, turns: int = 3) -> BatchCost:
                 made = json.loads((out / "dataset.json").read_text())
                 size = sum(file.stat().st_size for file in out.rglob("*") if file.is_file())
     return BatchCost(name=name, scans=made["scans"], seconds=seconds, disk_bytes=size)
+
+
+def dask_seconds(recipe: Path) -> float | None:
+    """Generate a dataset by two Dask workers on this machine; None where Dask isn't installed.
+
+    Scheduler and workers run already; connecting, loading and specimens are included.
+    """
+    if importlib.util.find_spec("distributed") is None:
+        return None
+    environment = {**os.environ, **ONE_THREAD, "PYTHONPATH": str(HOME)}
+    with tempfile.TemporaryDirectory() as name, ExitStack() as ends:
+        folder = Path(name)
+
+        def spawn(kind: str, *words: str) -> None:
+            process = subprocess.Popen(
+                [sys.executable, "-m", f"distributed.cli.dask_{kind}", *words, "--no-dashboard"],
+                cwd=folder, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            )  # fmt: skip
+            ends.callback(process.wait)
+            ends.callback(process.terminate)
+
+        said = folder / "scheduler.json"
+        port = ("--dashboard-address", "127.0.0.1:0")
+        spawn(
+            "scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(said), *port
+        )
+        while not said.exists():
+            time.sleep(0.1)
+        address = json.loads(said.read_text())["address"]
+        for _ in range(2):
+            spawn("worker", address, "--nthreads", "1", "--no-nanny", *port)
+        time.sleep(5.0)
+        begin = time.perf_counter()
+        subprocess.run(
+            [
+                sys.executable, "-m", "flawforge.cli", "generate", recipe, "--out", folder / "out",
+                "--backend", "dask", "--scheduler", address,
+            ],
+            cwd=HOME, env=environment, check=True, capture_output=True,
+        )  # fmt: skip
+        return time.perf_counter() - begin
 
 
 def batches(folder: Path) -> dict[str, Path]:

@@ -58,6 +58,7 @@ def test_the_page_puts_ratios_first(cost, tmp_path):
             BatchCost(name=name, scans=4, seconds={1: [4.0, 6.0], 2: [2.0, 4.0]}, disk_bytes=10)
             for name in ("first", "second")
         ],
+        dask=None,
         casting=casting,
         absent=["gone.stl"],
         triangles=triangles,
@@ -66,11 +67,14 @@ def test_the_page_puts_ratios_first(cost, tmp_path):
         seconds=60.0,
     )
     assert "| sweep against embreex, slowest mesh | 25 × | 10 × |" in text
-    assert "| 2 jobs against 1: second | 1.75 × | 1.8 × |" in text
+    assert "| 2 jobs against 1, best of 2: second | 2.00 × | 1.8 × |" in text
     assert "| time per doubling of triangles, worst | 1.25 × | 1.3 × |" in text
     assert "| time per point, largest against smallest scan | 2.00 × | 1 × |" in text
     assert "| m | 9 | 25.0 × | 50.0 × | 12.5 × | – | 10.0 × | 50 |" in text
     assert "VTK skipped: No module named 'vtkmodules'" in text
     assert "gone.stl: skipped" in text
+    assert "Dask isn't installed: skipped" in text
+    each_s = cost.processor_s + cost.specimen_s / 8
+    assert f"| {3600 / each_s:,.0f} |" in text
     page.plot(tmp_path / "growth.png", triangles, [cost, larger])
     assert (tmp_path / "growth.png").stat().st_size > 5000
