@@ -76,9 +76,13 @@ def write_whole(path: Path, content: str | bytes) -> None:
     """Write a file so that it is there whole or as it was: aside, synced, renamed."""
     aside = path.with_name(f".{path.name}.{uuid.uuid4().hex}.part")
     data = content.encode() if isinstance(content, str) else content
-    aside.write_bytes(data)
-    sync(aside)
-    os.replace(aside, path)
+    try:
+        aside.write_bytes(data)
+        sync(aside)
+        os.replace(aside, path)
+    except OSError:
+        aside.unlink(missing_ok=True)
+        raise
     sync(path.parent)
 
 

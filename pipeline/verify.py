@@ -99,6 +99,8 @@ def write_lock(folder: Path, lock: Path) -> None:
         "version": 1,
         **{key: said[key] for key in ("name", "seed", "recipe", "files", "versions", "shards")},
     }
+    if lock.is_dir():
+        raise RecipeError("is a folder", where=lock, allowed="a file, NAME.lock")
     lock.parent.mkdir(parents=True, exist_ok=True)
     write_whole(lock, json.dumps(kept, indent=1, sort_keys=True) + "\n")
 

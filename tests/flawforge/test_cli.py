@@ -145,3 +145,12 @@ def test_words_that_dont_fit_are_one_line(words, said, tmp_path, capsys):
     assert captured.err.count("\n") == 1
     assert said in captured.err
     assert [path.name for path in tmp_path.iterdir()] == ["r.yaml"]
+
+
+def test_a_lock_that_cant_be_written_leaves_nothing(tmp_path):
+    from pipeline.folder import write_whole
+
+    (tmp_path / "x.lock").mkdir()
+    with pytest.raises(OSError, match="directory"):
+        write_whole(tmp_path / "x.lock", "{}")
+    assert [path.name for path in tmp_path.iterdir()] == ["x.lock"]
