@@ -53,9 +53,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         description="Labelled laser-profilometer scans of flawed CAD parts, and a diagnosis of"
         " what the simulation leaves out.",
         epilog=EXAMPLES,
-        formatter_class=lambda prog: argparse.RawDescriptionHelpFormatter(
-            prog, max_help_position=28
-        ),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="store_true", help="print the version and stop")
     parser.add_argument("--debug", action="store_true", help="show where an error came from")
