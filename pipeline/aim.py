@@ -99,11 +99,17 @@ class Aimer:
         Raises
         ------
         PartError
-            Where none of `motion.tries` paths saw enough of the part.
+            Where a given path sees nothing, or none of `motion.tries` paths saw enough.
         """
         if self.motion.path is not None:
             centre = self._bounds_mm.mean(axis=0)
             path = follow(self.motion.path, self.motion, self.datasheet, self.profiles, centre)
+            if self._share_seen(path) == 0:
+                raise PartError(
+                    self.flawed.part.name,
+                    "the path of the recipe sees nothing of the part",
+                    "another motion.path, at the working distance from the part",
+                )
             return path, 1
         if self._enough is None:  # the same for every scan of the specimen
             self._enough = self.motion.least_seen * self._share_seen(self._centred())
@@ -122,7 +128,7 @@ class Aimer:
             self.flawed.part.name,
             f"none of {self.motion.tries} paths saw {self.motion.least_seen:.0%} of what a path"
             " over its middle sees",
-            "a lower motion.least_seen, more motion.tries or smaller tilts",
+            "a stand-off within the sensor's range, smaller tilts, a lower motion.least_seen",
         )
 
     def _share_seen(self, path: Trajectory) -> float:

@@ -69,9 +69,8 @@ def generate(
         parts, facts, failed_parts = prepare(recipe, wanted, hidden / "parts", backend, event)
         failed += failed_parts
         if not parts:
-            raise PartError(
-                recipe.file.name, f"no part can be used: {failed[0]['why']}", "see each part"
-            )
+            wrong, _, mend = failed[0]["why"].partition("; mend: ")
+            raise PartError(recipe.document.path, f"no part can be used: {wrong}", mend)
         plan = make_plan(recipe, parts)
         event("plan", {"scans": plan.scans, "shards": len(plan.shards), "parts": len(parts)})
         attributes = {"name": recipe.file.name, "recipe": used, "versions": made_by}

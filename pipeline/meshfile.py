@@ -59,9 +59,11 @@ def read_mesh(
         raise
     except Exception as error:
         # trimesh raises whatever its parsers stumble over: IndexError, struct.error, KeyError ...
-        reason = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
+        # only what is said of the file itself helps its owner
+        told = isinstance(error, OSError | ValueError) and str(error)
+        reason = f" ({str(error).splitlines()[0][:120]})" if told else ""
         raise PartError(
-            source, f"not a readable {suffix[1:].upper()} file ({reason})", "export it again"
+            source, f"not a readable {suffix[1:].upper()} file{reason}", "export it again"
         ) from error
     if len(faces) == 0:
         if suffix == ".stl":
