@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.shards import read_scan
+from pipeline.verify import read_dataset
 from sensors.datasheet import Datasheet
 from sensors.recording import Recording
 from sensors.typed_yaml import RecipeError, parse
@@ -82,6 +83,7 @@ def _rows(dataset: Path, scans: Iterable[str] | None) -> list[tuple[str, str, in
 
     manifest = dataset / "manifest.parquet"
     if not manifest.is_file():
+        read_dataset(dataset)  # says it where the dataset isn't finished
         raise RecipeError("no dataset here (manifest.parquet is missing)", where=dataset)
     table = pd.read_parquet(manifest, columns=["scan_id", "shard", "row"])
     known = {

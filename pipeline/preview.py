@@ -12,6 +12,7 @@ from pipeline.preview_chart import LONGEST_PX, Chart
 from pipeline.preview_cloud import DEPTH_MAP, draw_cloud
 from pipeline.preview_cut import draw_cut
 from pipeline.shards import read_scan
+from pipeline.verify import read_dataset
 from sensors.typed_yaml import RecipeError
 
 if TYPE_CHECKING:
@@ -108,6 +109,7 @@ def _tables(folder: Path) -> tuple["pd.DataFrame", "pd.DataFrame"]:
     paths = [folder / f"{name}.parquet" for name in ("manifest", "flaws")]
     for path in paths:
         if not path.is_file():
+            read_dataset(folder)  # says it where the dataset isn't finished
             raise RecipeError(f"no dataset here ({path.name} is missing)", where=folder)
     return pd.read_parquet(paths[0]), pd.read_parquet(paths[1])
 
