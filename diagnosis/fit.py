@@ -24,7 +24,7 @@ from sensors.typed_yaml import RecipeError
 MAX_GRID = 600
 SEARCHES = 45
 PEAKS = 4
-IMITATED = 1e-3
+IMITATED = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -257,8 +257,8 @@ def _normals(
 def _solve(gram: Field, right: Field, raw: Field) -> Field:
     """Solve for coefficients; directions that a placement can imitate stay at zero.
 
-    Such a direction keeps less than a thousandth of its square once the pose is projected out: the
-    recordings can't tell it from a misplaced part.
+    Such a direction keeps less than a ten-thousandth of its square once the pose is projected
+    out: the recordings can't tell it from a misplaced part.
     """
     size = np.sqrt(np.maximum(raw, 1e-30))
     values, vectors = np.linalg.eigh(gram / np.outer(size, size))

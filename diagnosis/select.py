@@ -21,6 +21,8 @@ from sensors.effects.base import Effect
 
 MOST = 4
 RIVAL_SHARE = 0.5
+IDLE = 8.0
+"""Nats below which a further effect isn't worth its name."""
 SEARCHED_READINGS = 80_000
 SCREENED_READINGS = 180_000
 NOT_SEARCHED = {"pose_error", "empirical", "roughness_level", "anisotropic_lay"}
@@ -107,7 +109,10 @@ def _best(
     withheld: set[str],
 ) -> tuple[Model, Choice] | None:
     channels = {f.channel for f in findings}
-    if "tails" in channels:
+    if "mean" in channels:
+        # a misfit of the mean looks like spikes and like noise: those wait until it is explained
+        channels -= {"variance", "tails", "correlation"}
+    elif "tails" in channels:
         channels.add("mean")
     predictions = ws.predict(model)
     states = ws.states(predictions)
@@ -244,6 +249,24 @@ def refit_linear(ws: Workspace, model: Model) -> Model:
         if fitted is not None and not fitted.effect.is_null:
             model = rest.with_effect(fitted.effect, fitted.own)
     return ws.levelled(model)
+
+
+def drop_idle(
+    ws: Workspace, model: Model, choices: Sequence[Choice], rng: np.random.Generator
+) -> tuple[Model, tuple[Choice, ...]]:
+    """Drop effects without which the others, solved again, fit as well."""
+    kept = list(choices)
+    for choice in sorted(choices, key=lambda c: c.gain):
+        if len(kept) < 2:
+            break
+        rest = refit_linear(ws, model.without(choice.name))
+        full, less = ws.log_densities(model), ws.log_densities(rest)
+        gain = ws.block_scores([a - b for a, b in zip(full, less, strict=True)])
+        low, _ = bootstrap_interval(gain, rng)
+        if low <= 0 or float(gain.sum()) < IDLE:
+            model = rest
+            kept.remove(choice)
+    return model, tuple(kept)
 
 
 def _prune(

@@ -1,6 +1,6 @@
 """Diagnose real recordings of public sensors against simple nominal shapes; make the pictures.
 
-    python docs/real/make_real.py SHARED_FOLDER
+    python docs/real/make_real.py SHARED_FOLDER [panel blobs strip]
 
 The recordings are SICK AppSpace samples; their parts' CAD isn't public, so that the nominal shape
 is inferred: a plane through most of the readings, as a thin box below them.
@@ -21,9 +21,9 @@ from sensors.recording import Recording
 
 HERE = Path(__file__).parent
 CASES = {
-    "panel": ("OCR_3D_image_42.json", None),
-    "blobs": ("BlobFeatureTypes3D_image.json", None),
-    "strip": ("StripGroove_image_9.json", None),
+    "panel": "OCR_3D_image_42.json",
+    "blobs": "BlobFeatureTypes3D_image.json",
+    "strip": "StripGroove_image_9.json",
 }
 
 
@@ -57,7 +57,9 @@ def plane_box(recording: Recording) -> trimesh.Trimesh:
 def main() -> None:
     """Import, build the nominal shape, diagnose, keep the pictures."""
     shared = Path(sys.argv[1]) / "real" / "sick"
-    for name, (source, _) in CASES.items():
+    for name, source in CASES.items():
+        if len(sys.argv) > 2 and name not in sys.argv[2:]:
+            continue
         with tempfile.TemporaryDirectory() as folder:
             out = Path(folder)
             run = [sys.executable, "-m", "flawforge.cli"]
