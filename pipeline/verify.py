@@ -38,7 +38,9 @@ def read_dataset(folder: Path) -> dict[str, Any]:
     except OSError:
         unfinished = (folder / ".flawforge").is_dir()
         raise RecipeError(
-            "isn't finished; run the same generate command again" if unfinished else "no dataset here",
+            "isn't finished; run the same generate command again"
+            if unfinished
+            else "no dataset here",
             where=folder,
             allowed="a folder made by flawforge generate",
         ) from None
