@@ -52,10 +52,6 @@ motion:
   aim_at_flaws: 0
 """
 DOOR = "  - builtin: car_door\n    facet_um: 10"
-THREE = "\n".join(
-    f"  - builtin: {name}\n    surface: {name}"
-    for name in ("bearing_cap", "car_door", "steel_plate")
-)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -308,18 +304,24 @@ def batches(folder: Path) -> dict[str, Path]:
     """Write the recipes of the datasets that are timed; by name."""
     quick = (HOME / "manifests" / "quickstart.yaml").read_text()
     found = {"quickstart, 12 specimens, 24 scans of 240 × 512": quick}
-    assert "specimens: 4 " in quick
-    found["24 specimens of three parts, 2 scans of 240 × 512 each"] = quick.replace(
-        "specimens: 4 ", "specimens: 8 "
-    )
+    larger = quick
+    for old, new in (
+        ("specimens: 4 ", "specimens: 8 "),
+        ("scans: 2 ", "scans: 8 "),
+        ("profiles: 240\n", "profiles: 480\n"),
+        ("points: 512\n", "points: 1024\n"),
+    ):
+        assert old in quick
+        larger = larger.replace(old, new)
+    found["24 specimens of three parts, 8 scans of 480 × 1024 each"] = larger
     paths = {}
     for number, (name, text) in enumerate(found.items()):
         paths[name] = folder / f"{number}.yaml"
         paths[name].write_text(text)
     many = folder / "many"
     many.mkdir()
-    paths["one car door, 200 scans of 500 × 2048"] = recipe_in(
-        many, profiles=500, points=2048, parts="  - builtin: car_door", work="scans: 200"
+    paths["one car door, 200 scans of 500 × 1024"] = recipe_in(
+        many, profiles=500, points=1024, parts="  - builtin: car_door", work="scans: 200"
     )
     return paths
 
