@@ -1,4 +1,4 @@
-"""All benchmarks in one run: `python -m benchmarks` writes docs/benchmarks.md and its plot."""
+"""All benchmarks in one run: docs/benchmarks.md, its plot, and the tables of docs/scaling.md."""
 
 import argparse
 import os
@@ -74,6 +74,9 @@ def main() -> None:
     pictures.mkdir(parents=True, exist_ok=True)
     page.plot(pictures / "growth.png", triangles, points)
     (arguments.out / "benchmarks.md").write_text(text, encoding="utf-8")
+    other = HOME / "docs" / "scaling.md"
+    filled = page.fill(other.read_text(encoding="utf-8"), page.scaling(scans, datasets, dask))
+    (arguments.out / "scaling.md").write_text(filled, encoding="utf-8")
     done(f"wrote {arguments.out / 'benchmarks.md'}")
 
 

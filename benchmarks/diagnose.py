@@ -290,8 +290,8 @@ def table(rows: Sequence[Row], seed: int) -> str:
         "",
         f"Made by `python -m benchmarks.diagnose`, seed {seed}: two recordings fitted, one held "
         f"out, {PROFILES} x {POINTS} points each, from the plain simulator plus effects. The "
-        "effect on the left was in the recordings; what was found stands on the right. Strength is the "
-        "whitened signal to noise over the fitted recordings, the pose projected out.",
+        "effect on the left was in the recordings; what was found stands on the right. Strength "
+        "is the whitened signal to noise over the fitted recordings, the pose projected out.",
         "",
         f"- false alarms on nulls: {alarms} of {len(nulls)} (95 %: {100 * low:.1f} to "
         f"{100 * high:.1f} %)",

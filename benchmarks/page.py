@@ -96,8 +96,7 @@ def write(
         "The whole command, start-up and specimens included, in turns; the machine's two cores "
         "must be free for this.\n",
         _datasets(datasets),
-        "Dask isn't installed: skipped.\n" if dask is None else
-        f"Two Dask workers on this machine make {datasets[1].name}, in {dask:.1f} s.\n",
+        _dask(datasets, dask),
         "## What a million scans cost\n",
         "From the figures above, eight scans of each flawed door. Core-hours are processor time "
         "of one core like this one's; memory is what each job needs.\n",
@@ -265,6 +264,48 @@ def _growth(triangles: Sequence[GrowthRow], points: Sequence[ScanCost]) -> str:
         ],
     )
     return cast + "\n" + scan
+
+
+def fill(text: str, blocks: Mapping[str, str]) -> str:
+    """Put what was measured between a page's marks `<!-- measured: name -->` and `<!-- end -->`.
+
+    Raises
+    ------
+    ValueError
+        Where the page has no such marks.
+    """
+    for name, content in blocks.items():
+        start, end = f"<!-- measured: {name} -->\n", "<!-- end -->"
+        before, found, rest = text.partition(start)
+        old, closed, after = rest.partition(end)
+        if not found or not closed:
+            raise ValueError(f"no marks for '{name}'")
+        text = f"{before}{start}\n{content}\n{closed}{after}"
+    return text
+
+
+def scaling(
+    scans: Sequence[ScanCost], datasets: Sequence[BatchCost], dask: float | None
+) -> dict[str, str]:
+    """Return what docs/scaling.md shows of the measurements, by the names of its marks."""
+    spoken = [
+        f"{cost.peak_bytes / 2**30:.2f} GiB for {cost.profiles} × {cost.points} points"
+        for cost in scans
+    ]
+    full = max(scans, key=lambda cost: cost.profiles * cost.points)
+    return {
+        "memory": f"Measured with a car door of {full.triangles:,} triangles: "
+        + ", ".join(spoken) + ".\n",
+        "datasets": _datasets(datasets) + ("\n" + _dask(datasets, dask)),
+        "cost": f"Cutting seven flaws into the door takes {full.specimen_s:.1f} s.\n\n"
+        + _cost_model(scans),
+    }  # fmt: skip
+
+
+def _dask(datasets: Sequence[BatchCost], seconds: float | None) -> str:
+    if seconds is None:
+        return "Dask isn't installed: skipped.\n"
+    return f"Two Dask workers on this machine: {datasets[1].name}, in {seconds:.1f} s.\n"
 
 
 def plot(path: Path, triangles: Sequence[GrowthRow], points: Sequence[ScanCost]) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks import page
 from benchmarks.casting import GrowthRow, Row
-from benchmarks.end_to_end import SCANS, BatchCost, batches, scan_cost
+from benchmarks.end_to_end import HOME, SCANS, BatchCost, batches, scan_cost
 from pipeline.recipe import Recipe
 
 PLATE = "  - builtin: steel_plate\n    parameters: {length_mm: 500, width_mm: 450}"
@@ -78,3 +78,16 @@ def test_the_page_puts_ratios_first(cost, tmp_path):
     assert f"| {3600 / each_s:,.0f} |" in text
     page.plot(tmp_path / "growth.png", triangles, [cost, larger])
     assert (tmp_path / "growth.png").stat().st_size > 5000
+
+
+def test_the_page_on_scaling_is_filled_and_can_be_filled_again(cost):
+    text = (HOME / "docs" / "scaling.md").read_text(encoding="utf-8")
+    batch = BatchCost(name="d", scans=4, seconds={1: [4.0], 2: [2.0]}, disk_bytes=10)
+    once = page.fill(text, page.scaling([cost], [batch, batch], 7.25))
+    assert "in 7.2 s" in once
+    assert f"{cost.triangles:,} triangles" in once
+    again = page.fill(once, page.scaling([cost], [batch, batch], 8.5))
+    assert "in 8.5 s" in again
+    assert "in 7.2 s" not in again
+    with pytest.raises(ValueError, match="no marks for 'cost'"):
+        page.fill("nothing", {"cost": "x"})
