@@ -48,11 +48,14 @@ class Family:
 
 
 def free_families(patches: Sequence[Patch]) -> list[Family]:
-    """Smooth dependence on each covariate, maps of sensor, scan and part."""
+    """Smooth dependence on each covariate, maps of sensor, scan and part.
+
+    Brightness is left out: speckle moves it together with the depth, reading by reading.
+    """
     families: list[Family] = []
     for name, count in (
         ("x", 9), ("depth", 8), ("slope_x", 6), ("slope_y", 6), ("incidence", 6),
-        ("half_vector", 6), ("brightness", 6), ("brightness_slope", 5), ("clock", 9),
+        ("half_vector", 6), ("clock", 9),
     ):  # fmt: skip
         if name == "clock" and any(p.view.start_time_s is None for p in patches):
             continue
