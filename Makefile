@@ -6,7 +6,7 @@ STAMP  := $(VENV)/.installed
 DEV    := $(VENV)/.installed-dev
 PEERS  := $(VENV)/.installed-bench
 
-.PHONY: demo test lint bench effects paper pictures proof proof-small clean
+.PHONY: demo test lint bench effects paper pictures diagnose-bench proof proof-small clean
 
 demo: $(STAMP)
 	$(BIN)/flawforge generate manifests/quickstart.yaml --out out/quickstart
@@ -32,6 +32,9 @@ effects: $(STAMP)
 
 pictures: $(STAMP)
 	$(BIN)/python docs/pictures/make_pictures.py
+
+diagnose-bench: $(STAMP)
+	$(BIN)/python -W ignore -m benchmarks.diagnose --out docs/diagnosis-bench.md
 
 # Both continue where they were stopped; another PROOF folder is a fresh seed.
 PROOF ?= out/proof
