@@ -10,6 +10,7 @@ import importlib.util
 import json
 import os
 import resource
+import shutil
 import statistics
 import subprocess
 import sys
@@ -221,6 +222,8 @@ class BatchCost:
         How many scans it has.
     seconds
         For each number of jobs, a figure for each turn.
+    apart_s
+        For each turn, seconds in which two runs of 1 job each, started together, were both done.
     disk_bytes
         Size of the dataset's folder.
     """
@@ -228,6 +231,7 @@ class BatchCost:
     name: str
     scans: int
     seconds: dict[int, list[float]]
+    apart_s: list[float]
     disk_bytes: int
 
     @property
@@ -235,28 +239,50 @@ class BatchCost:
         """How much faster 2 jobs are, for each turn."""
         return [one / two for one, two in zip(self.seconds[1], self.seconds[2], strict=True)]
 
+    @property
+    def limits(self) -> list[float]:
+        """How much more the machine does with two runs that know nothing of each other."""
+        return [2 * one / both for one, both in zip(self.seconds[1], self.apart_s, strict=True)]
+
 
 def batch_cost(name: str, recipe: Path, *, turns: int = 3) -> BatchCost:
     """Generate a recipe's dataset through the command line, 1 job and 2 jobs in turns."""
     seconds: dict[int, list[float]] = {1: [], 2: []}
-    made: Mapping[str, Any] = {}
-    size = 0
-    for _ in range(turns):
-        for jobs in seconds:
-            with tempfile.TemporaryDirectory() as folder:
-                out = Path(folder) / "out"
-                begin = time.perf_counter()
-                subprocess.run(
-                    [
-                        sys.executable, "-m", "flawforge.cli", "generate", recipe,
-                        "--out", out, "--jobs", str(jobs),
-                    ],
-                    cwd=HOME, env={**os.environ, **ONE_THREAD}, check=True, capture_output=True,
-                )  # fmt: skip
-                seconds[jobs].append(time.perf_counter() - begin)
-                made = json.loads((out / "dataset.json").read_text())
-                size = sum(file.stat().st_size for file in out.rglob("*") if file.is_file())
-    return BatchCost(name=name, scans=made["scans"], seconds=seconds, disk_bytes=size)
+    apart_s = []
+    with tempfile.TemporaryDirectory() as name_of_folder:
+        folder = Path(name_of_folder)
+        for _ in range(turns):
+            for jobs in seconds:
+                seconds[jobs].append(_generated(recipe, folder / "out", jobs=jobs))
+                made: Mapping[str, Any] = json.loads((folder / "out" / "dataset.json").read_text())
+                files = [file for file in (folder / "out").rglob("*") if file.is_file()]
+                size = sum(file.stat().st_size for file in files)
+                shutil.rmtree(folder / "out")
+            apart_s.append(_generated(recipe, folder / "a", folder / "b", jobs=1))
+            shutil.rmtree(folder / "a")
+            shutil.rmtree(folder / "b")
+    return BatchCost(
+        name=name, scans=made["scans"], seconds=seconds, apart_s=apart_s, disk_bytes=size
+    )
+
+
+def _generated(recipe: Path, *folders: Path, jobs: int) -> float:
+    """Generate a dataset into each folder, all at once; return seconds until all are done."""
+    begin = time.perf_counter()
+    runs = [
+        subprocess.Popen(
+            [
+                sys.executable, "-m", "flawforge.cli", "generate", recipe,
+                "--out", folder, "--jobs", str(jobs),
+            ],
+            cwd=HOME, env={**os.environ, **ONE_THREAD},
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )
+        for folder in folders
+    ]  # fmt: skip
+    if any([run.wait() for run in runs]):
+        raise RuntimeError(f"{recipe}: generate failed")
+    return time.perf_counter() - begin
 
 
 def dask_seconds(recipe: Path) -> float | None:

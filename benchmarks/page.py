@@ -93,8 +93,9 @@ def write(
         f"{full.specimen_s:.1f} s, is done once for all scans of a specimen and not counted.\n",
         _scans(scans),
         "## Datasets with 1 and 2 jobs\n",
-        "The whole command, start-up and specimens included, in turns; the machine's two cores "
-        "must be free for this.\n",
+        "The whole command, start-up and specimens included, in turns. *Limit* is what the "
+        "machine gives to two runs of 1 job each that know nothing of each other, against one "
+        "such run: cores share caches, memory and whatever else runs.\n",
         _datasets(datasets),
         _dask(datasets, dask),
         "## What a million scans cost\n",
@@ -130,7 +131,7 @@ def _in_short(
         *(
             (
                 f"2 jobs against 1, best of {len(batch.ratios)}: {batch.name}",
-                f"{max(batch.ratios):.2f} ×",
+                f"{max(batch.ratios):.2f} × of {max(batch.limits):.2f}",
                 "1.8 ×",
             )
             for batch in datasets[1:]
@@ -204,13 +205,14 @@ def _datasets(datasets: Sequence[BatchCost]) -> str:
         ratios = ", ".join(f"{ratio:.2f}" for ratio in batch.ratios)
         lines.append(
             (
-                batch.name, f"{_middle(batch.ratios):.2f} × ({ratios})", f"{one:.1f} s",
+                batch.name, f"{_middle(batch.ratios):.2f} × ({ratios})",
+                f"{_middle(batch.limits):.2f} ×", f"{one:.1f} s",
                 f"{two:.1f} s", f"{60 / one:.1f}", f"{60 / two:.1f}",
                 f"{batch.disk_bytes / 1e6:.1f} MB",
             )
         )  # fmt: skip
     head = (
-        "dataset", "2 jobs against 1 (each turn)", "1 job", "2 jobs",
+        "dataset", "2 jobs against 1 (each turn)", "limit", "1 job", "2 jobs",
         "a minute, 1 job", "a minute, 2 jobs", "on disk",
     )  # fmt: skip
     return table(head, lines)

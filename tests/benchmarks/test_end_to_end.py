@@ -55,9 +55,12 @@ def test_the_page_puts_ratios_first(cost, tmp_path):
         machine=page.Machine.here(),
         scans=[cost, larger],
         datasets=[
-            BatchCost(name=name, scans=4, seconds={1: [4.0, 6.0], 2: [2.0, 4.0]}, disk_bytes=10)
+            BatchCost(
+                name=name, scans=4, seconds={1: [4.0, 6.0], 2: [2.0, 4.0]}, apart_s=[5.0, 8.0],
+                disk_bytes=10,
+            )
             for name in ("first", "second")
-        ],
+        ],  # fmt: skip
         dask=None,
         casting=casting,
         absent=["gone.stl"],
@@ -67,7 +70,7 @@ def test_the_page_puts_ratios_first(cost, tmp_path):
         seconds=60.0,
     )
     assert "| sweep against embreex, slowest mesh | 25 × | 10 × |" in text
-    assert "| 2 jobs against 1, best of 2: second | 2.00 × | 1.8 × |" in text
+    assert "| 2 jobs against 1, best of 2: second | 2.00 × of 1.60 | 1.8 × |" in text
     assert "| time per doubling of triangles, worst | 1.25 × | 1.3 × |" in text
     assert "| time per point, largest against smallest scan | 2.00 × | 1 × |" in text
     assert "| m | 9 | 25.0 × | 50.0 × | 12.5 × | – | 10.0 × | 50 |" in text
@@ -82,7 +85,9 @@ def test_the_page_puts_ratios_first(cost, tmp_path):
 
 def test_the_page_on_scaling_is_filled_and_can_be_filled_again(cost):
     text = (HOME / "docs" / "scaling.md").read_text(encoding="utf-8")
-    batch = BatchCost(name="d", scans=4, seconds={1: [4.0], 2: [2.0]}, disk_bytes=10)
+    batch = BatchCost(
+        name="d", scans=4, seconds={1: [4.0], 2: [2.0]}, apart_s=[4.0], disk_bytes=10
+    )
     once = page.fill(text, page.scaling([cost], [batch, batch], 7.25))
     assert "in 7.2 s" in once
     assert f"{cost.triangles:,} triangles" in once
