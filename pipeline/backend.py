@@ -4,10 +4,12 @@ The one place that knows joblib. It loads nothing else of ours until it must, so
 start while the rest is loaded.
 """
 
+import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Final
 
 import joblib
@@ -89,14 +91,35 @@ class Backend:
 
 
 def _worked(task: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-    """Run a task in a worker, which may keep as much memory as it needs.
+    """Run a task in a worker, which has one thread and may keep as much memory as it needs.
 
     Loky takes a worker for leaking, and ends it, once it has 300 MB more than after its first
     task. Kept parts and a large scan's arrays are more than that; a test holds that memory doesn't
     grow with the number of scans.
     """
     process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize
+    one_thread()
     return task(*arguments)
+
+
+@cache
+def one_thread() -> None:
+    """Hold the booleans of this process to one thread: a job is a core.
+
+    manifold3d starts as many threads as the process may use cores at its first boolean, and has
+    no switch for it; so that one is done on a single core.
+    """
+    if not hasattr(os, "sched_setaffinity"):
+        return
+    from manifold3d import Manifold
+
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(cores)})
+    try:
+        ball = Manifold.sphere(1.0, 32)
+        (ball - ball.translate((0.5, 0.5, 0.5))).status()
+    finally:
+        os.sched_setaffinity(0, cores)
 
 
 def _load() -> None:
