@@ -198,10 +198,10 @@ def diagnose(
         )
         found += (_plainly(mounting.effect, gain, mounting.intervals),)
     progress("drawing maps")
-    shifts = _final_shifts(patches, noise, model, share_own)
+    settled, shifts = _settled(patches, noise, model, share_own)
     maps = [
         map_recording(
-            k, r, placed[r.name], scene, datasheet, laser[r.name], noise, model, shifts, lateral
+            k, r, placed[r.name], scene, datasheet, laser[r.name], noise, settled, shifts, lateral
         )
         for k, r in enumerate(everything)
     ]
@@ -304,7 +304,6 @@ def _found(
     share_own: bool,
 ) -> tuple[FoundEffect, ...]:
     chosen: dict[str, Choice] = {c.name: c for c in selection.choices}
-    scored = max(float(after.counts.sum()), 1.0)
     bounds = intervals(ws, model)
     out = []
     for effect in model.effects:
@@ -336,7 +335,6 @@ def _found(
                 separating=effect.separating,
             )
         )
-    del scored
     return tuple(sorted(out, key=lambda f: -f.heldout_gain))
 
 
@@ -418,10 +416,13 @@ def _nominal_noise(
     return replace(noise, sd_mm=_nominal_sd_mm(nominal, surface, view))
 
 
-def _final_shifts(
+def _settled(
     patches: Sequence[Patch], noise: NoiseModel, model: Model, share_own: bool
-) -> dict[str, dict[int, Field]]:
-    """Placements under the plain and the final model, by recording."""
+) -> tuple[Model, dict[str, dict[int, Field]]]:
+    """Return the model with held-out recordings' own parameters, and each one's placements.
+
+    Placements are those under the "plain" and the "final" model, by recording.
+    """
     from diagnosis.heldout import settle_own
 
     out: dict[str, dict[int, Field]] = {}
@@ -440,8 +441,7 @@ def _final_shifts(
         predictions = ws.predict(which)
         raw = [whitened(p, q, noise) for p, q in zip(patches, predictions, strict=True)]
         out[name] = placements(patches, raw, [p.counted for p in patches])
-    out["model"] = {0: model}  # type: ignore[dict-item]  # carried to the maps
-    return out
+    return model, out
 
 
 def _noise(

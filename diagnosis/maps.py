@@ -68,12 +68,11 @@ def map_recording(
     """Predict a whole recording piece by piece and mark where it departs."""
     n, m = recording.depth_mm.shape
     rows = max(8, min(n, CHUNK // m))
-    settled: Model = shifts["model"][0]  # type: ignore[assignment]  # see _final_shifts
     plain_shift, final_shift = shifts["plain"][number], shifts["final"][number]
     pieces: dict[str, list[Field]] = {
         k: [] for k in ("plain", "final", "sd", "lost", "pure", "soft")
     }
-    single: dict[str, list[Mask]] = {e.name: [] for e in settled.effects}
+    single: dict[str, list[Mask]] = {e.name: [] for e in model.effects}
     whole_travel = View(scene, datasheet, placement.poses, recording.time_s, laser=laser).travel_mm
     for start in range(0, n, rows):
         part = slice(start, min(start + rows, n))
@@ -93,8 +92,8 @@ def map_recording(
         columns = np.where(np.isfinite(view.depth_mm)[..., None], columns, 0.0) * PRIOR_SD
         soft = edge_softness(view, view.depth_mm, lateral_mm)
         before = predict(view, (), noise, softness=soft)
-        effects = settled.of(number)
-        after = predict(view, effects, noise, softness=soft, level=settled.level)
+        effects = model.of(number)
+        after = predict(view, effects, noise, softness=soft, level=model.level)
         pieces["plain"].append(before.mean_mm + columns @ plain_shift)
         final = after.mean_mm + columns @ final_shift
         pieces["final"].append(np.where(after.p_missing > 0.5, np.nan, final))
@@ -115,9 +114,9 @@ def map_recording(
     plain_seen = np.isfinite(whole["plain"])
     wrong = (np.isfinite(depth) != plain_seen) & (whole["soft"] < 0.01)
     wrong[repeated_rows(recording.depth_mm)] = False
-    if settled.effects:
+    if model.effects:
         mask = departure_mask(whole["pure"], whole["lost"], whole["sd"], plain_seen)
-        mask |= _random_losses(settled, wrong)
+        mask |= _random_losses(model, wrong)
     else:
         mask = free_mask(score, np.isfinite(residual), wrong)
     named = [(name, np.concatenate(parts)) for name, parts in single.items()]

@@ -132,7 +132,6 @@ def _best(
         return None
     shortlist = [n for g, n in quick if g > max(3.0, 0.15 * quick[0][0])][:7]
     base = ws.log_densities(model)
-    base_blocks = ws.block_scores(base)
     candidates: dict[str, tuple[Model, Field]] = {}
     for name in shortlist:
         fitted = fit_effect(CATALOGUE[name], ws, model, predictions, states)
@@ -141,7 +140,6 @@ def _best(
         trial = ws.levelled(model.with_effect(fitted.effect, fitted.own))
         blocks = crossfitted(ws, model, CATALOGUE[name], fitted, base)
         candidates[name] = (trial, blocks - _penalty(fitted, blocks))
-    del base_blocks
     if not candidates:
         return None
     order = sorted(candidates, key=lambda n: -float(candidates[n][1].sum()))
