@@ -13,7 +13,7 @@ from challenge.cases.parts import SHAPES, plate, solid_of
 from challenge.cases.seeds import child, number
 from challenge.cases.switches import DECOY, SINGLE, UNKNOWN, Switch, World
 from challenge.instrument.finish import Finish
-from challenge.instrument.instrument import Instrument, Path
+from challenge.instrument.instrument import Casts, Instrument, Path
 
 SWITCHES: dict[str, Switch] = {**SINGLE, **UNKNOWN, **DECOY}
 RECORDINGS = ("a", "b", "c")
@@ -127,9 +127,15 @@ def _shifted(pose: NDArray[np.float64], x_mm: float) -> NDArray[np.float64]:
 
 
 def scan(
-    world: World, scans: Scans, index: int, *, specimen: int, rng: np.random.Generator
+    world: World,
+    scans: Scans,
+    index: int,
+    *,
+    specimen: int,
+    rng: np.random.Generator,
+    casts: Casts | None = None,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Scan the case's part in one of its poses."""
+    """Scan the case's part in one of its poses; `casts` is one for many specimens."""
     return world.device.scan(
         world.solid,
         world.finish,
@@ -137,6 +143,7 @@ def scan(
         rng,
         specimen=specimen,
         misplaced=scans.misplaced[index],
+        casts=casts,
     )
 
 

@@ -11,7 +11,7 @@ from challenge.cases.case import Secret, Staged, scan
 from challenge.cases.devices import Scans
 from challenge.cases.seeds import child, number
 from challenge.cases.switches import World
-from challenge.instrument.instrument import Path
+from challenge.instrument.instrument import Casts, Path
 from challenge.instrument.rays import plant
 from challenge.instrument.stripes import first_hits
 
@@ -188,6 +188,7 @@ def facts(staged: Staged, secret: Secret, *, draws: int = 5) -> Facts:
     on, off = staged.on, staged.off
 
     def shots(world: World) -> NDArray[np.float64]:
+        casts: Casts = {}
         return np.stack(
             [
                 scan(
@@ -195,6 +196,7 @@ def facts(staged: Staged, secret: Secret, *, draws: int = 5) -> Facts:
                     specimen=number(secret.seed, "facts", str(d)),
                     # the same stage phases for every draw and as in the recording
                     rng=child(secret.seed, "noise", "abc"[last]),
+                    casts=casts,
                 )[0]
                 for d in range(draws)
             ]

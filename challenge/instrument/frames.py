@@ -58,7 +58,7 @@ def _spill(
             carry += spilt[r] - taken
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath={"contract", "reassoc", "arcp", "nsz"})
 def _frames(
     y: NDArray[np.float64],
     x: NDArray[np.float64],
@@ -159,14 +159,17 @@ def _frames(
                         if r0 < 0 or r0 + reach_r >= n_r or c0 < 0 or c0 + reach_c >= real.shape[0]:
                             continue
                         other = (m + 37 * layer) % x.shape[1]
-                        re = amplitude * cosine[g, other]
-                        im = amplitude * sine[g, other]
+                        re = np.float32(amplitude * cosine[g, other])
+                        im = np.float32(amplitude * sine[g, other])
+                        tap = taps_r[br]
                         for c in range(reach_c):
                             a, b = re * taps_c[bc, c], im * taps_c[bc, c]
                             col = c0 + c
+                            in_real = real[col, r0 : r0 + reach_r]
+                            in_imag = imag[col, r0 : r0 + reach_r]
                             for r in range(reach_r):
-                                real[col, r0 + r] += a * taps_r[br, r]
-                                imag[col, r0 + r] += b * taps_r[br, r]
+                                in_real[r] += a * tap[r]
+                                in_imag[r] += b * tap[r]
                             low[col] = min(low[col], r0)
                             high[col] = max(high[col], r0 + reach_r)
                 for col in range(real.shape[0]):

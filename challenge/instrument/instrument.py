@@ -13,9 +13,9 @@ from challenge.instrument.finish import Finish
 from challenge.instrument.frames import Faults, expose
 from challenge.instrument.motion import Motion
 from challenge.instrument.peaks import PeakFinder
-from challenge.instrument.rays import plant
+from challenge.instrument.rays import Tree, plant
 from challenge.instrument.sheet import LaserSheet
-from challenge.instrument.stripes import lay_out
+from challenge.instrument.stripes import Cast, lay_out
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -57,6 +57,10 @@ class Path:
         return poses
 
 
+# The rays last cast, kept by a caller that scans many specimens of one solid in one pose.
+Casts = dict[tuple[bytes, float, float, float], tuple[Tree, Cast]]
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Instrument:
     """An instrument on its stage; every difference between two instruments is physical.
@@ -90,15 +94,13 @@ class Instrument:
         misplaced: NDArray[np.float64] | None = None,
         keep: int = -1,
         moving: bool = True,
+        casts: Casts | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Scan a part and deliver chip rows, brightness and one frame; see `scan`."""
         motion = self.motion if moving else Motion()
         true_start = path.start @ motion.mounting()
         if misplaced is not None:
             true_start = misplaced @ true_start
-        to_sensor = np.linalg.inv(true_start)
-        vertices = solid.vertices_mm @ to_sensor[:3, :3].T + to_sensor[:3, 3]
-        tree = plant(vertices, solid.faces)
         begin = np.arange(path.profiles) / path.rate_hz
         speed = path.pitch_mm * path.rate_hz
         parts = max(1, ceil(speed * self.sheet.exposure_s / (0.6 * self.sheet.waist_mm)))
@@ -115,17 +117,22 @@ class Instrument:
         travel = where[..., 1:2] * motion.mounting()[1, :3]
         where = travel + where * np.array([1.0, 0.0, 1.0])
         wide = 3.6 * float(self.sheet.sigma_mm(np.array(self._edge_depths())).max())
-        stripes = lay_out(
-            tree,
-            true_start,
-            self.sheet,
-            self.camera,
-            finish,
-            first_mm=float(where[..., 1].min()) - wide,
-            last_mm=float(where[..., 1].max()) + wide,
-            pitch_mm=path.pitch_mm,
-            specimen=specimen,
-        )
+        first, last = float(where[..., 1].min()) - wide, float(where[..., 1].max()) + wide
+        key = (true_start.tobytes(), first, last, path.pitch_mm)
+        if casts is None:
+            casts = {}
+        if key not in casts:
+            casts.clear()
+            to_sensor = np.linalg.inv(true_start)
+            vertices = solid.vertices_mm @ to_sensor[:3, :3].T + to_sensor[:3, 3]
+            tree = plant(vertices, solid.faces)
+            cast = lay_out(
+                tree, true_start, self.sheet, self.camera, finish,
+                first_mm=first, last_mm=last, pitch_mm=path.pitch_mm,
+            )  # fmt: skip
+            casts[key] = tree, cast
+        tree, cast = casts[key]
+        stripes = cast.stripes.of(specimen, cast.part_mm)
         glow = None
         if finish.mirror > 0:
             glow = second_light(tree, self.camera, finish, where, rng)
@@ -186,6 +193,7 @@ class Instrument:
         *,
         specimen: int,
         misplaced: NDArray[np.float64] | None = None,
+        casts: Casts | None = None,
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Scan a part.
 
@@ -197,6 +205,8 @@ class Instrument:
             Seed of the surface's scattering phases.
         misplaced : (4, 4), optional
             Small rigid error of where the part lies, part -> part.
+        casts : dict, optional
+            One for all scans of this solid and finish by this sheet and camera.
 
         Returns
         -------
@@ -204,7 +214,7 @@ class Instrument:
         """
         assert self.calibration is not None, "calibrate the instrument first"
         row, peak, _ = self.rows_of(
-            solid, finish, path, rng, specimen=specimen, misplaced=misplaced
+            solid, finish, path, rng, specimen=specimen, misplaced=misplaced, casts=casts
         )
         depth = self.calibration.depth_mm(row)
         if self.faults.lost_share > 0:

@@ -5,7 +5,7 @@ width, so that the part is cast once on lines a fraction of the width apart, and
 takes the lines that its sheet covers at that instant.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, cos
 
 import numpy as np
@@ -55,6 +55,31 @@ class Stripes:
     spacing_mm: float
     samples: int
 
+    def of(self, specimen: int, part_mm: NDArray[np.float64]) -> "Stripes":
+        """Return the same scatterers on another specimen.
+
+        Parameters
+        ----------
+        specimen
+            Seed of the scattering phases.
+        part_mm : (G * M, 3)
+            The scatterers in the part frame, without micro relief.
+        """
+        cosine, sine = phases(part_mm, specimen)
+        shape = self.power.shape
+        return replace(self, cosine=cosine.reshape(shape), sine=sine.reshape(shape))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Cast:
+    """Scatterers of a scan before a specimen is chosen, and where they are on the part.
+
+    Casting rays costs as much as making frames; scans of many specimens share it.
+    """
+
+    stripes: Stripes
+    part_mm: NDArray[np.float64]
+
 
 @njit(cache=True)
 def _cast(
@@ -99,9 +124,14 @@ def spacings(sheet: LaserSheet, camera: Camera, pitch_mm: float) -> tuple[float,
 
 
 def first_hits(
-    tree: Tree, y_mm: NDArray[np.float64], camera: Camera
+    tree: Tree, y_mm: NDArray[np.float64], camera: Camera, *, every: int = 1
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
     """Cast one ray for each column at positions along the travel: pure geometry.
+
+    Parameters
+    ----------
+    every
+        Leave out all columns but every so many.
 
     Returns
     -------
@@ -111,7 +141,7 @@ def first_hits(
     visible : (n, columns) bool
         The sight line to the camera is free.
     """
-    slope = np.asarray(np.tan(camera.angles_rad()), np.float64)
+    slope = np.asarray(np.tan(camera.angles_rad()[::every]), np.float64)
     depth, triangle, visible = _cast(
         tree.corner, tree.edge_1, tree.edge_2, tree.box, tree.child,
         np.asarray(y_mm, np.float64), slope, camera.side * camera.base_mm,
@@ -129,8 +159,7 @@ def lay_out(
     first_mm: float,
     last_mm: float,
     pitch_mm: float,
-    specimen: int,
-) -> Stripes:
+) -> Cast:
     """Cast the sub-lines between two positions along the travel.
 
     Parameters
@@ -143,12 +172,10 @@ def lay_out(
         Extent along y; the caller adds the sheet's width.
     pitch_mm
         Profile pitch; sub-lines divide it evenly.
-    specimen
-        Seed of the scattering phases.
 
     Returns
     -------
-    Stripes
+    Cast
     """
     spacing, samples = spacings(sheet, camera, pitch_mm)
     y = first_mm + spacing * np.arange(ceil((last_mm - first_mm) / spacing) + 1, dtype=np.float64)
@@ -197,7 +224,6 @@ def lay_out(
     points = np.stack([x_fine, np.broadcast_to(y[:, None], x_fine.shape), z_fine], -1)
     part = points @ to_part[:3, :3].T + to_part[:3, 3]
     power = power * finish.brightness(part)
-    cosine, sine = phases(part.reshape(-1, 3), specimen)
     if finish.relief_mm > 0:
         rise = finish.relief(part)  # along the part's z, towards the sensor
         up = to_part[2, :3]  # the part's z in the sensor frame
@@ -213,14 +239,16 @@ def lay_out(
         sunk = np.einsum("gmi,gmi->gm", path, normal)[..., None] * normal
         below = (path - sunk * (1 - 1 / _REFRACTION)).astype(np.float32)[:, owner]
         below = np.ascontiguousarray(below)
-    return Stripes(
+    none = np.zeros((0, 0), np.float32)
+    stripes = Stripes(
         y_mm=y,
         x_mm=np.ascontiguousarray(x_fine),
         z_mm=np.ascontiguousarray(z_fine),
         power=np.ascontiguousarray(power, np.float32),
-        cosine=cosine.reshape(power.shape),
-        sine=sine.reshape(power.shape),
+        cosine=none,
+        sine=none,
         below=below,
         spacing_mm=spacing,
         samples=samples,
     )
+    return Cast(stripes=stripes, part_mm=part.reshape(-1, 3))
