@@ -6,7 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnosis.brightness import surface_brightness
 from diagnosis.empirical_fit import fit_empirical
+from diagnosis.finding import Finding
 from diagnosis.finish import finish_effects, finish_intervals
 from diagnosis.heldout import Judgement, judge, judging_masks
 from diagnosis.locate import Region
@@ -18,7 +20,6 @@ from diagnosis.plates import plate_residual
 from diagnosis.prediction import predict
 from diagnosis.registration import Placement, register
 from diagnosis.score import log_density, placements, whitened
-from diagnosis.screen import Finding
 from diagnosis.select import Choice, Selection, drop_idle, refit, refit_linear, select
 from diagnosis.uncertainty import intervals
 from diagnosis.workspace import Model, Workspace
@@ -118,6 +119,7 @@ def diagnose(
     if not held and len(fit_on) > 1:
         held = [fit_on.pop()]
     tiles = not held
+    fit_on, held = [_settled_brightness(r) for r in fit_on], [_settled_brightness(r) for r in held]
     everything = [*fit_on, *held]
     laser = {r.name: _laser(datasheet, r) for r in everything}
     for r in everything:
@@ -515,6 +517,12 @@ def _laser(datasheet: Datasheet, recording: Recording) -> Laser:
         return Laser.from_datasheet(datasheet, points=points, x_mm=recording.x_mm)
     except RecipeError as error:
         raise RecipeError(str(error), where=recording.name) from None
+
+
+def _settled_brightness(recording: Recording) -> Recording:
+    if recording.intensity is None:
+        return recording
+    return replace(recording, intensity=surface_brightness(recording.intensity))
 
 
 def _check_names(recordings: Sequence[Recording]) -> None:

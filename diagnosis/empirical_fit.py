@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagnosis.families import covariate_values
+from diagnosis.finding import Finding
 from diagnosis.fit import Fitted, solve_linear
-from diagnosis.screen import Finding
 from diagnosis.select import crossfitted
 from diagnosis.workspace import Model, Workspace, bootstrap_interval
 from sensors.covariates import COVARIATES

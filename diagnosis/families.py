@@ -24,6 +24,7 @@ SKIPPED = {
 }  # fmt: skip
 """Effects that other tests cover: spectrum, free-form maps, placements, rows, columns."""
 MOST_POINTS = 4
+EDGE_COVARIATES = {"curvature_y", "edge_y", "hidden"}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -45,6 +46,11 @@ class Family:
     frame: str
     fields: tuple[Field | None, ...]
     effect: Effect | None = None
+
+    @property
+    def at_edges(self) -> bool:
+        """Whether the signature lives on depth edges alone."""
+        return self.effect is not None and self.effect.covariate in EDGE_COVARIATES
 
 
 def free_families(patches: Sequence[Patch]) -> list[Family]:

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from diagnosis.finding import Finding
 from diagnosis.noise import NoiseModel, calibrate
 from diagnosis.patch import Patch
-from diagnosis.screen import Finding
 from diagnosis.workspace import Model, Workspace
 from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.effects.base import Effect

@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnosis.edges import edge_softness, near_edges
 from diagnosis.locate import Region, departure_mask, free_mask, regions_of, smoothed_score
 from diagnosis.noise import Field, Mask, NoiseModel
-from diagnosis.patch import edge_softness, in_range, place_travel
-from diagnosis.prediction import Prediction, predict
+from diagnosis.patch import in_range, place_travel
+from diagnosis.prediction import Prediction, law_of, predict
 from diagnosis.registration import PRIOR_SD, Placement, hits_normal, pose_columns
 from diagnosis.workspace import Model
 from sensors.datasheet import Datasheet
@@ -90,7 +91,8 @@ def map_recording(
             placement.centre_mm,
         )
         columns = np.where(np.isfinite(view.depth_mm)[..., None], columns, 0.0) * PRIOR_SD
-        soft = edge_softness(view, view.depth_mm, lateral_mm)
+        plain = np.broadcast_to(law_of(view, (), noise).mean_mm, view.shape)
+        soft = edge_softness(view, plain, near_edges(view, plain), lateral_mm)
         before = predict(view, (), noise, softness=soft)
         effects = model.of(number)
         after = predict(view, effects, noise, softness=soft, level=model.level)

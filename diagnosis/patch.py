@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from scipy.ndimage import binary_dilation
 
+from diagnosis.edges import edge_softness, near_edges
 from diagnosis.noise import Field, Mask
 from diagnosis.prediction import law_of
 from diagnosis.registration import PRIOR_SD, Placement, hits_normal, pose_columns
@@ -132,7 +132,8 @@ def cut(
             placement.centre_mm,
         )
         columns = np.where(np.isfinite(view.depth_mm)[..., None], columns, 0.0) * PRIOR_SD
-        softness = edge_softness(view, plain, lateral_mm)
+        edge = near_edges(view, plain)
+        softness = edge_softness(view, plain, edge, lateral_mm)
         held = np.zeros(view.shape, dtype=bool) if held_out is None else held_out[rows]
         patches.append(
             Patch(
@@ -145,7 +146,7 @@ def cut(
                 plain_mm=plain,
                 columns=columns,
                 softness=softness,
-                edge=near_edges(view, plain),
+                edge=edge,
                 fit=~held,
                 scored=held,
             )
@@ -223,46 +224,6 @@ def in_range(depth_mm: Field, datasheet: Datasheet) -> Field:
     """Keep readings within the working range; others count as missing."""
     inside = (depth_mm >= datasheet.depth_min_mm) & (depth_mm <= datasheet.depth_max_mm)
     return np.where(inside, depth_mm, np.nan)
-
-
-def edge_softness(view: View, plain_mm: Field, lateral_mm: float) -> tuple[Field, Field]:
-    """Tell what a sideways error of `lateral_mm` may do beyond the tangent plane."""
-    sd = np.zeros(view.shape)
-    chance = np.zeros(view.shape)
-    middle = view.depth_mm
-    for move in ({"dx_mm": lateral_mm}, {"dy_mm": lateral_mm}):
-        ahead = view.shifted(**move).depth_mm
-        back = view.shifted(**{k: -v for k, v in move.items()}).depth_mm
-        slope = view.slope_x if "dx_mm" in move else view.slope_y
-        linear = np.clip(slope, -5, 5) * lateral_mm
-        for side, sign in ((ahead, 1.0), (back, -1.0)):
-            bend = np.abs(side - middle - sign * linear)
-            sd = np.fmax(sd, np.where(np.isfinite(bend), bend, 0.0))
-            chance[np.isfinite(side) != np.isfinite(middle)] = 0.3
-    chance[sd > 1.0] = 0.1
-    return sd, chance
-
-
-def near_edges(view: View, plain_mm: Field, reach: int = 2) -> Mask:
-    """Within `reach` points of a depth edge, a sharp crease or the outline of what is seen."""
-    seen = np.isfinite(plain_mm)
-    depth = view.depth_mm
-    rough = np.zeros(view.shape, dtype=bool)
-    for axis in (0, 1):
-        second = np.abs(np.diff(depth, n=2, axis=axis))
-        first = np.abs(np.diff(depth, axis=axis))
-        typical = np.nanmedian(first) if np.isfinite(first).any() else 0.0
-        bent = np.zeros(view.shape, dtype=bool)
-        inner = (slice(1, -1), slice(None)) if axis == 0 else (slice(None), slice(1, -1))
-        with np.errstate(invalid="ignore"):
-            bent[inner] = second > max(0.15, 6 * typical)
-        rough |= bent
-        flip = np.diff(seen.astype(np.int8), axis=axis) != 0
-        ahead = (slice(0, -1), slice(None)) if axis == 0 else (slice(None), slice(0, -1))
-        behind = (slice(1, None), slice(None)) if axis == 0 else (slice(None), slice(1, None))
-        rough[ahead] |= flip
-        rough[behind] |= flip
-    return np.asarray(binary_dilation(rough, iterations=reach))
 
 
 def spikes(residual_mm: Field, used: Mask, sd_mm: Field) -> Mask:

@@ -7,6 +7,8 @@ one, split into what is white and what is speckle so that effects act on either.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -20,6 +22,8 @@ from sensors.view import View
 FLOOR_MISSING = 2e-4
 """Least probability that any reading is lost, or that one comes where none can."""
 FLOOR_FOUND = 0.02
+KEPT_LAWS = 4
+_KEPT: WeakKeyDictionary[View, dict[tuple[Any, ...], Law]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -47,12 +51,15 @@ class Prediction:
 
 
 def law_of(view: View, effects: Sequence[Effect], noise: NoiseModel | None) -> Law:
-    """Law under the sensor's own effects, each replaced by that of its name in `effects`."""
+    """Law under the sensor's own effects, each replaced by that of its name in `effects`.
+
+    What moves the sensor acts to first order: it changes the depth of the ray's hit, not what the
+    other effects make of it.
+    """
     found = {effect.name: effect for effect in effects}
     own = [found.pop(effect.name, effect) for effect in sheet_effects(view)]
-    order = [*own, *found.values()]
     true, others = view, []
-    for effect in order:
+    for effect in [*own, *found.values()]:
         if isinstance(effect, MotionEffect) and not effect.undrawn(view):
             if not effect.is_null:
                 for key in effect.needs:
@@ -60,18 +67,46 @@ def law_of(view: View, effects: Sequence[Effect], noise: NoiseModel | None) -> L
                 true = effect.moved(true)
         else:
             others.append(effect)
-    law = geometric_law(true, None)
-    if noise is not None:
-        white = min(sigma_mm(view.datasheet), 0.9 * noise.sd_mm)
-        speckle = math.sqrt(noise.sd_mm**2 - white**2)
-        cell = PerlinField(amplitude_mm=1.0, cell_x_mm=1.0, cell_y_mm=1.0, octaves=1)
-        scale = replace(law, speckle=cell).speckle_sd_mm(true)
-        law = replace(
-            law, white_sd_mm=white, speckle=replace(cell, amplitude_mm=speckle / max(scale, 1e-12))
-        )
-    for effect in others:
-        law = effect.apply(law, true)
+    law = _applied(view, tuple(others), None if noise is None else noise.sd_mm)
+    if true is view:
+        return law
+    change = true.depth_mm - view.depth_mm
+    return replace(law, mean_mm=law.mean_mm + np.where(np.isfinite(change), change, 0.0))
+
+
+def _applied(view: View, effects: tuple[Effect, ...], noise_mm: float | None) -> Law:
+    """Apply effects in order; the law under the file's own first ones is kept with the view."""
+    kept = _KEPT.setdefault(view, {})
+    own = sheet_effects(view)
+    shared = 0
+    while shared < min(len(own), len(effects)) and effects[shared] == own[shared]:
+        shared += 1
+    key = (effects[:shared], noise_mm)
+    if key not in kept:
+        law = _bare(view, noise_mm)
+        for effect in effects[:shared]:
+            law = effect.apply(law, view)
+        if len(kept) >= KEPT_LAWS:
+            del kept[next(iter(kept))]
+        kept[key] = law
+    law = kept[key]
+    for effect in effects[shared:]:
+        law = effect.apply(law, view)
     return law
+
+
+def _bare(view: View, noise_mm: float | None) -> Law:
+    """Geometry, and noise of a size split into white and speckle."""
+    law = geometric_law(view, None)
+    if noise_mm is None:
+        return law
+    white = min(sigma_mm(view.datasheet), 0.9 * noise_mm)
+    speckle = math.sqrt(noise_mm**2 - white**2)
+    cell = PerlinField(amplitude_mm=1.0, cell_x_mm=1.0, cell_y_mm=1.0, octaves=1)
+    scale = replace(law, speckle=cell).speckle_sd_mm(view)
+    return replace(
+        law, white_sd_mm=white, speckle=replace(cell, amplitude_mm=speckle / max(scale, 1e-12))
+    )
 
 
 def predict(

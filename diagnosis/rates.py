@@ -12,11 +12,11 @@ from scipy import stats
 from scipy.ndimage import binary_dilation, label
 
 from diagnosis.families import covariate_values, hats
+from diagnosis.finding import Finding
 from diagnosis.noise import Field, Mask, NoiseModel
 from diagnosis.patch import Patch
 from diagnosis.prediction import Prediction
 from diagnosis.score import Whitened
-from diagnosis.screen import Finding
 from diagnosis.workspace import block_sums
 from sensors.covariates import COVARIATES
 
@@ -68,17 +68,17 @@ def _numbers(
     values, masks = [], []
     for patch, prediction, state in zip(patches, predictions, states, strict=True):
         ambiguous = binary_dilation(patch.softness[1] > 0.01, iterations=1)
-        inside = patch.fit & patch.counted & prediction.seen & ~ambiguous
+        inside = patch.fit & patch.counted & prediction.seen & ~ambiguous & ~patch.edge
         if channel == "variance":
             square = np.minimum(state.innovations**2, 9.0)
             values.append(square)
             sharp = patch.softness[0] > 0.3 * noise.sd_mm
-            masks.append(inside & state.used & ~patch.edge & ~sharp)
+            masks.append(inside & state.used & ~sharp)
         elif channel == "missing":
             values.append(np.where(patch.observed, 0.0, 1.0) - prediction.p_missing)
             masks.append(inside)
         else:
-            seen = inside & patch.observed & ~patch.edge
+            seen = inside & patch.observed
             usual = np.where(prediction.p_outlier > 3e-4, prediction.p_outlier, noise.tail_share)
             values.append(np.where(seen & ~state.used, 1.0, 0.0) - usual)
             masks.append(seen)

@@ -255,7 +255,7 @@ def row_hats(time_s: Field, count: int) -> Field:
 def _test(
     pattern: Field, gram: Field, real: Field, drawn: Field
 ) -> tuple[float, float, Field, int, Field]:
-    from diagnosis.screen import as_deviate
+    from diagnosis.finding import as_deviate
 
     inner = pattern.T @ gram @ pattern
     values, vectors = np.linalg.eigh(inner)

@@ -7,70 +7,120 @@ maximum over all statistics; its tail is continued by a Gumbel law where draws a
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 
 from diagnosis.columnwise import column_equations
 from diagnosis.families import Family
+from diagnosis.finding import Finding, Screening, as_deviate, tail_threshold
 from diagnosis.noise import Field, Mask, NoiseModel
 from diagnosis.patch import Patch
 from diagnosis.rangewise import strongest_wave
 from diagnosis.rowwise import RowTests
 from diagnosis.score import CLIP, Whitened
+from sensors.law import sheet_effects
 
-LEVEL = 1e-3
 DRAWS = 48
 TOLERANCE = 0.1
 """A departure of the mean below this share of the noise is no mismatch, however significant."""
 EDGE_TOLERANCE = 0.6
 """The same where a signature lives on depth edges, which no mesh and no pose place exactly."""
+LISTED_TOLERANCE = 1.2
+"""The same for an effect that the sensor's file lists already, with other parameters."""
+TOGETHER = 4.0
+"""Readings on depth edges that err together: so many count as one."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Finding:
-    """One statistic.
+class Readings:
+    """Whitened readings of all recordings, real and drawn, with the placement's span.
 
     Attributes
     ----------
-    z : float
-        Strength as a Gaussian deviate.
-    size : float
-        Typical departure where the signature lives, in units of the noise.
-    gain : float
-        Nats by which the family's best fit beats the model without it.
-    coefficients : of the family's fields
+    patches, states : where they come from
+    picks : for each patch (n, m) bool
+    own : patches of each recording
+    basis : for each recording (N, k), orthonormal columns of its placement
+    real, drawn : for each patch (N,) and (N, draws)
     """
 
-    channel: str
-    name: str
-    words: str
-    frame: str
-    z: float
-    size: float
-    tolerance: float
-    gain: float
-    coefficients: Field
-    family: Family | None = None
-    detail: str = ""
+    patches: Sequence[Patch]
+    states: Sequence[Whitened]
+    picks: Sequence[Mask]
+    own: dict[int, list[int]]
+    basis: dict[int, Field]
+    real: Sequence[Field]
+    drawn: Sequence[Field]
 
-    @property
-    def matters(self) -> bool:
-        """Whether it is large enough to be called a mismatch."""
-        return self.size > self.tolerance
+    @classmethod
+    def build(
+        cls,
+        patches: Sequence[Patch],
+        states: Sequence[Whitened],
+        noise: NoiseModel,
+        rng: np.random.Generator,
+        draws: int,
+    ) -> "Readings":
+        """Draw the null for all readings that may be fitted."""
+        picks = [s.used & p.fit for p, s in zip(patches, states, strict=True)]
+        real, drawn = _innovations(patches, states, picks, noise, rng, draws)
+        recordings = sorted({p.recording for p in patches})
+        own = {r: [k for k, p in enumerate(patches) if p.recording == r] for r in recordings}
+        bare = cls(
+            patches=patches, states=states, picks=picks, own=own, basis={}, real=real, drawn=drawn
+        )
+        return bare._based()
 
+    def away_from_edges(self) -> "Readings":
+        """Return the readings that no depth edge reaches."""
+        kept = [~p.edge[k] for p, k in zip(self.patches, self.picks, strict=True)]
+        return replace(
+            self,
+            picks=[k & ~p.edge for p, k in zip(self.patches, self.picks, strict=True)],
+            real=[v[k] for v, k in zip(self.real, kept, strict=True)],
+            drawn=[v[k] for v, k in zip(self.drawn, kept, strict=True)],
+        )._based()
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Screening:
-    """All findings, strongest first, and the strength that chance reaches once in a thousand."""
+    def _based(self) -> "Readings":
+        return replace(
+            self,
+            basis={
+                r: _orthonormal(
+                    np.concatenate([self.states[k].columns[self.picks[k]] for k in members])
+                )
+                for r, members in self.own.items()
+            },
+        )
 
-    findings: tuple[Finding, ...]
-    threshold: float
+    def of(self, recording: int) -> tuple[Field, Field]:
+        """Real (N,) and drawn (N, draws) readings of one recording."""
+        members = self.own[recording]
+        return (
+            np.concatenate([self.real[k] for k in members]),
+            np.concatenate([self.drawn[k] for k in members]),
+        )
 
-    def significant(self) -> list[Finding]:
-        """Return the findings beyond chance and tolerance."""
-        return [f for f in self.findings if f.z > self.threshold and f.matters]
+    def projected(self, family: Family) -> tuple[dict[int, Field], Field] | None:
+        """Whitened fields of a family orthogonal to the placement, and their squares before."""
+        blocks: dict[int, Field] = {}
+        raw: Field | float = 0.0
+        for recording, members in self.own.items():
+            if any(family.fields[k] is None for k in members):
+                continue
+            parts = []
+            for k in members:
+                fields = family.fields[k]
+                assert fields is not None
+                white = [self.states[k].whiten(f)[self.picks[k]] for f in fields]
+                parts.append(np.stack(white, axis=1).astype(np.float32))
+            stacked = np.concatenate(parts)
+            raw = raw + (stacked.astype(np.float64) ** 2).sum(axis=0)
+            q = self.basis[recording]
+            blocks[recording] = stacked - q @ (q.T @ stacked)
+        if not blocks or not np.any(raw):
+            return None
+        return blocks, np.asarray(raw)
 
 
 def screen_mean(
@@ -82,58 +132,22 @@ def screen_mean(
     *,
     draws: int = DRAWS,
 ) -> Screening:
-    """Test every family, and the rows' offsets and slips."""
-    recordings = sorted({p.recording for p in patches})
-    own = {r: [k for k, p in enumerate(patches) if p.recording == r] for r in recordings}
-    picks = [s.used & p.fit for p, s in zip(patches, states, strict=True)]
-    basis = {
-        r: _orthonormal(np.concatenate([states[k].columns[picks[k]] for k in own[r]]))
-        for r in recordings
-    }
-    real, fields = _innovations(patches, states, picks, noise, rng, draws)
-    matrix = {r: np.concatenate([fields[k] for k in own[r]]).astype(np.float32) for r in recordings}
-    actual = {r: np.concatenate([real[k] for k in own[r]]).astype(np.float32) for r in recordings}
-    rows: list[tuple[str, str, str, Field, Field, Field, Family]] = []
-    for family in families:
-        projected = _projected(family, patches, states, picks, own, basis)
-        if projected is None:
-            continue
-        blocks, raw = projected
-        gram = sum(b.T @ b for b in blocks.values())
-        solver, dof = _inverse(np.asarray(gram, dtype=np.float64), raw)
-        if dof == 0:
-            continue
-        c_real = sum(b.T @ actual[r] for r, b in blocks.items())
-        c_null = sum(b.T @ matrix[r] for r, b in blocks.items())
-        t_real = float(c_real @ solver @ c_real)
-        t_null = np.einsum("kd,kl,ld->d", c_null, solver, c_null)
-        rows.append(
-            (
-                family.name, family.words, family.frame, np.array([t_real, dof]), t_null,
-                solver @ c_real, family,
-            )
-        )  # fmt: skip
+    """Test every family, and the rows' offsets and slips; bulk physics away from edges."""
+    everywhere = Readings.build(patches, states, noise, rng, draws)
+    away = everywhere.away_from_edges()
     findings: list[Finding] = []
     maxima = np.full(draws, -np.inf)
-    for name, words, frame, (t_real, dof), t_null, beta, family in rows:
-        scale = max(float(t_null.mean()) / dof, 1.0)
-        z_null = as_deviate(t_null / scale, dof)
-        maxima = np.maximum(maxima, z_null)
-        z = float(as_deviate(np.array([t_real / scale]), dof)[0])
-        size, edgy = _size(family, patches, states, picks, beta, t_real / scale, dof)
-        findings.append(
-            Finding(
-                channel="mean", name=name, words=words, frame=frame, z=z, size=size,
-                tolerance=EDGE_TOLERANCE if edgy else TOLERANCE,
-                gain=0.5 * (t_real / scale - dof), coefficients=beta, family=family,
-            )
-        )  # fmt: skip
-    for recording in recordings:
+    for family in families:
+        tested = _family(family, everywhere if family.at_edges else away)
+        if tested is not None:
+            findings.append(tested[0])
+            maxima = np.maximum(maxima, tested[1])
+    for recording, members in away.own.items():
         tests = RowTests.build(
-            [patches[k] for k in own[recording]], [states[k] for k in own[recording]],
-            [picks[k] for k in own[recording]], basis[recording],
+            [patches[k] for k in members], [states[k] for k in members],
+            [away.picks[k] for k in members], away.basis[recording],
         )  # fmt: skip
-        result, null = tests.run(actual[recording], matrix[recording])
+        result, null = tests.run(*away.of(recording))
         maxima = np.maximum(maxima, null)
         for row in result:
             findings.append(
@@ -143,87 +157,91 @@ def screen_mean(
                     coefficients=row.coefficients, detail=row.detail,
                 )
             )  # fmt: skip
-    drawn = _by_patch(patches, picks, own, matrix)
-    wave = strongest_wave(patches, states, picks, drawn)
+    wave = strongest_wave(patches, states, away.picks, away.drawn)
     if wave is not None:
         maxima = np.maximum(maxima, wave.null)
-        sd = float(
-            np.median(np.concatenate([s.sd_mm[p] for s, p in zip(states, picks, strict=True)]))
-        )
         findings.append(
             Finding(
                 channel="mean", name="free:range_period", words="range from the sensor",
-                frame="sensor", z=wave.z, size=wave.amplitude_mm / sd, tolerance=TOLERANCE,
-                gain=wave.gain, coefficients=np.array([wave.period_mm, wave.amplitude_mm]),
+                frame="sensor", z=wave.z, size=wave.amplitude_mm / _typical_sd(away),
+                tolerance=TOLERANCE, gain=wave.gain,
+                coefficients=np.array([wave.period_mm, wave.amplitude_mm]),
                 detail=f"periodic over the range, about every {1e3 * wave.period_mm:.3g} µm",
             )
         )  # fmt: skip
-    column, null = _columns(patches, states, picks, drawn)
+    column, null = _columns(away)
     maxima = np.maximum(maxima, null)
     findings.append(column)
     threshold = tail_threshold(maxima, max(len(findings), 1))
     return Screening(findings=tuple(sorted(findings, key=lambda f: -f.z)), threshold=threshold)
 
 
-def _by_patch(
-    patches: Sequence[Patch],
-    picks: Sequence[Mask],
-    own: dict[int, list[int]],
-    matrix: dict[int, Field],
-) -> list[Field]:
-    """Split the recordings' drawn nulls into those of their patches."""
-    drawn: list[Field] = [np.zeros(0)] * len(patches)
-    for recording, members in own.items():
-        ends = np.cumsum([0, *(int(picks[k].sum()) for k in members)])
-        for k, a, b in zip(members, ends[:-1], ends[1:], strict=True):
-            drawn[k] = matrix[recording][a:b]
-    return drawn
+def _family(family: Family, readings: Readings) -> tuple[Finding, Field] | None:
+    """Test one family; its finding and the deviates of the drawn nulls."""
+    projected = readings.projected(family)
+    if projected is None:
+        return None
+    blocks, raw = projected
+    gram = sum(b.T @ b for b in blocks.values())
+    solver, dof = _inverse(np.asarray(gram, dtype=np.float64), raw)
+    if dof == 0:
+        return None
+    both = {r: readings.of(r) for r in blocks}
+    c_real = sum(b.T @ both[r][0] for r, b in blocks.items())
+    c_null = sum(b.T @ both[r][1] for r, b in blocks.items())
+    t_null = np.einsum("kd,kl,ld->d", c_null, solver, c_null)
+    scale = max(float(t_null.mean()) / dof, 1.0)
+    if family.at_edges:
+        scale *= TOGETHER
+    t = float(c_real @ solver @ c_real) / scale
+    beta = solver @ c_real
+    finding = Finding(
+        channel="mean", name=family.name, words=family.words, frame=family.frame,
+        z=float(as_deviate(np.array([t]), dof)[0]), size=_size(family, readings, beta, t, dof),
+        tolerance=_tolerance(family, readings.patches[0]),
+        gain=0.5 * (t - dof), coefficients=beta, family=family,
+    )  # fmt: skip
+    return finding, as_deviate(t_null / scale, dof)
 
 
-def _columns(
-    patches: Sequence[Patch],
-    states: Sequence[Whitened],
-    picks: Sequence[Mask],
-    drawn: Sequence[Field],
-) -> tuple[Finding, Field]:
+def _tolerance(family: Family, patch: Patch) -> float:
+    if not family.at_edges or family.effect is None:
+        return TOLERANCE
+    listed = family.effect.name in {e.name for e in sheet_effects(patch.view)}
+    return LISTED_TOLERANCE if listed else EDGE_TOLERANCE
+
+
+def _typical_sd(readings: Readings) -> float:
+    """Median size of the noise at the readings, mm."""
+    return float(
+        np.median(
+            np.concatenate(
+                [s.sd_mm[p] for s, p in zip(readings.states, readings.picks, strict=True)]
+            )
+        )
+    )
+
+
+def _columns(readings: Readings) -> tuple[Finding, Field]:
     """Test fixed offsets of the columns, shared by all recordings."""
+    patches, states, picks = readings.patches, readings.states, readings.picks
     real = column_equations(patches, states, picks)
     t, dof = real.chi_square()
-    t_null, _ = column_equations(patches, states, picks, drawn).chi_square()
+    t_null, _ = column_equations(patches, states, picks, readings.drawn).chi_square()
     scale = max(float(t_null.mean()) / dof, 1.0)
     # the sum over many columns: its own scatter under the null, not only the chi-square's
     spread = max(float(t_null.std() / scale) / np.sqrt(2 * dof), 1.0)
     z_null = as_deviate(dof + (t_null / scale - dof) / spread, dof)
     z = float(as_deviate(np.array([dof + (float(t) / scale - dof) / spread]), dof)[0])
     offsets, gain = real.offsets()
-    sd = float(np.median(np.concatenate([s.sd_mm[p] for s, p in zip(states, picks, strict=True)])))
     return (
         Finding(
             channel="mean", name="free:column", words="column of the profile", frame="sensor", z=z,
-            size=float(np.std(offsets)) / sd, tolerance=TOLERANCE, gain=max(gain, 0.0),
-            coefficients=offsets, detail="fixed offsets of single columns",
+            size=float(np.std(offsets)) / _typical_sd(readings), tolerance=TOLERANCE,
+            gain=max(gain, 0.0), coefficients=offsets, detail="fixed offsets of single columns",
         ),
         z_null,
     )  # fmt: skip
-
-
-def as_deviate(chi_square: Field, dof: float) -> Field:
-    """Gaussian deviate of the same upper tail as a chi-square statistic."""
-    log_tail = stats.chi2.logsf(chi_square, dof)
-    far = log_tail < -600
-    z = stats.norm.isf(np.exp(np.where(far, -600, log_tail)))
-    return np.asarray(np.where(far, np.sqrt(np.maximum(-2 * log_tail, 0)), np.clip(z, -8, None)))
-
-
-def tail_threshold(maxima: Field, statistics: int) -> float:
-    """Strength that the null's maximum exceeds once in a thousand; at least Bonferroni's."""
-    finite = maxima[np.isfinite(maxima)]
-    bonferroni = float(stats.norm.isf(LEVEL / statistics))
-    if finite.size < 10:
-        return bonferroni
-    scale = max(float(np.std(finite)) * np.sqrt(6) / np.pi, 0.15)
-    middle = float(np.mean(finite)) - 0.5772 * scale
-    return float(max(bonferroni, middle - scale * float(np.log(-np.log1p(-LEVEL)))))
 
 
 def _innovations(
@@ -258,36 +276,6 @@ def _orthonormal(columns: Field) -> Field:
     return np.asarray(columns @ (vectors[:, kept] / np.sqrt(values[kept])), dtype=np.float32)
 
 
-def _projected(
-    family: Family,
-    patches: Sequence[Patch],
-    states: Sequence[Whitened],
-    picks: Sequence[Mask],
-    own: dict[int, list[int]],
-    basis: dict[int, Field],
-) -> tuple[dict[int, Field], Field] | None:
-    """Whitened fields of a family orthogonal to the placement, and their squares before that."""
-    blocks: dict[int, Field] = {}
-    raw: Field | float = 0.0
-    for recording, members in own.items():
-        if any(family.fields[k] is None for k in members):
-            continue
-        parts = []
-        for k in members:
-            fields = family.fields[k]
-            assert fields is not None
-            parts.append(
-                np.stack([states[k].whiten(f)[picks[k]] for f in fields], axis=1).astype(np.float32)
-            )
-        stacked = np.concatenate(parts)
-        raw = raw + (stacked.astype(np.float64) ** 2).sum(axis=0)
-        q = basis[recording]
-        blocks[recording] = stacked - q @ (q.T @ stacked)
-    if not blocks or not np.any(raw):
-        return None
-    return blocks, np.asarray(raw)
-
-
 def _inverse(gram: Field, raw: Field) -> tuple[Field, int]:
     """Pseudo-inverse over directions that the placement leaves visible, and how many they are."""
     scale = np.sqrt(np.maximum(raw, 1e-30))
@@ -297,18 +285,12 @@ def _inverse(gram: Field, raw: Field) -> tuple[Field, int]:
     return half @ half.T, int(kept.sum())
 
 
-def _size(
-    family: Family,
-    patches: Sequence[Patch],
-    states: Sequence[Whitened],
-    picks: Sequence[Mask],
-    beta: Field,
-    statistic: float,
-    dof: float,
-) -> tuple[float, bool]:
-    """Typical departure where a signature lives, in units of the noise; whether at edges."""
-    fourth = square = at_edges = 0.0
-    for fields, patch, state, pick in zip(family.fields, patches, states, picks, strict=True):
+def _size(family: Family, readings: Readings, beta: Field, statistic: float, dof: int) -> float:
+    """Typical departure where a signature lives, beyond the placement, in units of the noise."""
+    fourth = square = 0.0
+    for fields, patch, state, pick in zip(
+        family.fields, readings.patches, readings.states, readings.picks, strict=True
+    ):
         if fields is None:
             continue
         fitted = (np.tensordot(beta, fields, axes=1) / state.sd_mm)[pick]
@@ -319,8 +301,7 @@ def _size(
         free = fitted - columns @ np.linalg.solve(few.T @ few + ridge, few.T @ some)
         fourth += float((free**4).sum())
         square += float((free**2).sum())
-        at_edges += float((free[patch.edge[pick]] ** 2).sum())
     if square == 0:
-        return 0.0, False
+        return 0.0
     shrunk = np.sqrt(max(0.0, 1 - dof / max(statistic, 1e-9)))
-    return float(np.sqrt(fourth / square) * shrunk), at_edges > 0.7 * square
+    return float(np.sqrt(fourth / square) * shrunk)

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.families import effect_families, free_families
+from diagnosis.finding import Finding, Screening
 from diagnosis.fit import Fitted, fit_effect, linear_count
 from diagnosis.noise import Field, Mask
 from diagnosis.rates import screen_rates
-from diagnosis.screen import Finding, Screening, screen_mean
+from diagnosis.screen import screen_mean
 from diagnosis.workspace import Model, Workspace, bootstrap_interval
 from sensors.effects import CATALOGUE
 from sensors.effects.base import Effect

@@ -34,7 +34,7 @@ class MotionBlur(Effect):
     )
     channels: ClassVar = ("mean",)
     frame: ClassVar = "travel"
-    covariate: ClassVar = "slope_y"
+    covariate: ClassVar = "curvature_y"
     rivals: ClassVar = ("finite_spot", "travel_ripple", "pose_error")
     separating: ClassVar = (
         "vary the speed: blur and shift grow with it; reverse the travel: the shift changes sides"

@@ -1,0 +1,75 @@
+"""Findings: how strong and how large a departure is, and what strength chance reaches."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from diagnosis.families import Family
+from diagnosis.noise import Field
+
+LEVEL = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Finding:
+    """One statistic.
+
+    Attributes
+    ----------
+    z : float
+        Strength as a Gaussian deviate.
+    size : float
+        Typical departure where the signature lives, in units of the noise.
+    gain : float
+        Nats by which the family's best fit beats the model without it.
+    coefficients : of the family's fields
+    """
+
+    channel: str
+    name: str
+    words: str
+    frame: str
+    z: float
+    size: float
+    tolerance: float
+    gain: float
+    coefficients: Field
+    family: Family | None = None
+    detail: str = ""
+
+    @property
+    def matters(self) -> bool:
+        """Whether it is large enough to be called a mismatch."""
+        return self.size > self.tolerance
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Screening:
+    """All findings, strongest first, and the strength that chance reaches once in a thousand."""
+
+    findings: tuple[Finding, ...]
+    threshold: float
+
+    def significant(self) -> list[Finding]:
+        """Return the findings beyond chance and tolerance."""
+        return [f for f in self.findings if f.z > self.threshold and f.matters]
+
+
+def as_deviate(chi_square: Field, dof: float) -> Field:
+    """Gaussian deviate of the same upper tail as a chi-square statistic."""
+    log_tail = stats.chi2.logsf(chi_square, dof)
+    far = log_tail < -600
+    z = stats.norm.isf(np.exp(np.where(far, -600, log_tail)))
+    return np.asarray(np.where(far, np.sqrt(np.maximum(-2 * log_tail, 0)), np.clip(z, -8, None)))
+
+
+def tail_threshold(maxima: Field, statistics: int) -> float:
+    """Strength that the null's maximum exceeds once in a thousand; at least Bonferroni's."""
+    finite = maxima[np.isfinite(maxima)]
+    bonferroni = float(stats.norm.isf(LEVEL / statistics))
+    if finite.size < 10:
+        return bonferroni
+    scale = max(float(np.std(finite)) * np.sqrt(6) / np.pi, 0.15)
+    middle = float(np.mean(finite)) - 0.5772 * scale
+    return float(max(bonferroni, middle - scale * float(np.log(-np.log1p(-LEVEL)))))
