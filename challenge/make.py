@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from challenge.cases.case import Secret, stage, write
+from challenge.cases.nulls import check_null
 from challenge.cases.seeds import child
-from challenge.cases.truth import NULL_LIMIT, facts, null_departure
+from challenge.cases.truth import facts
 from challenge.sealed import FULL, PROTOCOL, SMALL, draw, entropy, seal, write_whole
 
 _TRIES = 5
@@ -95,14 +96,14 @@ def _make_one(root: str, name: str, secret: Secret) -> None:
     for attempt in range(_TRIES):
         try:
             staged = stage(secret)
-        except ValueError:  # the part's booleans failed
+        except ValueError:  # the part's booleans failed, or no pose avoids looking along walls
             secret = replace(secret, seed=int(again.integers(2**62)))
             continue
         if secret.kind != "null":
             break
-        departure, noise_um = null_departure(staged, secret)
-        known = {"departure": departure, "noise_um": noise_um, "redrawn": attempt}
-        if departure < NULL_LIMIT:
+        check = check_null(staged, secret)
+        known = {**asdict(check), "redrawn": attempt}
+        if check.holds:
             break
         secret = replace(secret, seed=int(again.integers(2**62)))
     else:
@@ -119,6 +120,7 @@ def _make_one(root: str, name: str, secret: Secret) -> None:
         np.savez_compressed(maps, on=seen.on_mm, off=seen.off_mm, region=seen.region)
         write_whole(out / "keys" / f"{name}.npz", maps.getvalue())
         known["maps_sha256"] = hashlib.sha256(maps.getvalue()).hexdigest()
+    known["stated"] = {"effects": staged.effects, "noise_law": asdict(staged.noise_law)}
     world = staged.on
     known["switched"] = {
         "finish": asdict(world.finish),

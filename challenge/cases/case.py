@@ -2,22 +2,28 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from challenge.cases import files
 from challenge.cases.devices import Scans, draw_instrument, draw_scans
-from challenge.cases.nominal import repeatability_um, usual_effects
+from challenge.cases.nominal import NoiseLaw, repeatability_um, usual_effects
 from challenge.cases.parts import SHAPES, plate, solid_of
 from challenge.cases.seeds import child, number
 from challenge.cases.switches import DECOY, SINGLE, UNKNOWN, Switch, World
 from challenge.instrument.finish import Finish
-from challenge.instrument.instrument import Casts, Instrument, Path
+from challenge.instrument.instrument import Casts, Instrument, Path, Solid
+from challenge.instrument.rays import plant
+from challenge.instrument.stripes import first_hits
 
 SWITCHES: dict[str, Switch] = {**SINGLE, **UNKNOWN, **DECOY}
 RECORDINGS = ("a", "b", "c")
 PLATES = ("plate-1", "plate-2")
+EDGE_ON_SHARE = 0.003
+_POSES = 40
+_DARK = 0.12  # cosine against the sight line; the line of a matt face fades out at about 0.05
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -60,23 +66,39 @@ class Staged:
         The well-made instrument whose file is given.
     plates
         Paths of the reference scans.
+    effects, noise_law
+        What the maker's file lists, and the fit behind its noise.
     """
 
     on: World
     off: World
     good: Instrument
     plates: tuple[Path, ...]
+    effects: list[dict[str, Any]]
+    noise_law: NoiseLaw
     seed: int
 
 
 def stage(secret: Secret) -> Staged:
-    """Draw a case's world, apply its switches and calibrate the instruments."""
+    """Draw a case's world, apply its switches and calibrate the instruments.
+
+    Raises
+    ------
+    ValueError
+        When the part's booleans failed, or no pose keeps the camera from looking along walls.
+    """
     shape = solid_of(SHAPES[secret.shape](child(secret.seed, "part")))
     device = draw_instrument(child(secret.seed, "instrument"))
     top = float(np.percentile(shape.vertices_mm[:, 2], 90))
-    scans = draw_scans(
-        child(secret.seed, "scans"), device, count=secret.recordings, top_mm=max(top, 0.5)
-    )
+    poses = child(secret.seed, "scans")
+    for attempt in range(_POSES):
+        scans = draw_scans(poses, device, count=secret.recordings, top_mm=max(top, 0.5))
+        # round parts always have a place that is seen edge-on
+        most = EDGE_ON_SHARE * (1 + attempt // 10)
+        if all(edge_on(shape, path, device) < most for path in scans.paths):
+            break
+    else:
+        raise ValueError("in every pose the camera looks along some wall")
     wanted = [SWITCHES[name] for name in secret.switches]
     slow = [switch.slow for switch in wanted if switch.slow is not None]
     if slow and slow[0]:
@@ -111,7 +133,26 @@ def stage(secret: Secret) -> Staged:
         replace(flat, start=_shifted(flat.start, 4.0 * k), start_s=1000.0 + 500.0 * k)
         for k in range(len(PLATES))
     )
-    return Staged(on=on, off=off, good=off.device, plates=plates, seed=secret.seed)
+    effects, law = usual_effects(off.device, child(secret.seed, "maker"))
+    return Staged(
+        on=on, off=off, good=off.device, plates=plates, effects=effects, noise_law=law,
+        seed=secret.seed,
+    )  # fmt: skip
+
+
+def edge_on(solid: Solid, path: Path, device: Instrument) -> float:
+    """Share of visible points that the camera sees almost edge-on, hence too dark to read."""
+    to_sensor = np.linalg.inv(path.start)
+    vertices = solid.vertices_mm @ to_sensor[:3, :3].T + to_sensor[:3, 3]
+    camera = device.camera
+    y = path.direction * path.pitch_mm * np.arange(0, path.profiles, 4, dtype=np.float64)
+    depth, normal, visible = first_hits(plant(vertices, solid.faces), y, camera, every=4)
+    slope = np.tan(camera.angles_rad()[::4])
+    view = np.stack([-slope * depth, np.full_like(depth, camera.side * camera.base_mm), -depth], -1)
+    cosine = np.einsum("gmi,gmi->gm", normal, view) / np.linalg.norm(view, axis=-1)
+    with np.errstate(invalid="ignore"):
+        dark = visible & (cosine < _DARK)
+    return float(dark.sum() / max(visible.sum(), 1))
 
 
 def _above_plate(device: Instrument) -> NDArray[np.float64]:
@@ -167,9 +208,10 @@ def write(secret: Secret, staged: Staged, folder: FilePath) -> None:
         )  # fmt: skip
         files.write_recording(folder / f"{name}.h5", depth, bright, path, name)
     files.write_stl(folder / "part.stl", world.nominal)
-    effects = usual_effects(staged.good, child(secret.seed, "maker"))
     repeat = repeatability_um(staged.good, flat, _flat_scans(staged), child(secret.seed, "repeat"))
-    sheet = files.datasheet(staged.good, world.scans.paths[0], effects, round(repeat, 3))
+    sheet = files.datasheet(
+        staged.good, world.scans.paths[0], staged.effects, round(repeat, 3)
+    )
     files.write_yaml(folder / "sensor.yaml", sheet)
 
 

@@ -1,6 +1,6 @@
-"""What a case's effect does, seen with other speckle: for the judge, and to verify nulls."""
+"""What a case's effect does, seen with other speckle: for the judge."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,15 +8,11 @@ from scipy.ndimage import binary_dilation, uniform_filter
 from scipy.stats import ks_2samp
 
 from challenge.cases.case import Secret, Staged, scan
-from challenge.cases.devices import Scans
 from challenge.cases.seeds import child, number
 from challenge.cases.switches import World
 from challenge.instrument.instrument import Casts, Path
 from challenge.instrument.rays import plant
 from challenge.instrument.stripes import first_hits
-
-NULL_LIMIT = 0.1  # of the noise's standard deviation
-NULL_DRAWS = 100
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -69,60 +65,6 @@ def _levelled(
         scale = 1.4826 * np.median(np.abs(left)) + 1e-12
         weight = 1 / np.sqrt(1 + (left / (2.5 * scale)) ** 2)
     return np.asarray(rest - design @ found)
-
-
-def null_departure(staged: Staged, secret: Secret) -> tuple[float, float]:
-    """Largest mean departure of a null from its geometry, over the noise's deviation.
-
-    A strip of profiles of each recording is scanned with `NULL_DRAWS` other specimens; means
-    are taken over blocks of 24 columns away from edges (four line spreads and two profiles
-    or three columns), at edges no bound is held here: the finite line always shows there.
-
-    Returns
-    -------
-    departure, noise_um
-        Largest block mean over σ, offset removed, less three standard errors; and σ.
-    """
-    worst, sigma = 0.0, 0.0
-    world = staged.on
-    for k in range(secret.recordings):
-        path = world.scans.paths[k]
-        full = geometry(world, path, world.scans.misplaced[k])
-        count = 4
-        best = max(
-            range(8, path.profiles - count - 8, 4),
-            key=lambda i, full=full: int(full.smooth[i : i + count].sum()),  # type: ignore[misc]
-        )
-        start = path.start.copy()
-        start[:3, 3] += best * path.direction * path.pitch_mm * start[:3, 1]
-        short = replace(path, start=start, profiles=count)
-        scans = Scans(paths=(short,), misplaced=(world.scans.misplaced[k],))
-        truth = full.depth_mm[best : best + count]
-        smooth = full.smooth[best : best + count]
-        draws = np.stack(
-            [
-                scan(
-                    world, scans, 0,
-                    specimen=number(secret.seed, "null", str(k), str(d)),
-                    rng=child(secret.seed, "null noise", str(k), str(d)),
-                )[0]
-                - truth
-                for d in range(NULL_DRAWS)
-            ]
-        ).astype(np.float64)  # fmt: skip
-        draws[:, ~smooth] = np.nan
-        if np.isfinite(draws).sum() < 50 * NULL_DRAWS:
-            continue
-        sd = float(np.nanstd(draws - _mean(draws)))
-        sigma = max(sigma, sd)
-        middle = np.nanmean(draws)
-        for c in range(0, truth.shape[1] - 23, 24):
-            if smooth[:, c : c + 24].sum() < 48:
-                continue
-            each = np.nanmean(draws[:, :, c : c + 24], axis=(1, 2))
-            error = float(each.std()) / np.sqrt(NULL_DRAWS)
-            worst = max(worst, (abs(float(each.mean() - middle)) - 3 * error) / sd)
-    return worst, 1e3 * sigma
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

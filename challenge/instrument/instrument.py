@@ -161,7 +161,7 @@ class Instrument:
         margin = 0.02 * (high - low)
         stated = np.linspace(low - margin, high + margin, plan.heights)
         half_x = 1.2 * high * np.tan(self.camera.fov_rad / 2)
-        pitch = 8 * self.sheet.waist_mm
+        pitch = 4 * self.sheet.waist_mm
         finish = Finish()
         # calibrated standing still and before anything went wrong
         fresh = replace(self, faults=Faults(), sheet=replace(self.sheet, exposure_s=1e-5))

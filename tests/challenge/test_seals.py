@@ -14,10 +14,11 @@ import pytest
 import yaml
 
 from challenge.cases.case import SWITCHES, Secret, stage, write
+from challenge.cases.nulls import check_null
 from challenge.cases.parts import SHAPES, bent, corners, solid_of
 from challenge.cases.seeds import child
 from challenge.cases.switches import DECOY, SINGLE, UNKNOWN
-from challenge.cases.truth import facts, null_departure
+from challenge.cases.truth import facts
 from challenge.judge import judge
 from challenge.proof import scoreboard, write_page
 from challenge.run import run
@@ -207,14 +208,20 @@ def test_facts_of_a_bow(bowed):
 
 
 def test_a_null_stays_within_its_bound(bowed, monkeypatch):
-    monkeypatch.setattr("challenge.cases.truth.NULL_DRAWS", 40)
+    monkeypatch.setattr("challenge.cases.nulls.NULL_DRAWS", 40)
     secret, staged, _ = bowed
     # the same staged case with the bow departs; without it it does not
     one = replace(secret, recordings=1)
-    departed, _ = null_departure(staged, one)
-    still, sigma = null_departure(replace(staged, on=staged.off), one)
-    assert still < 0.1 < departed
-    assert sigma > 5
+    departed = check_null(staged, one)
+    still = check_null(replace(staged, on=staged.off), one)
+    assert still.departure < 0.1 < departed.departure
+    assert still.lost < 0.005
+    assert still.holds
+    assert not departed.holds
+    assert still.noise_um > 5
+    assert 0.05 < still.edge_share < 0.9
+    # forty draws leave 0.8 / sqrt(40) = 0.13 of themselves in the mean departure
+    assert 0.1 < still.edge_departure < 1.0
 
 
 def test_named_streams_are_independent():
