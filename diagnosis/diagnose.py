@@ -17,10 +17,10 @@ from diagnosis.mounting import Mounting, mounting_error
 from diagnosis.noise import Field, Mask, NoiseModel, calibrate
 from diagnosis.patch import Patch, cut, in_range
 from diagnosis.plates import plate_residual
-from diagnosis.prediction import predict
+from diagnosis.prediction import plain_gain, predict
 from diagnosis.registration import Placement, register
 from diagnosis.score import log_density, placements, whitened
-from diagnosis.select import Choice, Selection, drop_idle, refit, refit_linear, select
+from diagnosis.select import Choice, Selection, drop_idle, refit_linear, select
 from diagnosis.uncertainty import intervals
 from diagnosis.workspace import Model, Workspace
 from sensors.covariates import COVARIATES
@@ -311,7 +311,7 @@ def _found(
     for effect in model.effects:
         rest = model.without(effect.name)
         if len(rest.effects) > 1 or (rest.effects and rest.effects[0].name != "empirical"):
-            rest = refit(ws, rest)
+            rest = refit_linear(ws, rest)
         without = judge(held, noise, rest, share_own=share_own)
         choice = chosen.get(effect.name)
         rivals = choice.alternatives if choice else ()
@@ -459,7 +459,7 @@ def _noise(
             patch.fit & patch.observed & np.isfinite(patch.plain_mm) & ~patch.edge & patch.counted
         )
         if mask.any():
-            fields.append(patch.depth_mm - patch.plain_mm)
+            fields.append((patch.depth_mm - patch.plain_mm) / plain_gain(patch.view))
             masks.append(mask)
     if not masks or sum(int(m.sum()) for m in masks) < 100:
         fields = [p.depth_mm - p.plain_mm for p in patches]

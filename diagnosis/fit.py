@@ -447,11 +447,18 @@ def _fit_searched(
     polish: bool,
 ) -> Fitted | None:
     """Search on the full log density: grid first, then a simplex."""
-    reference = _total(ws, model, masks)
+    # what leaves the mean alone leaves the placement alone
+    still = None if "mean" in points[0].channels else ws.placements(model)
+
+    def total(trial: Model) -> float:
+        level = ws.levelled(trial, placements=still)
+        return float(ws.block_scores(ws.log_densities(level, placements=still), masks).sum())
+
+    reference = total(model)
     scored: list[tuple[float, Effect]] = []
     for point in points:
         try:
-            scored.append((_total(ws, model.with_effect(point), masks) - reference, point))
+            scored.append((total(model.with_effect(point)) - reference, point))
         except RecipeError:
             return None
     gain, best = max(scored, key=lambda s: s[0])
@@ -480,7 +487,7 @@ def _fit_searched(
         }
         try:
             trial = best.with_parameters(values)
-            value = _total(ws, model.with_effect(trial), masks) - reference
+            value = total(model.with_effect(trial)) - reference
         except RecipeError:
             return 0.0
         if value > top[0]:
@@ -500,6 +507,3 @@ def _fit_searched(
     )
     return Fitted(effect=top[1], own={}, gain=top[0], free=len(names))
 
-
-def _total(ws: Workspace, model: Model, masks: Sequence[Mask]) -> float:
-    return float(ws.block_scores(ws.log_densities(ws.levelled(model)), masks).sum())

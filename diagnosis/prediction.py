@@ -95,6 +95,12 @@ def _applied(view: View, effects: tuple[Effect, ...], noise_mm: float | None) ->
     return law
 
 
+def plain_gain(view: View) -> Field:
+    """Size of the noise that the sensor's file gives each reading, over that of a flat, (n, m)."""
+    noise_mm = max(1e-2, 4 * sigma_mm(view.datasheet))
+    return np.asarray(_applied(view, sheet_effects(view), noise_mm).sd_mm(view)) / noise_mm
+
+
 def _bare(view: View, noise_mm: float | None) -> Law:
     """Geometry, and noise of a size split into white and speckle."""
     law = geometric_law(view, None)
@@ -124,13 +130,13 @@ def predict(
     softness : (sd, probability), optional
         What a small error of the pose may do at edges: further standard deviation (mm) and the
         chance that the point belongs to the other side.
+    level : float
+        Factor on the size of the noise.
     """
-    law = law_of(
-        view, effects, noise if level == 1.0 else replace(noise, sd_mm=noise.sd_mm * level)
-    )
+    law = law_of(view, effects, noise)
     shape = view.shape
     mean = np.array(np.broadcast_to(law.mean_mm, shape))
-    sd = np.array(law.sd_mm(view))
+    sd = level * law.sd_mm(view)
     missing = np.array(np.broadcast_to(np.asarray(law.p_missing, dtype=np.float64), shape))
     seen = np.isfinite(mean)
     missing[~seen] = 1.0

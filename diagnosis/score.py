@@ -139,6 +139,25 @@ def placed(patch: Patch, state: Whitened, placement: Field) -> Whitened:
     )
 
 
+def innovations_at(
+    patch: Patch, prediction: Prediction, noise: NoiseModel, placement: Field
+) -> tuple[Field, Mask]:
+    """Whitened residuals (n, m) at a placement, and which readings take part."""
+    _, residual, used, whitener = _taken(patch, prediction, noise, placement)
+    return whitener.apply(np.where(used, residual / prediction.sd_mm, 0.0)), used
+
+
+def _taken(
+    patch: Patch, prediction: Prediction, noise: NoiseModel, placement: Field
+) -> tuple[Mask, Field, Mask, Whitener]:
+    """Tell readings seen by both, their residuals, which are no spikes, and the whitener."""
+    seen = prediction.seen & patch.observed & patch.counted
+    mean = np.nan_to_num(prediction.mean_mm) + patch.columns @ placement
+    residual = np.where(seen, patch.depth_mm - mean, 0.0)
+    used = seen & (np.abs(residual) < SPIKE_SD * prediction.sd_mm)
+    return seen, residual, used, _whitener(patch, used, noise)
+
+
 def log_density(
     patch: Patch,
     prediction: Prediction,
@@ -150,11 +169,7 @@ def log_density(
     0 in profiles that aren't measurements.
     """
     missing = prediction.p_missing
-    seen = prediction.seen & patch.observed & patch.counted
-    mean = np.nan_to_num(prediction.mean_mm) + patch.columns @ placement
-    residual = np.where(seen, patch.depth_mm - mean, 0.0)
-    used = seen & (np.abs(residual) < SPIKE_SD * prediction.sd_mm)
-    whitener = _whitener(patch, used, noise)
+    seen, residual, used, whitener = _taken(patch, prediction, noise, placement)
     innovation = whitener.apply(np.where(used, residual / prediction.sd_mm, 0.0))
     spread = np.where(used, whitener.conditional_sd(), 1.0) * prediction.sd_mm
     standard = np.where(used, innovation, residual / prediction.sd_mm)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.families import effect_families, free_families
+from diagnosis.families import EDGE_COVARIATES, effect_families, free_families
 from diagnosis.finding import Finding, Screening
 from diagnosis.fit import Fitted, fit_effect, linear_count
 from diagnosis.noise import Field, Mask
@@ -110,6 +110,7 @@ def _best(
     withheld: set[str],
 ) -> tuple[Model, Choice] | None:
     channels = {f.channel for f in findings}
+    edges = any(f.family.at_edges if f.family else f.channel == "missing" for f in findings)
     if "mean" in channels:
         # a misfit of the mean looks like spikes and like noise: those wait until it is explained
         channels -= {"variance", "tails", "correlation"}
@@ -123,6 +124,7 @@ def _best(
             name in NOT_SEARCHED | withheld
             or name in model.names()
             or not channels & set(kind.channels)
+            or (kind.covariate in EDGE_COVARIATES and not edges)
         ):
             continue
         fitted = fit_effect(kind, ws, model, predictions, states, polish=False)
@@ -279,7 +281,7 @@ def _prune(
     for choice in list(kept):
         if len(kept) < 2 or choice.name not in model.names():
             continue
-        rest = refit(ws, model.without(choice.name))
+        rest = refit_linear(ws, model.without(choice.name))
         full, less = ws.log_densities(model), ws.log_densities(rest)
         gain = ws.block_scores([a - b for a, b in zip(full, less, strict=True)])
         low, _ = bootstrap_interval(gain, rng)

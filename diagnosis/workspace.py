@@ -1,20 +1,27 @@
 """The recordings under study, with what every step asks of them: predictions and scores."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from diagnosis.noise import Field, Mask, NoiseModel
 from diagnosis.patch import Patch, thinned
 from diagnosis.prediction import Prediction, effects_for, predict
-from diagnosis.score import Whitened, log_density, placed, placements, whitened
+from diagnosis.score import (
+    Whitened,
+    innovations_at,
+    log_density,
+    placed,
+    placements,
+    whitened,
+)
 from sensors.effects.base import Effect
 
 OwnParameters = Mapping[int, Mapping[str, Mapping[str, float]]]
 """Parameters that belong to a recording: by its number, by effect, by name."""
-BLOCK_MM_SCALE = 6.0
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -96,22 +103,38 @@ class Workspace:
             for p in self.patches
         ]
 
-    def levelled(self, model: Model) -> Model:
-        """Refit the noise's overall level where an effect shapes it over the scan."""
+    def levelled(
+        self, model: Model, *, placements: Mapping[int, Field] | None = None
+    ) -> Model:
+        """Refit the noise's overall level where an effect shapes it over the scan.
+
+        Parameters
+        ----------
+        placements : of each recording, where they are known well enough
+        """
+        model = replace(model, level=1.0)
         if not any("variance" in e.channels for e in model.effects):
-            return replace(model, level=1.0)
-        for _ in range(2):
-            states = self.states(self.predict(model))
-            squares = np.concatenate(
-                [
-                    np.minimum(s.innovations[m & s.used & ~p.edge] ** 2, 9.0)
-                    for p, s, m in zip(self.patches, states, self.masks(), strict=True)
-                ]
-            )
+            return model
+        predictions = self.predict(model)
+        if placements is None:
+            states = self.states(predictions)
+            found = [s.innovations[m & s.used & ~p.edge] for p, s, m in self._with(states)]
+        else:
+            found = []
+            for p, q, m in self._with(predictions):
+                innovations, used = innovations_at(p, q, self.noise, placements[p.recording])
+                found.append(innovations[m & used & ~p.edge])
+        squares = np.concatenate(found) ** 2
+        if not squares.size:
+            return model
+        level = 1.0
+        for _ in range(3):
             # a clipped normal's mean square is 0.995
-            factor = float(np.sqrt(squares.mean() / 0.995)) if squares.size else 1.0
-            model = replace(model, level=model.level * factor)
-        return model
+            level = float(np.sqrt(np.minimum(squares, 9 * level**2).mean() / 0.995))
+        return replace(model, level=level)
+
+    def _with(self, values: Sequence[T]) -> Iterator[tuple[Patch, T, Mask]]:
+        return zip(self.patches, values, self.masks(), strict=True)
 
     def states(self, predictions: Sequence[Prediction]) -> list[Whitened]:
         """Whiten every patch's residual, at the placement that suits it best."""
@@ -123,16 +146,20 @@ class Workspace:
         """Return the readings that may be fitted."""
         return [p.fit & p.counted for p in self.patches]
 
-    def log_densities(
-        self, model: Model, *, pose_masks: Sequence[Mask] | None = None
-    ) -> list[Field]:
-        """Log density of each reading of each patch, the placement refitted."""
+    def placements(self, model: Model) -> dict[int, Field]:
+        """Best placement of each recording under a model."""
         predictions = self.predict(model)
         raw = [whitened(p, q, self.noise) for p, q in zip(self.patches, predictions, strict=True)]
-        moved = placements(self.patches, raw, pose_masks or self.masks())
+        return placements(self.patches, raw, self.masks())
+
+    def log_densities(
+        self, model: Model, *, placements: Mapping[int, Field] | None = None
+    ) -> list[Field]:
+        """Log density of each reading of each patch, the placement refitted unless given."""
+        moved = self.placements(model) if placements is None else placements
         return [
             log_density(p, q, self.noise, moved[p.recording])
-            for p, q in zip(self.patches, predictions, strict=True)
+            for p, q in zip(self.patches, self.predict(model), strict=True)
         ]
 
     def block_scores(
