@@ -42,6 +42,7 @@ PROOF ?= out/proof
 proof: $(STAMP)
 	$(BIN)/flawforge challenge make --out $(PROOF) --jobs 2
 	-$(BIN)/flawforge challenge run $(PROOF) --jobs 2
+	-$(BIN)/flawforge challenge run $(PROOF) --shuffled 12 --jobs 2
 	$(BIN)/flawforge challenge judge $(PROOF) --write docs/proof.md
 
 proof-small: $(STAMP)

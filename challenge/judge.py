@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from challenge.cases.case import RECORDINGS
+from challenge.cases.truth import levelled
 from challenge.score import Score, judge_case
 from challenge.sealed import commitment
+from challenge.shuffle import SHUFFLED
 
 
 def judge(out: Path) -> dict[str, Any]:
@@ -56,18 +58,24 @@ def _case(out: Path, name: str, opened: dict[str, Any], record: dict[str, Any]) 
     answer = None
     if record["code"] == 0:
         answer = json.loads((folder / "diagnosis.json").read_text())
-    region = located = None
-    gain, free = 0.0, 0.0
+    region = located = fair = None
+    gain, free, posed = 0.0, 0.0, 0.0
     maps_file = out / "keys" / f"{name}.npz"
     if maps_file.exists():
         if hashlib.sha256(maps_file.read_bytes()).hexdigest() != facts["maps_sha256"]:
             raise ValueError(f"{name}: the maps are not the committed ones")
-        region = np.load(maps_file)["region"]
+        maps = np.load(maps_file)
+        region, fair = maps["region"], maps["fair"]
     if answer is not None and (folder / "mismatch.h5").exists():
         last = RECORDINGS[secret["recordings"] - 1]
-        located, gain, free = compare(out / "cases" / name, folder / "mismatch.h5", last, facts)
+        located, gain, free, posed = compare(
+            out / "cases" / name, folder / "mismatch.h5", last, facts, fair
+        )
     score: Score = judge_case(secret, facts, answer, located, region, gain)
-    free_score = judge_case(secret, facts, answer, located, region, free)
+
+    def recovered(other: float) -> float:
+        return judge_case(secret, facts, answer, located, region, other).recovered
+
     return {
         "secret": secret,
         "facts": {k: v for k, v in facts.items() if k != "switched"},
@@ -76,13 +84,41 @@ def _case(out: Path, name: str, opened: dict[str, Any], record: dict[str, Any]) 
         "verdict": answer["verdict"] if answer else "none",
         "effects": answer["effects"] if answer else [],
         "score": asdict(score),
-        "free_form_recovered": free_score.recovered,
+        "free_form_recovered": recovered(free),
+        "pose_recovered": recovered(posed),
+        "shuffled": _shuffled(out, name, secret, facts, region, fair),
     }
 
 
+def _shuffled(
+    out: Path,
+    name: str,
+    secret: dict[str, Any],
+    facts: dict[str, Any],
+    region: NDArray[np.bool_] | None,
+    fair: NDArray[np.bool_] | None,
+) -> dict[str, Any] | None:
+    """Score the answer to the shuffled recordings where there is one, on the true recording."""
+    folder = out / SHUFFLED / name
+    if not (folder / "diagnosis.json").exists():
+        return None
+    answer = json.loads((folder / "diagnosis.json").read_text())
+    located, gain = None, 0.0
+    if (folder / "mismatch.h5").exists():
+        last = RECORDINGS[secret["recordings"] - 1]
+        located, gain, _, _ = compare(
+            out / "cases" / name, folder / "mismatch.h5", last, facts, fair
+        )
+    return asdict(judge_case(secret, facts, answer, located, region, gain))
+
+
 def compare(
-    case: Path, mismatch: Path, last: str, facts: dict[str, Any]
-) -> tuple[NDArray[np.bool_], float, float]:
+    case: Path,
+    mismatch: Path,
+    last: str,
+    facts: dict[str, Any],
+    fair: NDArray[np.bool_] | None = None,
+) -> tuple[NDArray[np.bool_], float, float, float]:
     """Read what the answer says about the held-out recording.
 
     Returns
@@ -93,6 +129,8 @@ def compare(
     free : float
         The same for the baseline: a smooth surface over the sensor's frame, fitted to the
         other recordings' residuals without any physics.
+    posed : float
+        The same for the baseline that refits the held-out recording's own place once more.
     """
     cut = 1e-2 * float(facts.get("noise_um", 15.0))
     with h5py.File(mismatch) as found:
@@ -103,6 +141,8 @@ def compare(
         with h5py.File(case / f"{last}.h5") as recording:
             depth = np.asarray(recording["depth"], float)
         use = np.isfinite(depth) & np.isfinite(simulated)
+        if fair is not None and fair.shape == use.shape:
+            use &= fair
         before = _rms(depth - simulated, use, cut)
         after = _rms(depth - np.where(np.isfinite(explained), explained, simulated), use, cut)
         rests = []
@@ -114,10 +154,12 @@ def compare(
     free = before
     if rests:
         free = _rms(depth - simulated - _smooth(rests, depth.shape, cut), use, cut)
-    tiny = 1e-9
-    return located, float(np.log((before + tiny) / (after + tiny))), float(
-        np.log((before + tiny) / (free + tiny))
-    )
+    posed = _rms(levelled(depth - simulated, use, simulated), use, cut)
+
+    def gain(left: float) -> float:
+        return float(np.log((before + 1e-9) / (left + 1e-9)))
+
+    return located, gain(after), gain(free), gain(posed)
 
 
 def _rms(rest: NDArray[np.float64], use: NDArray[np.bool_], cut: float) -> float:

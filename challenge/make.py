@@ -110,14 +110,11 @@ def _make_one(root: str, name: str, secret: Secret) -> None:
         raise RuntimeError(f"{name}: {_TRIES} draws in a row were no valid case")
     if secret.kind != "null":
         seen = facts(staged, secret)
-        known = {
-            "noise_um": seen.noise_um,
-            "oracle_gain": seen.oracle_gain,
-            "concealed": seen.concealed,
-            "region_share": float(seen.region.mean()),
-        }
+        known = {**seen.figures(), "region_share": float(seen.region.mean())}
         maps = io.BytesIO()
-        np.savez_compressed(maps, on=seen.on_mm, off=seen.off_mm, region=seen.region)
+        np.savez_compressed(
+            maps, on=seen.on_mm, off=seen.off_mm, region=seen.region, fair=seen.fair
+        )
         write_whole(out / "keys" / f"{name}.npz", maps.getvalue())
         known["maps_sha256"] = hashlib.sha256(maps.getvalue()).hexdigest()
     known["stated"] = {"effects": staged.effects, "noise_law": asdict(staged.noise_law)}

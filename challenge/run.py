@@ -12,13 +12,21 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from challenge.sealed import write_whole
+from challenge.shuffle import SHUFFLED, shuffle
 
 KEPT = ("diagnosis.json", "mismatch.h5", "sensor.yaml")
 
 
-def run(out: Path, *, jobs: int, timeout_s: float) -> int:
+def run(out: Path, *, jobs: int, timeout_s: float, shuffled: int = 0) -> int:
     """Diagnose all cases of a set that have no answer yet.
+
+    Parameters
+    ----------
+    shuffled
+        Instead, diagnose the first so many with their covariates shuffled: a baseline.
 
     Returns
     -------
@@ -29,13 +37,16 @@ def run(out: Path, *, jobs: int, timeout_s: float) -> int:
     if not sealed.exists():
         raise ValueError(f"{out} has no commitments.json: finish `challenge make` first")
     names = sorted(json.loads(sealed.read_text())["cases"])
-    (out / "answers").mkdir(exist_ok=True)
-    todo = [name for name in names if not (out / "answers" / name / "run.json").exists()]
+    answers = out / (SHUFFLED if shuffled else "answers")
+    if shuffled:
+        names = names[:shuffled]
+    answers.mkdir(exist_ok=True)
+    todo = [name for name in names if not (answers / name / "run.json").exists()]
     print(f"{len(names)} cases, {len(todo)} to diagnose", flush=True)
     at_work: set[subprocess.Popen[str]] = set()
     stopping = threading.Event()
     with ThreadPoolExecutor(max(jobs, 1)) as pool:
-        waiting = {pool.submit(_diagnose, out, name, timeout_s, at_work, stopping): name
+        waiting = {pool.submit(_diagnose, out, answers, name, timeout_s, at_work, stopping): name
                    for name in todo}  # fmt: skip
         try:
             for k, ready in enumerate(as_completed(waiting)):
@@ -50,7 +61,7 @@ def run(out: Path, *, jobs: int, timeout_s: float) -> int:
             for process in tuple(at_work):
                 process.kill()
             raise
-    failed = [n for n in names if _record(out, n).get("code") != 0]
+    failed = [n for n in names if _record(answers, n).get("code") != 0]
     if failed:
         print(f"no answer for {len(failed)} cases: {', '.join(failed)}", file=sys.stderr)
     return 1 if failed else 0
@@ -65,24 +76,27 @@ def command(recordings: list[str], plates: list[str]) -> list[str]:
     ]  # fmt: skip
 
 
-def _record(out: Path, name: str) -> dict[str, Any]:
-    file = out / "answers" / name / "run.json"
+def _record(answers: Path, name: str) -> dict[str, Any]:
+    file = answers / name / "run.json"
     return dict(json.loads(file.read_text())) if file.exists() else {}
 
 
 def _diagnose(
     out: Path,
+    answers: Path,
     name: str,
     timeout_s: float,
     at_work: set[subprocess.Popen[str]],
     stopping: threading.Event,
 ) -> tuple[int, float]:
     """Copy one case away, diagnose it there, bring the answer back."""
-    answer = out / "answers" / name
+    answer = answers / name
     with tempfile.TemporaryDirectory(prefix="flawforge-case-") as bare:
         here = Path(bare)
         for file in (out / "cases" / name).iterdir():
             shutil.copyfile(file, here / file.name)
+        if answers.name == SHUFFLED:
+            shuffle(here, np.random.default_rng(list(name.encode())))
         recordings = sorted(p.name for p in here.glob("[a-z].h5"))
         plates = sorted(p.name for p in here.glob("plate-*.h5"))
         one_core = {f"{lib}_NUM_THREADS": "1" for lib in ("OMP", "NUMBA", "OPENBLAS", "MKL")}

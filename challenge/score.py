@@ -10,8 +10,11 @@ from scipy.stats import beta
 from challenge.cases.case import SWITCHES
 from challenge.sealed import UNDECIDABLE
 
-# Their means have no place and no oracle: what they change is the noise or the missing points.
-_SCATTER = {"roughness_level", "anisotropic_lay", "outlier_spikes", "random_dropout"}
+# Without place and oracle of their own: what changes is the noise or the missing points, or
+# (a mounting) what the registration takes up before anything is located.
+_SCATTER = {
+    "roughness_level", "anisotropic_lay", "outlier_spikes", "random_dropout", "pose_error",
+}  # fmt: skip
 STRANGE = ("unexplained", "partly_explained")
 
 

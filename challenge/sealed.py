@@ -33,7 +33,11 @@ PROTOCOL: dict[str, Any] = {
     "null_at_edges": "mean departure of a point's mean from the file at most 1.0 sigma (each at "
     "most 10), at most 5 % of points return against it; every key holds what was found",
     "concealed": "KS <= 0.05 and five roughness figures within 10 % off edges, noise fitted",
-    "region": "5 x 5 means of on - off beyond 0.3 sigma after offset and tilt, or 20 % lost",
+    "region": "5 x 5 means of on - off beyond 0.3 sigma, or 20 % lost, in patches of 25 points; "
+    "offset, tilts and shifts, which a registration takes up, removed",
+    "gain": "ln of the RMS ratio, each reading at most 10 sigma, where the maker's file describes "
+    "the instrument without the effect to 2 sigma; the same points for oracle and answer",
+    "shuffled": "blocks of 16 x 16 residuals permuted within each recording, times exchanged",
 }
 
 # One recording cannot tell these apart; the right answer is the set.
@@ -68,7 +72,8 @@ def draw(master: int, counts: dict[str, int]) -> list[Secret]:
             Secret(
                 kind=kind,
                 switches=switches,
-                strength=int(rng.choice([0, 1, 2], p=[0.25, 0.45, 0.3])),
+                # what nobody can see cannot be flagged: strangers are medium or strong
+                strength=int(rng.choice([1, 2] if kind == "unknown" else [0, 1, 1, 2])),
                 shape=str(rng.choice(sorted(shapes))),
                 recordings=1 if kind == "undecidable" else 3,
                 seed=int(rng.integers(2**62)),

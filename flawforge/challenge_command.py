@@ -28,6 +28,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     run_step.add_argument(
         "--timeout", type=float, default=600.0, help="seconds for a case (default 600)"
     )
+    run_step.add_argument(
+        "--shuffled", type=int, default=0, metavar="N",
+        help="instead, diagnose the first N cases with shuffled covariates: a baseline",
+    )  # fmt: skip
     judge = steps.add_parser("judge", help="open the keys, check the seals, score the answers")
     judge.add_argument("set", type=Path, help="folder of the set")
     judge.add_argument("--write", type=Path, metavar="FILE.md", help="write the page with pictures")
@@ -53,7 +57,12 @@ def _step(arguments: argparse.Namespace) -> int:
     if arguments.step == "run":
         from challenge.run import run as diagnose_all
 
-        return diagnose_all(arguments.set, jobs=arguments.jobs, timeout_s=arguments.timeout)
+        return diagnose_all(
+            arguments.set,
+            jobs=arguments.jobs,
+            timeout_s=arguments.timeout,
+            shuffled=arguments.shuffled,
+        )
     from challenge.judge import judge
     from challenge.proof import scoreboard, write_page
 

@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, uniform_filter
+from scipy.ndimage import binary_dilation, label, uniform_filter
 from scipy.stats import ks_2samp
 
 from challenge.cases.case import Secret, Staged, scan
 from challenge.cases.seeds import child, number
+from challenge.cases.stated import Rays, stated
 from challenge.cases.switches import World
 from challenge.instrument.instrument import Casts, Path
 from challenge.instrument.rays import plant
@@ -49,22 +50,43 @@ def geometry(world: World, path: Path, misplaced: NDArray[np.float64]) -> Geomet
     return Geometry(depth_mm=depth, visible=visible, smooth=~edge)
 
 
-def _levelled(
-    rest: NDArray[np.float64], use: NDArray[np.bool_]
+def levelled(
+    rest_mm: NDArray[np.float64], use: NDArray[np.bool_], depth_mm: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Take away offset and tilt, which a registration absorbs."""
-    rows, columns = np.indices(rest.shape)
-    use = use & np.isfinite(rest)
-    if use.sum() < 10:
-        return rest
-    design = np.stack([np.ones(rest.shape), rows / rest.shape[0], columns / rest.shape[1]], -1)
+    """Take away what a registration absorbs: offset, tilts and shifts along and across.
+
+    Parameters
+    ----------
+    rest_mm : (n, m)
+    use : (n, m) bool
+        Points that the five numbers are fitted to, without outliers.
+    depth_mm : (n, m)
+        The part's depth; its slopes turn a shift into a change of depth.
+
+    Returns
+    -------
+    (n, m)
+    """
+    rows, columns = np.indices(rest_mm.shape)
+    slopes = np.gradient(depth_mm)
+    steep = ~(np.abs(slopes[0]) + np.abs(slopes[1]) < 0.3)
+    use = use & np.isfinite(rest_mm)
+    if use.sum() < 50:
+        return rest_mm
+    design = np.stack(
+        [np.ones(rest_mm.shape), rows / rest_mm.shape[0], columns / rest_mm.shape[1]]
+        + [np.where(steep, 0.0, slope) for slope in slopes],
+        -1,
+    )
     weight = np.ones(int(use.sum()))
-    for _ in range(3):
-        found = np.linalg.lstsq(design[use] * weight[:, None], rest[use] * weight, rcond=None)[0]
-        left = rest[use] - design[use] @ found
+    for _ in range(4):
+        found = np.linalg.lstsq(
+            design[use] * weight[:, None], rest_mm[use] * weight, rcond=None
+        )[0]
+        left = rest_mm[use] - design[use] @ found
         scale = 1.4826 * np.median(np.abs(left)) + 1e-12
         weight = 1 / np.sqrt(1 + (left / (2.5 * scale)) ** 2)
-    return np.asarray(rest - design @ found)
+    return np.asarray(rest_mm - design @ found)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -76,9 +98,18 @@ class Facts:
     on_mm, off_mm : (n, m)
         Mean readings, NaN where most draws have none.
     region : (n, m) bool
-        Where the effect matters.
+        Where the effect matters: patches of 25 points and more.
+    fair : (n, m) bool
+        Where the maker's file describes the instrument without the effect to two σ, so that gains
+        are compared: not where its edges are on the wrong level whatever one knows of the effect.
     noise_um, oracle_gain
         σ without the effect; logarithm of the RMS without the effect's model over that with it.
+    oracle_z
+        Standard deviations by which the held-out recording alone prefers the oracle's mean with
+        the effect to that without, speckle taken as independent beyond 3 x 2 points.
+    ks, roughness
+        Kolmogorov-Smirnov distance to the plain simulation with fitted noise; largest relative
+        difference of a roughness figure.
     concealed
         True where the usual checks (roughness within 10 %, KS <= 0.05) see nothing.
     """
@@ -86,9 +117,18 @@ class Facts:
     on_mm: NDArray[np.float32]
     off_mm: NDArray[np.float32]
     region: NDArray[np.bool_]
+    fair: NDArray[np.bool_]
     noise_um: float
     oracle_gain: float
+    oracle_z: float
+    ks: float
+    roughness: float
     concealed: bool
+
+    def figures(self) -> dict[str, float | bool]:
+        """Return the numbers without the maps, for the key."""
+        names = ("noise_um", "oracle_gain", "oracle_z", "ks", "roughness", "concealed")
+        return {name: getattr(self, name) for name in names}
 
 
 def _roughness(rest: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -145,37 +185,60 @@ def facts(staged: Staged, secret: Secret, *, draws: int = 5) -> Facts:
         ).astype(np.float64)  # fmt: skip
 
     with_it, without = shots(on), shots(off)
-    shown = geometry(off, off.scans.paths[last], off.scans.misplaced[last])
+    path, misplaced = off.scans.paths[last], off.scans.misplaced[last]
+    shown = geometry(off, path, misplaced)
+    rays = Rays(off.solid, path, misplaced, off.device.camera, off.device.z_range_mm)
+    said = stated(rays, staged.effects).depth_mm
     seen_on, seen_off = np.isfinite(with_it).mean(0), np.isfinite(without).mean(0)
     fill_on, fill_off = _mean(with_it), _mean(without)
-    rest = _levelled(without[0] - shown.depth_mm, shown.smooth)
+
+    def flat(rest: NDArray[np.float64], use: NDArray[np.bool_]) -> NDArray[np.float64]:
+        return levelled(rest, use, said)
+
+    rest = flat(without[0] - said, shown.smooth)
     noise = float(1.4826 * np.nanmedian(np.abs(rest[shown.smooth])))
-    change = _levelled(fill_on - fill_off, shown.smooth)
+    change = flat(fill_on - fill_off, shown.smooth)
     blocks = uniform_filter(np.nan_to_num(change), 5)
     lost = uniform_filter(np.abs(seen_on - seen_off), 5)
-    region = (np.abs(blocks) > 0.3 * noise) | (lost > 0.2)
+    region = _patches((np.abs(blocks) > 0.3 * noise) | (lost > 0.2))
+    with np.errstate(invalid="ignore"):
+        fair = np.abs(uniform_filter(np.nan_to_num(flat(fill_off - said, shown.smooth)), 3)) < (
+            2 * noise
+        )
     # the sealed recording's own specimen against the two means
     real = scan(
         on, on.scans, last, specimen=number(secret.seed, "specimen"),
         rng=child(secret.seed, "noise", "abc"[last]),
     )[0].astype(np.float64)  # fmt: skip
-    both = np.isfinite(real) & np.isfinite(fill_on) & np.isfinite(fill_off)
-    left_off, left_on = _levelled(real - fill_off, both)[both], (real - fill_on)[both]
+    both = np.isfinite(real) & np.isfinite(fill_on) & np.isfinite(fill_off) & fair
+    left_off, left_on = flat(real - fill_off, both)[both], (real - fill_on)[both]
     cut = 10 * noise
     ms_off = np.mean(np.clip(left_off, -cut, cut) ** 2) - _noise_of_mean(without, both, cut)
     ms_on = np.mean(np.clip(left_on, -cut, cut) ** 2) - _noise_of_mean(with_it, both, cut)
-    one = _levelled(real - shown.depth_mm, shown.smooth)
-    two = _levelled(without[1] - shown.depth_mm, shown.smooth)
+    nats = 0.5 * both.sum() / 6 * np.log(max(ms_off / ms_on, 1.0))
+    one, two = flat(real - said, shown.smooth), flat(without[1] - said, shown.smooth)
     one, two = np.where(shown.smooth, one, np.nan), np.where(shown.smooth, two, np.nan)
     scale = np.nanstd(one) / np.nanstd(two)  # the noise is fitted
-    ks = ks_2samp(one[np.isfinite(one)], scale * two[np.isfinite(two)]).statistic
+    ks = float(ks_2samp(one[np.isfinite(one)], scale * two[np.isfinite(two)]).statistic)
     rough = np.abs(_roughness(one) / (scale * _roughness(two) + 1e-12) - 1)
     rough[-1] = abs(_roughness(one)[-1] / _roughness(two)[-1] - 1)
     return Facts(
         on_mm=fill_on.astype(np.float32),
         off_mm=fill_off.astype(np.float32),
         region=region,
+        fair=fair,
         noise_um=1e3 * noise,
         oracle_gain=float(0.5 * np.log(ms_off / ms_on)),
+        oracle_z=float(np.sqrt(2 * nats)),
+        ks=ks,
+        roughness=float(rough.max()),
         concealed=bool(ks <= 0.05 and rough.max() <= 0.10),
     )
+
+
+def _patches(found: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Leave out patches of less than 25 points: with a few draws they are speckle."""
+    number_of, _ = label(found)
+    size = np.bincount(number_of.ravel())
+    size[0] = 0
+    return np.asarray(size[number_of] >= 25)

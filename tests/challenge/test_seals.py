@@ -24,6 +24,7 @@ from challenge.proof import scoreboard, write_page
 from challenge.run import run
 from challenge.score import clopper_pearson, judge_case
 from challenge.sealed import FULL, SMALL, commitment, draw, seal
+from challenge.shuffle import SHUFFLED, moved_blocks, shuffle
 
 ROOT = Path(__file__).resolve().parents[2]
 FORMATS = {
@@ -204,6 +205,8 @@ def test_facts_of_a_bow(bowed):
     assert abs(bend) > 0.02
     assert known.oracle_gain > 0.05
     assert 0.2 < known.region.mean() <= 1
+    assert known.fair.mean() > 0.8
+    assert known.oracle_z > 8
     assert 5 < known.noise_um < 40
 
 
@@ -276,6 +279,39 @@ def test_judge_scores_and_writes_a_page(judged, tmp_path, monkeypatch):
     assert "case-001" in text
     assert (page.parent / "pictures" / "proof-power.png").exists()
     assert any("alarms on nulls" in line for line in scoreboard(scored))
+
+
+def test_judge_scores_the_shuffled_baseline(judged):
+    shutil.copytree(judged / "answers", judged / SHUFFLED)
+    answer = judged / SHUFFLED / "case-001" / "diagnosis.json"
+    answer.write_text(json.dumps(_answer("explained", "thermal_drift")))
+    scored = judge(judged)
+    assert scored["cases"]["case-001"]["shuffled"]["top_1"] == 0
+    board = "\n".join(scoreboard(scored))
+    assert "| shuffled covariates: top-1, one effect | 0.00 (1) |" in board
+    assert "| - the same cases as they are | 1.00 (1) |" in board
+
+
+def test_shuffling_keeps_the_values_and_moves_them():
+    values = np.arange(40.0 * 50).reshape(40, 50)
+    moved = moved_blocks(values, np.array([5, 4, 3, 2, 1, 0]))
+    np.testing.assert_array_equal(np.sort(moved.ravel()), values.ravel())
+    np.testing.assert_array_equal(moved[:16, :16], values[16:32, 32:48])
+    np.testing.assert_array_equal(moved[32:], values[32:])
+
+
+def test_shuffled_case_keeps_its_geometry(bowed, tmp_path):
+    _, _, folder = bowed
+    here = tmp_path / "case"
+    shutil.copytree(folder, here)
+    shuffle(here, np.random.default_rng(0))
+    for name in ("a", "b"):
+        with h5py.File(folder / f"{name}.h5") as file, h5py.File(here / f"{name}.h5") as other:
+            was, now = file["depth"][:], other["depth"][:]
+            np.testing.assert_array_equal(file["pose"][:], other["pose"][:])
+            assert was.shape == now.shape
+            change = (now - was)[np.isfinite(now) & np.isfinite(was)]
+            assert 0.001 < np.median(np.abs(change)) < 0.2  # residuals moved, the part did not
 
 
 def test_judge_refuses_a_changed_key(judged):
