@@ -1,69 +1,127 @@
 """Where shards are made: processes here, or the workers of a Dask scheduler.
 
-The one place that knows joblib. It loads nothing else of ours until it must, so that processes
-start while the rest is loaded.
+The one place that knows joblib. It loads nothing until it must, so that processes start while the
+rest is loaded.
 """
 
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from concurrent.futures import BrokenExecutor, Future
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
+from queue import SimpleQueue
+from threading import Lock
 from typing import Any, Final
 
-import joblib
-from joblib.externals.loky import process_executor
-
 QUEUED: Final = 1024  # shards that wait at a Dask scheduler
+IDLE_S: Final = 300.0  # after which a process that has nothing to do ends
+THREADS: Final = dict.fromkeys(  # a job is a core: libraries start no threads of their own
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
+)
+
+Task = Callable[..., Any]
+Arguments = tuple[Any, ...]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Backend:
-    """Where shards are made: `jobs` processes here, or the workers of a Dask scheduler."""
+    """Where shards are made: `jobs` processes here, or the workers of a Dask scheduler.
+
+    The process that asks is one of the jobs: it works as the others do.
+    """
 
     jobs: int = 1
     scheduler: str | None = None
 
     @contextmanager
     def started(self) -> Iterator["Backend"]:
-        """Have the processes begin to load what scans need, while the recipe is read here."""
-        loading: Iterable[Any] = ()
-        with self._local():
-            if self.jobs > 1 and not self.scheduler:
-                loading = self.results(_load, (() for _ in range(self.jobs)))
-        try:
-            yield self
-        finally:
-            for _ in loading:
-                pass
+        """Have the other processes begin to load what scans need, while the recipe is read."""
+        if self.jobs > 1 and not self.scheduler:
+            for name, threads in THREADS.items():  # heeded by what isn't loaded here yet
+                os.environ.setdefault(name, threads)
+            self._others().submit(os.getpid)
+        yield self
 
-    def results(
-        self, task: Callable[..., Any], each: Iterable[tuple[Any, ...]]
-    ) -> Iterable[Any]:
+    def results(self, task: Task, each: Iterable[Arguments]) -> Iterator[Any]:
         """Run a task on each of some arguments; give results as they come, in any order."""
+        if self.scheduler:
+            return self._by_dask(task, each)
+        if self.jobs > 1:
+            return self._together(task, each)
+        return (_worked(task, one) for one in each)
+
+    def _by_dask(self, task: Task, each: Iterable[Arguments]) -> Iterator[Any]:
+        import joblib
+
         parallel = joblib.Parallel(
-            n_jobs=-1 if self.scheduler else self.jobs,
+            n_jobs=-1,
             return_as="generator_unordered",
             batch_size=1,
             # enough for workers that join later, yet not all of a million scans at once
-            pre_dispatch=QUEUED if self.scheduler else "2*n_jobs",
+            pre_dispatch=QUEUED,
         )
-        results: Iterable[Any] = parallel(joblib.delayed(_worked)(task, one) for one in each)
+        results: Iterator[Any] = parallel(joblib.delayed(_worked)(task, one) for one in each)
         return results
 
-    def _local(self) -> AbstractContextManager[Any]:
-        if self.jobs > 1:
-            # each worker is one thread: cores are shared out among processes
-            context: AbstractContextManager[Any] = joblib.parallel_config(
-                "loky", inner_max_num_threads=1
-            )
-            return context
-        return nullcontext()
+    def _together(self, task: Task, each: Iterable[Arguments]) -> Iterator[Any]:
+        """Work here and in the other processes; whoever is free takes the next arguments."""
+        others, left, turn = self._others(), iter(each), Lock()
+        done: SimpleQueue[Future[Any]] = SimpleQueue()
+        sent = got = 0
+
+        def take() -> Arguments | None:
+            with turn:
+                return next(left, None)
+
+        def send() -> None:
+            nonlocal sent
+            with turn:
+                one = next(left, None)
+                if one is None:
+                    return
+                sent += 1
+            try:
+                others.submit(_worked, task, one).add_done_callback(receive)
+            except RuntimeError as error:  # broken, or shut down by now
+                lost: Future[Any] = Future()
+                lost.set_exception(error)
+                done.put(lost)
+
+        def receive(future: Future[Any]) -> None:
+            if not future.cancelled() and future.exception() is None:
+                send()
+            done.put(future)
+
+        whole = False
+        try:
+            for _ in range(self.jobs - 1):
+                send()
+            while (one := take()) is not None:
+                yield _worked(task, one)
+                while not done.empty():
+                    got += 1
+                    yield done.get().result()
+            while got < sent:
+                got += 1
+                yield done.get().result()
+            whole = True
+        finally:
+            if not whole:
+                others.shutdown(kill_workers=True)
+
+    def _others(self) -> Any:
+        """Return the processes beside this one, the same every time."""
+        from joblib.externals.loky import get_reusable_executor
+
+        return get_reusable_executor(
+            self.jobs - 1, timeout=IDLE_S, env=THREADS, initializer=_begin
+        )
 
     @contextmanager
     def chosen(self) -> Iterator[Any]:
-        """Make joblib use this backend within a context; yields Dask's client, or None.
+        """Connect to Dask's scheduler, where there is one, for a context; yields its client.
 
         Raises
         ------
@@ -73,31 +131,40 @@ class Backend:
         from sensors.typed_yaml import RecipeError
 
         if self.scheduler:
+            import joblib
+
             from pipeline.cluster import cluster
 
             with cluster(self.scheduler) as client, joblib.parallel_config("dask", client=client):
                 yield client
-        else:
-            with self._local():
-                try:
-                    yield None
-                except process_executor.TerminatedWorkerError:
-                    raise RecipeError(
-                        "a worker was killed; memory may be short",
-                        where="--jobs",
-                        value=self.jobs,
-                        allowed="fewer jobs; the same command goes on from what is finished",
-                    ) from None
+            return
+        try:
+            yield None
+        except BrokenExecutor:
+            raise RecipeError(
+                "a worker was killed; memory may be short",
+                where="--jobs",
+                value=self.jobs,
+                allowed="fewer jobs; the same command goes on from what is finished",
+            ) from None
 
 
-def _worked(task: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-    """Run a task in a worker, which has one thread and may keep as much memory as it needs.
+def _begin() -> None:
+    """Make a process ready: load what scans need, and let it keep as much memory as it needs.
 
-    Loky takes a worker for leaking, and ends it, once it has 300 MB more than after its first
+    Loky takes a process for leaking, and ends it, once it has 300 MB more than after its first
     task. Kept parts and a large scan's arrays are more than that; a test holds that memory doesn't
     grow with the number of scans.
     """
+    from joblib.externals.loky import process_executor
+
+    import pipeline.work  # noqa: F401
+
     process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize
+
+
+def _worked(task: Task, arguments: Arguments) -> Any:
+    """Run a task in a process that has one thread."""
     one_thread()
     return task(*arguments)
 
@@ -120,8 +187,3 @@ def one_thread() -> None:
         (ball - ball.translate((0.5, 0.5, 0.5))).status()
     finally:
         os.sched_setaffinity(0, cores)
-
-
-def _load() -> None:
-    """Load what a worker needs for scans."""
-    import pipeline.work  # noqa: F401

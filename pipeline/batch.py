@@ -90,7 +90,7 @@ def generate(
                 "failed": failed,
             },
         )
-        drop_parts(hidden)
+        drop_parts(hidden / "parts")
         drop_leftovers(out)
         event("done", {"scans": dataset["scans"], "failed": len(dataset["failed"])})
         return dataset
@@ -150,7 +150,8 @@ def prepare(
     recipe: Recipe, wanted: list[Wanted], folder: Path, backend: Backend, event: Event
 ) -> tuple[list[PlannedPart], list[dict[str, Any]], list[dict[str, str]]]:
     """Load, mend and keep every part, in parallel; one that fails doesn't stop the others."""
-    folder.mkdir(exist_ok=True)
+    drop_parts(folder)
+    folder.mkdir()
     results: dict[str, tuple[str | None, dict[str, Any]]] = {}
     for name, stored, facts in backend.results(
         _prepare_one, ((recipe, want, folder) for want in wanted)

@@ -92,6 +92,6 @@ def drop_leftovers(out: Path) -> None:
         leftover.unlink(missing_ok=True)
 
 
-def drop_parts(hidden: Path) -> None:
-    """Remove the kept parts of a finished dataset."""
-    shutil.rmtree(hidden / "parts", ignore_errors=True)
+def drop_parts(folder: Path) -> None:
+    """Remove the kept parts of a dataset that is finished, or of a run that was stopped."""
+    shutil.rmtree(folder, ignore_errors=True)

@@ -21,7 +21,7 @@ class PlannedPart:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PlannedScans:
-    """Scans `first` up to `last` (half-open) of one specimen."""
+    """Scans `first` up to `last` (half-open) of one specimen; whether these are all it has."""
 
     part: PlannedPart
     specimen: int
@@ -29,6 +29,7 @@ class PlannedScans:
     split_by: str
     first: int
     last: int
+    whole: bool = True
 
     @property
     def specimen_id(self) -> str:
@@ -97,17 +98,19 @@ def make_plan(recipe: Recipe, parts: Sequence[PlannedPart]) -> Plan:
             filled = sum(work.last - work.first for work in held)
             if filled and filled + scans > size:
                 close()
-            for first in range(0, scans, size):
+            pieces = -(-scans // size)
+            for piece in range(pieces):  # of one size, so that none is waited for
                 work = PlannedScans(
                     part=part,
                     specimen=specimen,
                     split=split_of[(part.name, specimen)],
                     split_by=split_by,
-                    first=first,
-                    last=min(first + size, scans),
+                    first=scans * piece // pieces,
+                    last=scans * (piece + 1) // pieces,
+                    whole=pieces == 1,
                 )
                 held.append(work)
-                if scans > size:
+                if not work.whole:
                     close()
     close()
     return Plan(shards=tuple(shards), split_by=split_by)

@@ -156,6 +156,8 @@ class ShardWriter:
                 dataset = self._file[name]
                 values = np.ascontiguousarray(arrays[name], dtype=dataset.dtype)
                 self._write(dataset, values)
+                # now, not when the last reference goes: a debugger or Dask's profiler may hold one
+                dataset.flush()
                 digest.update(values.data)
         self._ids.append(scan_id)
         self._count += 1

@@ -1,15 +1,19 @@
 """A specimen: one part with its drawn flaws, ready to be scanned; and how parts are kept.
 
 Parts are loaded, mended and checked once for a dataset and kept beside the shards while it is
-made, so that every worker starts from the same solid without repeating that work.
+made, so that every worker starts from the same solid without repeating that work. So are flawed
+parts of which several workers take scans.
 """
 
+import fcntl
 import hashlib
 import io
 import json
 import os
+import pickle
 import uuid
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -19,6 +23,7 @@ from defects.surface import Surface
 from pipeline import parts
 from pipeline.aim import Aimer, Outlook
 from pipeline.flawplan import FlawPlan
+from pipeline.folder import write_whole
 from pipeline.injection import FlawedPart, inject
 from pipeline.part import Part, PartError, load_part
 from pipeline.plan import PlannedPart
@@ -130,20 +135,49 @@ def stored_part(path: Path) -> tuple[Part, Scene, Surface]:
     return part, scene, Surface.of(part.vertices_mm, part.faces)
 
 
-def make_specimen(recipe: Recipe, planned: PlannedPart, number: int, folder: Path) -> Specimen:
-    """Draw the flaws of specimen `number`, cut them and prepare it for scanning."""
+def _cut_once(kept: Path, cut: Callable[[], FlawedPart]) -> FlawedPart:
+    """Cut a flawed part and keep it, or take what another worker kept; wait for one at it.
+
+    The lock is the operating system's: it is gone when its worker is, and the next one cuts.
+    What is kept is read in the run that wrote it alone, see `pipeline.folder.drop_parts`.
+    """
+    with kept.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not kept.exists():
+            flawed = cut()
+            write_whole(kept, pickle.dumps(flawed, protocol=5))
+            return flawed
+    found: FlawedPart = pickle.loads(kept.read_bytes())
+    return found
+
+
+def make_specimen(
+    recipe: Recipe, planned: PlannedPart, number: int, folder: Path, *, shared: bool = False
+) -> Specimen:
+    """Draw the flaws of specimen `number`, cut them and prepare it for scanning.
+
+    One that is `shared` among workers is cut by the first of them alone.
+    """
     file = recipe.file
     part, clean_scene, skin = stored_part(folder / planned.stored)
     motion = planned.entry.motion or file.motion
     outlook = Outlook(part, clean_scene, motion, recipe.datasheet, file.profiles)
-    flawed = inject(
-        part,
-        flaw_plan(recipe, planned.entry),
-        visible_faces=outlook.facing,
-        visible_at=outlook.free,
-        surface=skin,
-        rng_of=streams(file.seed, part.name, number, "flaws"),
-    )
+
+    def cut() -> FlawedPart:
+        return inject(
+            part,
+            flaw_plan(recipe, planned.entry),
+            visible_faces=outlook.facing,
+            visible_at=outlook.free,
+            surface=skin,
+            rng_of=streams(file.seed, part.name, number, "flaws"),
+        )
+
+    if shared:
+        kept = (folder / planned.stored).with_name(f"{part.name}-{number}.flawed")
+        flawed = replace(_cut_once(kept, cut), part=part)
+    else:
+        flawed = cut()
     scene = Scene(flawed.vertices_mm, flawed.faces) if flawed.flaws else clean_scene
     laser = Laser.from_datasheet(recipe.datasheet, points=recipe.points)
     aimer = Aimer(

@@ -122,7 +122,9 @@ def _specimen(place: Workplace, part: str, number: int, work: PlannedScans) -> S
     specimen = _SPECIMENS.get(key)
     if specimen is None:
         _SPECIMENS.clear()
-        specimen = make_specimen(place.recipe, work.part, number, place.hidden)
+        specimen = make_specimen(
+            place.recipe, work.part, number, place.hidden, shared=not work.whole
+        )
         _SPECIMENS[key] = specimen
     return specimen
 

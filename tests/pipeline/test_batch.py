@@ -17,7 +17,7 @@ import trimesh
 from pipeline.batch import Backend, generate
 from pipeline.part import PartError
 from pipeline.recipe import Recipe
-from pipeline.shards import DepthCode, file_sha256, read_scan
+from pipeline.shards import DepthCode, ShardWriter, file_sha256, read_scan
 from sensors.typed_yaml import RecipeError
 
 OUTPUTS = ("shard-*.h5", "manifest.*", "flaws.*", "dataset.json")
@@ -66,6 +66,67 @@ def test_each_scan_can_be_read_alone(once):
 def test_same_bytes_for_any_number_of_jobs(once, recipe_path, tmp_path):
     generate(Recipe.load(recipe_path), tmp_path / "two", backend=Backend(jobs=2))
     assert checksums(tmp_path / "two") == checksums(once)
+
+
+def test_same_bytes_whoever_still_holds_a_dataset(once, recipe_path, tmp_path, monkeypatch):
+    holding, write = [], ShardWriter._write
+
+    def write_and_hold(self, dataset, values):
+        holding.append(dataset)
+        write(self, dataset, values)
+
+    monkeypatch.setattr(ShardWriter, "_write", write_and_hold)
+    generate(Recipe.load(recipe_path), tmp_path / "holding")
+    assert checksums(tmp_path / "holding") == checksums(once)
+    assert holding
+
+
+def test_a_specimen_of_many_shards_is_cut_once(recipe_path, tmp_path):
+    text = recipe_path.read_text().replace("specimens: 3\nscans: 2", "specimens: 1\nscans: 7")
+    recipe_path.write_text(text)
+    recipe = Recipe.load(recipe_path)
+    one = generate(recipe, tmp_path / "one")
+    assert len(one["shards"]) == 8
+    two, events = tmp_path / "two", []
+    (two / ".flawforge" / "parts").mkdir(parents=True)
+    for part in "ab":  # of a run that was stopped: not to be read
+        (two / ".flawforge" / "parts" / f"{part}-0.flawed").write_bytes(b"not from this run")
+
+    def event(name, facts):
+        kept = (two / ".flawforge" / "parts").glob("*.flawed")
+        events.append(sorted(path.name for path in kept))
+
+    generate(recipe, two, backend=Backend(jobs=2), event=event)
+    assert checksums(two) == checksums(tmp_path / "one")
+    assert events[-2] == ["a-0.flawed", "b-0.flawed"]
+    assert not (two / ".flawforge" / "parts").exists()
+
+
+def test_who_comes_second_takes_the_cut_that_is_kept(recipe_path, tmp_path, monkeypatch):
+    from pipeline import specimen
+    from pipeline.batch import find_wanted
+    from pipeline.plan import PlannedPart
+
+    recipe = Recipe.load(recipe_path).ready()
+    wanted, _ = find_wanted(recipe)
+    part = specimen.load_entry(wanted[0].entry, None, "a")
+    stored = specimen.store_part(part, tmp_path)
+    planned = PlannedPart(name="a", entry=wanted[0].entry, stored=stored)
+    made = [
+        specimen.make_specimen(recipe, planned, 0, tmp_path, shared=shared).flawed
+        for shared in (False, True)
+    ]
+    monkeypatch.setattr(specimen, "inject", None)
+    made.append(specimen.make_specimen(recipe, planned, 0, tmp_path, shared=True).flawed)
+    points = made[0].vertices_mm[made[0].faces[made[0].instance > 0]].mean(axis=1)
+    for flawed in made:
+        assert flawed.vertices_mm.tobytes() == made[0].vertices_mm.tobytes()
+        assert flawed.faces.tobytes() == made[0].faces.tobytes()
+        assert [one.parameters for one in flawed.flaws] == [
+            one.parameters for one in made[0].flaws
+        ]
+        assert (flawed.removed_at(points) == made[0].removed_at(points)).all()
+        assert flawed.part is specimen.stored_part(tmp_path / stored)[0]
 
 
 def test_another_seed_gives_another_dataset(once, recipe_path, tmp_path):

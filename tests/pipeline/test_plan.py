@@ -77,7 +77,7 @@ def test_another_seed_shuffles_the_splits():
 
 def test_a_large_specimen_is_cut_into_shards():
     plan = planned([1], 10, {"train": 1.0}, 4)
-    assert [shard.scans for shard in plan.shards] == [4, 4, 2]
+    assert [shard.scans for shard in plan.shards] == [3, 3, 4]
 
 
 def test_few_scans_still_make_many_shards():
