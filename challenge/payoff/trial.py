@@ -1,0 +1,234 @@
+"""One world's trial: render, seal the test, diagnose, simulate, train, open the test, score."""
+
+import hashlib
+import json
+import shutil
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from challenge.cases.seeds import child, number
+from challenge.payoff.precision import Tally, tally_flaws, tally_points
+from challenge.payoff.segmenter import booster, features, suspicion, train
+from challenge.payoff.simulate import flawforge, generate, write_artwork, write_parts
+from challenge.payoff.specimens import Specimen
+from challenge.payoff.worlds import WORLDS, Ready, ready, scan, specimen, write_stranger
+from challenge.run import command
+from challenge.sealed import write_whole
+
+TRAINED_ON = ("plain", "diagnosed", "instrument")
+STRANGER = ("a.h5", "b.h5", "c.h5", "plate-1.h5", "plate-2.h5", "part.stl", "sensor.yaml")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Effort:
+    """How much is made.
+
+    Attributes
+    ----------
+    training, test
+        Specimens of each world.
+    seeds
+        Segmenters trained on each set; every one draws half of the specimens.
+    """
+
+    training: int = 16
+    test: int = 10
+    seeds: int = 4
+
+
+SMALL = Effort(training=4, test=3, seeds=2)
+Labelled = tuple[NDArray[np.float32], NDArray[np.int16]]
+
+
+def render(name: str, seed: int, effort: Effort, folder: Path) -> dict[str, str]:
+    """Render a world's recordings and seal the test; returns the digests of the sealed files."""
+    sealed = folder / "sealed"
+    done = folder / "commitment.json"
+    if not done.exists():
+        sealed.mkdir(parents=True, exist_ok=True)
+        world = ready(name, seed)
+        write_stranger(world, folder / "stranger")
+        for k in range(effort.training):
+            _keep(folder / "training" / f"{k:03d}.npz", world, "train", k)
+        digests = {}
+        for k in range(effort.test):
+            file = sealed / f"{k:03d}.npz"
+            _keep(file, world, "test", k)
+            digests[file.name] = hashlib.sha256(file.read_bytes()).hexdigest()
+        write_whole(done, json.dumps(digests, indent=1).encode())
+    return dict(json.loads(done.read_text()))
+
+
+def _keep(file: Path, world: Ready, purpose: str, k: int) -> None:
+    made = specimen(world, purpose, k)
+    file.parent.mkdir(exist_ok=True)
+    np.savez(
+        file, depth=scan(world, purpose, k, made), instance=made.instance,
+        flaws=np.array(json.dumps([[f.kind, f.size] for f in made.flaws])),
+    )  # fmt: skip
+
+
+def diagnose(folder: Path) -> None:
+    """Measure the accepted noise and diagnose the stranger's recordings, as a stranger would.
+
+    Where there is no answer, the plain sensor stays in place of a diagnosed one.
+    """
+    there = folder / "diagnose"
+    if not (there / "surface.yaml").exists():
+        there.mkdir(exist_ok=True)
+        for file in STRANGER:
+            shutil.copyfile(folder / "stranger" / file, there / file)
+        flawforge(["roughness", "plate-1.h5", "--cutoff-mm", "2.5", "--sensor", "sensor.yaml",
+                   "--out", "roughness"], there)  # fmt: skip
+        shutil.copyfile(there / "roughness" / "surface.yaml", there / "surface.yaml")
+    if not (there / "answer.json").exists():
+        words = command(["a.h5", "b.h5", "c.h5"], ["plate-1.h5", "plate-2.h5"])
+        try:
+            flawforge(words[words.index("diagnose") :], there)
+            found = json.loads((there / "diagnosis" / "diagnosis.json").read_text())
+            answer = {"verdict": found["verdict"], "effects": [e["name"] for e in found["effects"]]}
+            shutil.copyfile(there / "diagnosis" / "sensor.yaml", there / "diagnosed.yaml")
+        except RuntimeError as error:
+            answer = {"verdict": "no answer", "effects": [], "said": str(error)}
+            shutil.copyfile(there / "sensor.yaml", there / "diagnosed.yaml")
+        write_whole(there / "answer.json", json.dumps(answer).encode())
+
+
+def simulate(world: Ready, made: list[Specimen], folder: Path) -> dict[str, list[Any]]:
+    """Simulate the training specimens with the plain and with the diagnosed sensor."""
+    there = folder / "simulated"
+    write_parts(there / "parts", made)
+    for file in ("surface.yaml", "sensor.yaml", "diagnosed.yaml"):
+        shutil.copyfile(folder / "diagnose" / file, there / file)
+    artwork = None
+    if world.staged.on.finish.print_ratio != 1.0:
+        artwork = "artwork.png"
+        write_artwork(there / artwork, world.staged.on.finish)
+    columns = world.staged.on.device.camera.columns
+    sensors = {"plain": "sensor.yaml", "diagnosed": "diagnosed.yaml"}
+    return {
+        name: generate(there, name, made, seed=number(world.secret.seed, name) % 2**31,
+                       sensor=sensor, columns=columns, artwork=artwork)
+        for name, sensor in sensors.items()
+    }  # fmt: skip
+
+
+def fit(
+    described: dict[str, list[Labelled]], seed: int, effort: Effort
+) -> dict[tuple[str, int], Any]:
+    """Train the segmenter on each set: same specimens, same draws, same seed for the three."""
+    models = {}
+    for turn in range(effort.seeds):
+        half = child(seed, "half", str(turn)).permutation(effort.training)
+        half = np.sort(half[: max(effort.training // 2, 1)])
+        for name, scans in described.items():
+            rng = child(seed, "segmenter", str(turn))
+            models[name, turn] = train([scans[k] for k in half], rng)
+    return models
+
+
+def score(
+    models: dict[tuple[str, int], Any], folder: Path, digests: dict[str, str]
+) -> dict[str, Any]:
+    """Open the sealed recordings, check them, and score every segmenter on each.
+
+    Returns
+    -------
+    dict
+        ``points`` and ``flaws``: set and seed -> a Tally for each recording; ``seen``: kind and
+        size of every flaw in sight; ``shown``: the first recording, for the picture.
+
+    Raises
+    ------
+    ValueError
+        Where a sealed file isn't the one committed to.
+    """
+    found: dict[str, Any] = {"points": {}, "flaws": {}, "seen": [], "shown": None}
+    for file_name, digest in sorted(digests.items()):
+        file = folder / "sealed" / file_name
+        if hashlib.sha256(file.read_bytes()).hexdigest() != digest:
+            raise ValueError(f"{file}: isn't the recording that was sealed")
+        with np.load(file) as kept:
+            depth, instance = kept["depth"], kept["instance"]
+            flaws = tuple((str(k), str(s)) for k, s in json.loads(str(kept["flaws"])))
+        layers = features(depth)
+        found["seen"] += [flaw for k, flaw in enumerate(flaws) if (instance == k + 1).any()]
+        shown = {}
+        for key, model in models.items():
+            points = suspicion(model, layers)
+            found["points"].setdefault(key, []).append(tally_points(points, instance, flaws))
+            found["flaws"].setdefault(key, []).append(tally_flaws(points, instance, flaws))
+            if key[1] == 0:
+                shown[key[0]] = points
+        if found["shown"] is None:
+            found["shown"] = {"depth": depth, "instance": instance, **shown}
+    return found
+
+
+def run_world(name: str, seed: int, effort: Effort, out: Path) -> Path:
+    """Run one world's trial and keep its tallies; continues where it was stopped."""
+    folder = out / name
+    kept = folder / "tallies.npz"
+    if kept.exists():
+        return kept
+    import threadpoolctl
+
+    booster()  # loaded before its threads are limited
+    with threadpoolctl.threadpool_limits(1):
+        digests = render(name, seed, effort, folder)
+        print(f"{name}: rendered, test sealed", flush=True)
+        diagnose(folder)
+        answer = json.loads((folder / "diagnose" / "answer.json").read_text())
+        print(f"{name}: {answer['verdict']} ({', '.join(answer['effects']) or '-'})", flush=True)
+        world = ready(name, seed)
+        made = [specimen(world, "train", k) for k in range(effort.training)]
+        sets = simulate(world, made, folder)
+        print(f"{name}: simulated", flush=True)
+        sets["instrument"] = []
+        for k, each in enumerate(made):
+            with np.load(folder / "training" / f"{k:03d}.npz") as file:
+                assert np.array_equal(file["instance"], each.instance)
+                sets["instrument"].append(file["depth"])
+        described = {
+            key: [(features(d), m.instance) for d, m in zip(sets[key], made, strict=True)]
+            for key in TRAINED_ON
+        }
+        models = fit(described, world.secret.seed, effort)
+        found = score(models, folder, digests)
+    _store(kept, found)
+    print(f"{name}: scored", flush=True)
+    return kept
+
+
+def _store(file: Path, found: dict[str, Any]) -> None:
+    arrays: dict[str, Any] = {f"shown/{k}": v for k, v in found["shown"].items()}
+    arrays["seen"] = np.array(found["seen"])
+    for what in ("points", "flaws"):
+        for (name, turn), tallies in found[what].items():
+            for field in ("hits", "false", "missed"):
+                stack = np.stack([getattr(t, field) for t in tallies]).astype(np.int32)
+                arrays[f"{what}/{name}/{turn}/{field}"] = stack
+    aside = file.with_suffix(".part.npz")
+    np.savez_compressed(aside, **arrays)
+    aside.replace(file)
+
+
+def load(file: Path, what: str, name: str) -> list[list[Tally]]:
+    """Read the tallies of a set of training data: for each seed one for each recording."""
+    found = []
+    with np.load(file) as kept:
+        while f"{what}/{name}/{len(found)}/hits" in kept:
+            fields = [kept[f"{what}/{name}/{len(found)}/{f}"] for f in ("hits", "false", "missed")]
+            found.append(
+                [Tally(hits=h, false=f, missed=m) for h, f, m in zip(*fields, strict=True)]
+            )
+    return found
+
+
+def describe(effort: Effort) -> dict[str, Any]:
+    """Return the effort as plain data, with the worlds."""
+    return {**asdict(effort), "worlds": list(WORLDS)}

@@ -1,0 +1,141 @@
+"""The worlds: one physical switch of the instrument or the finish each, and what is scanned there.
+
+A world is one part, one instrument and its setting. A stranger gets recordings of the clean part
+and what was written when the instrument was accepted: its file and two scans of a plate.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path as FilePath
+
+import numpy as np
+from numpy.typing import NDArray
+
+from challenge.cases import files
+from challenge.cases.case import PLATES, Secret, Staged, stage, write
+from challenge.cases.parts import plate
+from challenge.cases.seeds import child, number
+from challenge.instrument.finish import Finish
+from challenge.instrument.instrument import Path
+from challenge.payoff.specimens import Specimen, draw_path, make_specimen
+
+PROFILES = 120
+_TRIES = 5
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class World:
+    """What is missing from the plain simulation in one world.
+
+    Attributes
+    ----------
+    switch
+        A name of `challenge.cases.switches`; empty where nothing is missing.
+    words
+        For the page.
+    shape
+        Of the part.
+    """
+
+    switch: str
+    words: str
+    shape: str = "waves"
+
+
+STRONG = 2
+WORLDS: dict[str, World] = {
+    "nothing": World(switch="", words="nothing is missing (control)"),
+    "shaking": World(switch="stage_vibration", words="the stage vibrates"),
+    "ground": World(switch="anisotropic_lay", words="the part is ground, not blasted"),
+    "print": World(switch="reflectance_edge", words="the part is printed with dark stripes"),
+    "spikes": World(switch="outlier_spikes", words="stray glints hit the chip"),
+    "wide": World(switch="finite_spot", words="the laser line is out of focus", shape="terraces"),
+}
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Ready:
+    """A world ready to be scanned: the staged case, and its seed."""
+
+    name: str
+    secret: Secret
+    staged: Staged
+
+
+def ready(name: str, seed: int) -> Ready:
+    """Draw a world's part and instrument and calibrate it.
+
+    Raises
+    ------
+    RuntimeError
+        Where several parts in a row were no solids.
+    """
+    world = WORLDS[name]
+    for attempt in range(_TRIES):
+        secret = Secret(
+            kind="one" if world.switch else "null",
+            switches=(world.switch,) if world.switch else (),
+            strength=STRONG, shape=world.shape, recordings=3,
+            seed=number(seed, "payoff", name, str(attempt)),
+        )  # fmt: skip
+        try:
+            staged = stage(secret)
+        except ValueError:
+            continue
+        scans = staged.on.scans
+        short = replace(scans, paths=tuple(_shortened(path) for path in scans.paths))
+        staged = replace(
+            staged, on=replace(staged.on, scans=short), off=replace(staged.off, scans=short)
+        )
+        return Ready(name=name, secret=secret, staged=staged)
+    raise RuntimeError(f"{name}: {_TRIES} parts in a row were no solids")
+
+
+def _shortened(path: Path) -> Path:
+    """Return the middle of a path, `PROFILES` long."""
+    less = max(path.profiles - PROFILES, 0)
+    start = path.start.copy()
+    start[:3, 3] += path.direction * path.pitch_mm * (less // 2) * start[:3, 1]
+    return replace(path, start=start, profiles=path.profiles - less)
+
+
+def write_stranger(world: Ready, folder: FilePath) -> None:
+    """Write what a stranger has: recordings of the clean part, file and plates as accepted."""
+    write(world.secret, world.staged, folder)
+    good, seed = world.staged.off.device, world.secret.seed
+    flat = plate(child(seed, "plate"))
+    for name, path in zip(PLATES, world.staged.plates, strict=True):
+        depth, bright = good.scan(
+            flat, Finish(), path, child(seed, "accepted", name),
+            specimen=number(seed, "accepted", name),
+        )  # fmt: skip
+        files.write_recording(folder / f"{name}.h5", depth, bright, path, name)
+
+
+def specimen(world: Ready, purpose: str, k: int) -> Specimen:
+    """Draw a flawed specimen of the world's part, and the path that it is scanned on.
+
+    Parameters
+    ----------
+    purpose
+        ``train`` or ``test``: streams of their own, so that no draw is shared.
+    """
+    device = world.staged.on.device
+    clean = world.staged.on.nominal
+    top = max(float(np.percentile(clean.vertices_mm[:, 2], 90)), 0.5)
+    rng = child(world.secret.seed, "payoff", purpose, str(k))
+    like = world.staged.on.scans.paths[0]
+    path = draw_path(rng, like, device.camera.working_distance_mm, top)
+    return make_specimen(clean, path, device.camera, rng)
+
+
+def scan(world: Ready, purpose: str, k: int, made: Specimen) -> NDArray[np.float32]:
+    """Scan a specimen with the world's instrument; every specimen has its own surface."""
+    on, seed = world.staged.on, world.secret.seed
+    finish = on.finish
+    if finish.relief_mm > 0:
+        finish = replace(finish, relief_seed=number(seed, "relief", purpose, str(k)))
+    depth, _ = on.device.scan(
+        made.solid, finish, made.path, child(seed, "payoff noise", purpose, str(k)),
+        specimen=number(seed, "payoff surface", purpose, str(k)),
+    )  # fmt: skip
+    return depth
