@@ -3,10 +3,12 @@
 import hashlib
 import io
 import json
+import os
 import shutil
 import sys
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, replace
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +57,10 @@ def make(out: Path, *, seed: int | None, small: bool, jobs: int) -> int:
             _make_one(str(out), name, secret)
             print(f"{name} sealed ({k + 1} of {len(todo)})", flush=True)
     elif todo:
-        with ProcessPoolExecutor(jobs) as pool:
+        # a job is a core: each process starts afresh with one thread for its linear algebra
+        for lib in ("OMP", "OPENBLAS", "MKL"):
+            os.environ[f"{lib}_NUM_THREADS"] = "1"
+        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
             waiting = {pool.submit(_make_one, str(out), n, c): n for n, c in todo}
             for k, ready in enumerate(as_completed(waiting)):
                 ready.result()

@@ -6,6 +6,7 @@ shadow's threshold with which the listed laws come nearest to the readings' mean
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,7 +72,7 @@ class EdgeFigures:
     merge_um: float
     weakest: float
 
-    def entries(self, device: Instrument, along_um: float) -> list[dict[str, object]]:
+    def entries(self, device: Instrument, along_um: float) -> list[dict[str, Any]]:
         """Return the file's `camera_occlusion`, `finite_spot` and `edge_mixing`."""
         camera = device.camera
         rayleigh = round(device.sheet.rayleigh_mm, 2)
@@ -144,7 +145,7 @@ def edge_figures(device: Instrument, rng: np.random.Generator, *, along_um: floa
 
     def far_off(figures: EdgeFigures) -> tuple[float, float]:
         """Mean square departure in σ², cut; and share of points wrongly said to (not) return."""
-        said = stated(rays, figures.entries(device, along_um)).depth_mm  # type: ignore[arg-type]
+        said = stated(rays, figures.entries(device, along_um)).depth_mm
         both = np.isfinite(said) & (seen > 0.5)
         rest = np.abs(mean - said - shift)[both] / sigma
         return float(np.mean(np.minimum(rest, _CUT) ** 2)), float(

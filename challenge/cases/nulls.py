@@ -136,7 +136,7 @@ def _strip(staged: Staged, secret: Secret, index: int, first: int) -> NDArray[np
 def _centred(shots_mm: NDArray[np.float64]) -> NDArray[np.float64]:
     """Take the draws' mean away."""
     count = np.isfinite(shots_mm).sum(0)
-    return shots_mm - np.nansum(shots_mm, 0) / np.maximum(count, 1)
+    return np.asarray(shots_mm - np.nansum(shots_mm, 0) / np.maximum(count, 1))
 
 
 def _blocks(

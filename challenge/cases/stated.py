@@ -5,7 +5,7 @@ the file is printed. Own code, so that the challenge stays a stranger to the cat
 holds the two against each other.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -149,7 +149,7 @@ def _read(
         return _Line(depth_mm=depth, spot_mm=spot[1] / spot[0], light=light, whole=whole)
 
 
-def stated(rays: Rays, effects: list[Mapping[str, Any]]) -> Stated:
+def stated(rays: Rays, effects: Sequence[Mapping[str, Any]]) -> Stated:
     """Follow a file's `camera_occlusion`, `finite_spot` and `edge_mixing`.
 
     Parameters

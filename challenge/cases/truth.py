@@ -164,7 +164,7 @@ def _noise_of_mean(
     return float(np.nanmean(rest**2) / (count - 1))
 
 
-def facts(staged: Staged, secret: Secret, *, draws: int = 5) -> Facts:
+def facts(staged: Staged, secret: Secret, *, draws: int = 4) -> Facts:
     """Scan the held-out pose again with other specimens, with and without the effect."""
     last = secret.recordings - 1
     on, off = staged.on, staged.off
