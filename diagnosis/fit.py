@@ -24,7 +24,9 @@ from sensors.typed_yaml import RecipeError
 MAX_GRID = 600
 SEARCHES = 45
 PEAKS = 4
-IMITATED = 1e-4
+IMITATED = 1e-6
+LEAST_CYCLES = 1.2
+"""Fewer cycles in a scan are no vibration: a drift, or the part's form."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -257,8 +259,8 @@ def _normals(
 def _solve(gram: Field, right: Field, raw: Field) -> Field:
     """Solve for coefficients; directions that a placement can imitate stay at zero.
 
-    Such a direction keeps less than a ten-thousandth of its square once the pose is projected
-    out: the recordings can't tell it from a misplaced part.
+    Such a direction keeps less than a millionth of its square once the pose is projected out:
+    the recordings can't tell it from a misplaced part.
     """
     size = np.sqrt(np.maximum(raw, 1e-30))
     values, vectors = np.linalg.eigh(gram / np.outer(size, size))
@@ -304,7 +306,7 @@ def _polish_linear(
     masks: Sequence[Mask],
     first: Fitted,
 ) -> Fitted:
-    described = [point.parameter(n) for n in names]
+    bounds = [_bounds(point, n, ws) for n in names]
     start = np.array([_number(point, n) for n in names])
     scale = np.maximum(np.abs(start), 1e-6)
     spread = _spread(point, names, ws)
@@ -314,8 +316,8 @@ def _polish_linear(
     def cost(steps: Field) -> float:
         nonlocal best
         values = {
-            n: float(np.clip(s + d * w, p.low, p.high))
-            for n, s, d, w, p in zip(names, start, steps, scale * spread, described, strict=True)
+            n: float(np.clip(s + d * w, *b))
+            for n, s, d, w, b in zip(names, start, steps, scale * spread, bounds, strict=True)
         }
         fitted = solve_linear(point.with_parameters(values), ws, states, masks)
         if fitted is None:
@@ -336,6 +338,18 @@ def _polish_linear(
         },
     )
     return best
+
+
+def _bounds(effect: Effect, name: str, ws: Workspace) -> tuple[float, float]:
+    """Bounds of a parameter; a wave has some cycles in the longest scan."""
+    p = effect.parameter(name)
+    if name == "frequency_hz":
+        span = max(float(np.ptp(v.view.time_s)) for v in ws.patches)
+        return max(p.low, LEAST_CYCLES / max(span, 1e-9)), p.high
+    if name == "period_mm":
+        span = max(float(np.ptp(v.view.travel_mm)) for v in ws.patches)
+        return p.low, min(p.high, max(span, 1e-9) / LEAST_CYCLES)
+    return p.low, p.high
 
 
 def _spread(point: Effect, names: Sequence[str], ws: Workspace) -> Field:

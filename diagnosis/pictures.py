@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diagnosis.diagnose import Diagnosis, FoundEffect
+from diagnosis.diagnose import Diagnosis
+from diagnosis.found import FoundEffect
 from diagnosis.noise import Field, Mask
 from diagnosis.workspace import Workspace
 from sensors.covariates import COVARIATES

@@ -19,9 +19,12 @@ from diagnosis.prediction import Prediction
 from diagnosis.score import Whitened
 from diagnosis.workspace import block_sums
 from sensors.covariates import COVARIATES
+from sensors.law import sheet_effects
 
 TOLERANCES = {"variance": 0.12, "missing": 0.004, "tails": 0.002}
 """Least departure that is a mismatch: relative change of the noise, share of readings."""
+LISTED_TOLERANCE = 0.3
+"""The same for the noise where the sensor's file shapes it over the scan already."""
 LEVELS = {"missing": 0.002, "tails": 0.0007}
 """Least share of readings, lost or spikes, that is a mismatch by itself."""
 LARGEST_EVENT = 12
@@ -40,7 +43,11 @@ def screen_rates(
 ) -> list[Finding]:
     """Test variance, missing and tails against nothing and against each covariate."""
     findings: list[Finding] = []
+    shaped = any("variance" in e.channels for e in sheet_effects(patches[0].view))
     for channel in ("variance", "missing", "tails"):
+        tolerance = TOLERANCES[channel]
+        if channel == "variance" and shaped:
+            tolerance = LISTED_TOLERANCE
         values, masks, floor = _numbers(channel, patches, predictions, states, noise)
         if sum(int(m.sum()) for m in masks) < 200:
             continue
@@ -51,7 +58,9 @@ def screen_rates(
                 np.ptp(c[np.isfinite(c)]) == 0 for c in covariate if np.isfinite(c).any()
             ):
                 continue
-            finding = _against(channel, name, values, masks, covariate, block, floor)
+            finding = _against(
+                channel, name, values, masks, covariate, block, floor, tolerance
+            )
             if finding is not None:
                 findings.append(finding)
     return findings
@@ -139,6 +148,7 @@ def _against(
     covariate: Sequence[Field],
     block: tuple[int, int],
     floor: float,
+    tolerance: float,
 ) -> Finding | None:
     fields = hats([np.where(m, c, np.nan) for m, c in zip(masks, covariate, strict=True)], 6)
     if fields[0] is None or len(fields[0]) < 2:
@@ -194,5 +204,5 @@ def _against(
     c = COVARIATES[name]
     return Finding(
         channel=channel, name=f"{channel}:{name}", words=c.words, frame=c.frame, z=z, size=size,
-        tolerance=TOLERANCES[channel], gain=0.5 * max(statistic - dof, 0.0), coefficients=rate,
+        tolerance=tolerance, gain=0.5 * max(statistic - dof, 0.0), coefficients=rate,
     )  # fmt: skip

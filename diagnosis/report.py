@@ -4,7 +4,8 @@ import base64
 import html
 from pathlib import Path
 
-from diagnosis.diagnose import Diagnosis, FoundEffect
+from diagnosis.diagnose import Diagnosis
+from diagnosis.found import FoundEffect
 from diagnosis.pictures import covariate_picture, mismatch_map, profile_picture
 
 VERDICTS = {

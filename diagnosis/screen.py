@@ -293,8 +293,9 @@ def _size(family: Family, readings: Readings, beta: Field, statistic: float, dof
     ):
         if fields is None:
             continue
-        fitted = (np.tensordot(beta, fields, axes=1) / state.sd_mm)[pick]
-        columns = (patch.columns / state.sd_mm[..., None])[pick]
+        sd = state.sd_mm[pick]
+        fitted = sum(b * f[pick] for b, f in zip(beta, fields, strict=True)) / sd
+        columns = patch.columns[pick] / sd[:, None]
         step = max(1, len(columns) // 4000)
         few, some = columns[::step], fitted[::step]
         ridge = 1e-9 * np.trace(few.T @ few) * np.eye(few.shape[1])

@@ -24,6 +24,8 @@ MOST = 4
 RIVAL_SHARE = 0.5
 IDLE = 8.0
 """Nats below which a further effect isn't worth its name."""
+LEAST_SHARE = 0.015
+"""A further effect that gains less than this share of those before mends their remainder."""
 SEARCHED_READINGS = 80_000
 SCREENED_READINGS = 180_000
 NOT_SEARCHED = {"pose_error", "empirical", "roughness_level", "anisotropic_lay"}
@@ -91,7 +93,7 @@ def select(
     while len(choices) < MOST and last.significant():
         progress(f"explaining: {last.significant()[0].name}")
         step = _best(few, model, last.significant(), rng, withheld)
-        if step is None:
+        if step is None or step[1].gain < LEAST_SHARE * sum(c.gain for c in choices):
             break
         model, choice = step
         choices.append(choice)

@@ -63,7 +63,7 @@ class CameraOcclusion(Effect):
     )
     weakest: float = parameter(
         "share of the line's light that the camera must see, where it has a width",
-        low=0.01,
+        low=0.001,
         high=0.99,
         typical=0.5,
     )

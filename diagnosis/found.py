@@ -1,0 +1,148 @@
+"""The effects of a diagnosis as they are reported: what each gains, its intervals, its rivals."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.heldout import Judgement, judge
+from diagnosis.mounting import Mounting
+from diagnosis.noise import NoiseModel
+from diagnosis.patch import Patch, cut
+from diagnosis.prediction import predict
+from diagnosis.registration import Placement
+from diagnosis.score import log_density
+from diagnosis.select import Choice, refit_linear
+from diagnosis.uncertainty import intervals
+from diagnosis.workspace import Model, Workspace
+from sensors.covariates import COVARIATES
+from sensors.datasheet import Datasheet
+from sensors.effects.base import Effect
+from sensors.laser import Laser
+from sensors.recording import Recording
+from sensors.scene import Scene
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class FoundEffect:
+    """One effect of the diagnosis as it is reported."""
+
+    name: str
+    effect: Effect
+    statement: str
+    parameters: dict[str, tuple[float, float, float]]
+    heldout_gain: float
+    covariate: str
+    covariate_key: str
+    frame: str
+    alternatives: tuple[tuple[str, float], ...]
+    separating: str
+
+
+def found_effects(
+    ws: Workspace,
+    model: Model,
+    choices: Sequence[Choice],
+    held: Sequence[Patch],
+    share_own: bool,
+) -> tuple[tuple[FoundEffect, ...], Judgement]:
+    """Tell what each effect of the model gains on held-out readings, and judge the whole.
+
+    Parameters
+    ----------
+    held : patches that nothing was fitted to
+    share_own : whether a part of them serves each recording's own parameters
+    """
+    after = judge(held, ws.noise, model, share_own=share_own)
+    chosen: dict[str, Choice] = {c.name: c for c in choices}
+    bounds = intervals(ws, model)
+    out = []
+    for effect in model.effects:
+        rest = model.without(effect.name)
+        if len(rest.effects) > 1 or (rest.effects and rest.effects[0].name != "empirical"):
+            rest = refit_linear(ws, rest)
+        without = judge(held, ws.noise, rest, share_own=share_own)
+        choice = chosen.get(effect.name)
+        rivals = choice.alternatives if choice else ()
+        covariate = COVARIATES[getattr(effect, "against", effect.covariate)]
+        statement = effect.describe()
+        if rivals:
+            names = " or ".join(name for name, _ in rivals)
+            statement += (
+                f" These recordings can't tell it from {names}; to separate them: "
+                f"{effect.separating}."
+            )
+        out.append(
+            FoundEffect(
+                name=effect.name,
+                effect=effect,
+                statement=statement,
+                parameters=bounds.get(effect.name, {}),
+                heldout_gain=without.log_score - after.log_score,
+                covariate=covariate.words,
+                covariate_key=covariate.name,
+                frame=covariate.frame if effect.name == "empirical" else effect.frame,
+                alternatives=tuple((n, g / max(ws.count(), 1)) for n, g in rivals),
+                separating=effect.separating,
+            )
+        )
+    return tuple(sorted(out, key=lambda f: -f.heldout_gain)), after
+
+
+def plainly_found(
+    effect: Effect, gain: float, parameters: dict[str, tuple[float, float, float]]
+) -> FoundEffect:
+    """Report an effect that was measured by itself."""
+    covariate = COVARIATES[effect.covariate]
+    return FoundEffect(
+        name=effect.name,
+        effect=effect,
+        statement=effect.describe(),
+        parameters=parameters,
+        heldout_gain=gain,
+        covariate=covariate.words,
+        covariate_key=covariate.name,
+        frame=effect.frame,
+        alternatives=(),
+        separating=effect.separating,
+    )
+
+
+def commanded_gain(
+    recordings: Sequence[Recording],
+    held: Sequence[Patch],
+    scene: Scene,
+    datasheet: Datasheet,
+    laser: dict[str, Laser],
+    noise: NoiseModel,
+    mounting: Mounting,
+    lateral: float,
+) -> float:
+    """Nats per held-out reading that a common offset gains at commanded poses."""
+    names = {p.recording for p in held}
+    total, count = 0.0, 0.0
+    for number, recording in enumerate(recordings):
+        if number not in names:
+            continue
+        stay = Placement(
+            shift=np.zeros(7),
+            centre_mm=np.zeros(3),
+            covariance=np.eye(7),
+            poses=recording.poses,
+        )
+        for patch in cut(
+            number, recording, stay, scene, datasheet, laser[recording.name], lateral_mm=lateral,
+            held_out=np.ones(recording.depth_mm.shape, dtype=bool),
+        ):  # fmt: skip
+            scores = [
+                log_density(
+                    patch,
+                    predict(patch.view, e, noise, softness=patch.softness),
+                    noise,
+                    np.zeros(7),
+                )
+                for e in ((), (mounting.effect,))
+            ]
+            total += float((scores[1] - scores[0]).sum())
+            count += float(patch.counted.sum())
+    return total / max(count, 1.0)

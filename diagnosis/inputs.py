@@ -1,0 +1,103 @@
+"""What a diagnosis is given: checked, and refused with a reason where it can't be used."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.brightness import surface_brightness
+from diagnosis.noise import Mask
+from diagnosis.patch import Patch
+from sensors.datasheet import Datasheet
+from sensors.laser import Laser
+from sensors.recording import Recording, repeated_rows
+from sensors.typed_yaml import RecipeError
+
+
+def check_names(recordings: Sequence[Recording]) -> None:
+    """Refuse two recordings of one name."""
+    names = [r.name for r in recordings]
+    for name in names:
+        if names.count(name) > 1:
+            raise RecipeError("two recordings have the same name", value=name)
+
+
+def check_fits(datasheet: Datasheet, recording: Recording, notes: list[str]) -> None:
+    """Refuse a sensor that can't have delivered the recording."""
+    if recording.depth_mm.shape[0] < 2:
+        raise RecipeError(
+            "holds a single profile; a diagnosis needs at least 2", where=recording.name
+        )
+    known = recording.depth_mm[np.isfinite(recording.depth_mm)]
+    low, high = datasheet.depth_min_mm, datasheet.depth_max_mm
+    inside = (known >= low) & (known <= high)
+    if inside.mean() < 0.5:
+        middle = float(np.median(known))
+        for factor, unit in ((1000.0, "metres"), (25.4, "inches"), (1e-3, "micrometres")):
+            if low <= middle * factor <= high:
+                raise RecipeError(
+                    f"depths don't fit the sensor's range but would if they were in {unit}; "
+                    "/depth is in mm",
+                    where=recording.name, value=round(middle, 4), allowed=f"{low:g} to {high:g} mm",
+                )  # fmt: skip
+        raise RecipeError(
+            "this sensor can't have delivered it: most depths are out of its range",
+            where=recording.name, value=round(middle, 4), allowed=f"{low:g} to {high:g} mm",
+        )  # fmt: skip
+    if inside.mean() < 1:
+        notes.append(
+            f"{recording.name}: {(~inside).sum()} readings outside the working range count as "
+            "missing"
+        )
+    if recording.depth_mm.shape[1] != datasheet.points_per_profile:
+        notes.append(
+            f"{recording.name}: {recording.depth_mm.shape[1]} points a profile, the sensor's file "
+            f"says {datasheet.points_per_profile}: taken as spread over the same field of view"
+        )
+
+
+def check_overlap(patches: Sequence[Patch]) -> None:
+    """Refuse a recording that meets the part nowhere."""
+    for patch in patches:
+        if not (patch.observed & np.isfinite(patch.plain_mm)).any() and patch.observed.any():
+            raise RecipeError("nowhere meets the part after registration", where=patch.name)
+
+
+def note_repeats(recordings: Sequence[Recording], notes: list[str]) -> None:
+    """Note profiles that repeat the one before."""
+    for r in recordings:
+        count = int(repeated_rows(r.depth_mm).sum())
+        if count:
+            notes.append(
+                f"{r.name}: {count} of {len(r.depth_mm)} profiles repeat the one before, "
+                "reading for reading; they measured nothing and are left out"
+            )
+
+
+def laser_of(datasheet: Datasheet, recording: Recording) -> Laser:
+    """Return the rays of a recording's columns."""
+    points = recording.depth_mm.shape[1]
+    try:
+        return Laser.from_datasheet(datasheet, points=points, x_mm=recording.x_mm)
+    except RecipeError as error:
+        raise RecipeError(str(error), where=recording.name) from None
+
+
+def lateral_mm(recording: Recording) -> float:
+    """How far edges may be off sideways: a twentieth of the profile pitch, at least 15 µm."""
+    step = np.linalg.norm(np.diff(recording.poses[:, :3, 3], axis=0), axis=1)
+    return float(np.clip(0.05 * np.median(step), 0.015, 0.05))
+
+
+def tiles(profiles: int, points: int) -> Mask:
+    """Blocks of a single recording that are held out: a quarter, spread over it."""
+    rows = (np.arange(profiles) * 6 // profiles)[:, None]
+    columns = (np.arange(points) * 6 // points)[None]
+    return np.asarray((rows + 2 * columns) % 4 == 0)
+
+
+def without_speckle(recording: Recording) -> Recording:
+    """Keep the surface's part of a recording's brightness."""
+    if recording.intensity is None:
+        return recording
+    return replace(recording, intensity=surface_brightness(recording.intensity))

@@ -1,0 +1,98 @@
+"""Recordings settled under the chosen model: placed anew, with their own parameters."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.heldout import judging_masks, settle_own
+from diagnosis.noise import Field, NoiseModel
+from diagnosis.patch import Patch, cut
+from diagnosis.prediction import predict
+from diagnosis.registration import PRIOR_SD, Placement, register
+from diagnosis.score import placements, whitened
+from diagnosis.workspace import Model, Workspace
+from sensors.datasheet import Datasheet
+from sensors.laser import Laser
+from sensors.recording import Recording
+from sensors.scene import Scene
+
+NEAR_MM, NEAR_SD = 0.03, 3.0
+"""A placement changes no further than this, sideways and in units of the noise, for nothing."""
+
+
+def registered_under(
+    model: Model,
+    patches: Sequence[Patch],
+    recordings: Sequence[Recording],
+    scene: Scene,
+    datasheet: Datasheet,
+    laser: dict[str, Laser],
+    placed: dict[str, Placement],
+    noise: NoiseModel,
+    lateral: float,
+) -> list[Patch]:
+    """Place each recording anew with the effects in the model.
+
+    Under the plain model a placement gives way to what it lacks, by tenths of a millimetre where
+    the part is smooth: far enough for curvature to bend what was linear. Recordings that hardly
+    move, or are looked at in strips, stay where they are.
+    """
+    out: list[Patch] = []
+    moved = Workspace.build(patches, noise).placements(model)
+    for number, recording in enumerate(recordings):
+        own = [p for p in patches if p.recording == number]
+        patch = own[0]
+        strips = len(own) > 1 or patch.shape[0] < recording.depth_mm.shape[0]
+        if strips or _stays(patch, moved[number], noise):
+            out += own
+            continue
+        mean = predict(patch.view, model.of(number), noise, softness=patch.softness).mean_mm
+        placement = register(
+            scene,
+            recording,
+            laser[recording.name],
+            valid=patch.observed,
+            offset_mm=np.nan_to_num(mean - patch.view.depth_mm),
+            sd_mm=noise.sd_mm,
+        )
+        again = cut(
+            number, recording, placement, scene, datasheet, laser[recording.name],
+            lateral_mm=lateral, held_out=patch.scored,
+        )  # fmt: skip
+        placed[recording.name] = placement
+        out += again
+    return out
+
+
+def _stays(patch: Patch, shift: Field, noise: NoiseModel) -> bool:
+    """Whether a placement is so near that what is linear in it is all there is."""
+    far = np.abs(shift * PRIOR_SD)[:3].max() > NEAR_MM
+    deep = np.abs(patch.columns @ shift).max() > NEAR_SD * noise.sd_mm
+    return not (far or deep)
+
+
+def settled(
+    patches: Sequence[Patch], noise: NoiseModel, model: Model, share_own: bool
+) -> tuple[Model, dict[str, dict[int, Field]]]:
+    """Return the model with held-out recordings' own parameters, and each one's placements.
+
+    Placements are those under the "plain" and the "final" model, by recording.
+    """
+    out: dict[str, dict[int, Field]] = {}
+    ws = Workspace.build(patches, noise)
+    if share_own:
+        held = [p for p in patches if p.scored.any()]
+        small, _ = judging_masks(held, True)
+        settled = settle_own(Workspace.build(held, noise), model, small)
+        own = {**{k: dict(v) for k, v in model.own.items()}}
+        for r, values in settled.own.items():
+            own.setdefault(r, {}).update(
+                {k: v for k, v in values.items() if k not in own.get(r, {})}
+            )
+        model = replace(model, own=own)
+    for name, which in (("plain", Model()), ("final", model)):
+        predictions = ws.predict(which)
+        raw = [whitened(p, q, noise) for p, q in zip(patches, predictions, strict=True)]
+        out[name] = placements(patches, raw, [p.counted for p in patches])
+    return model, out
