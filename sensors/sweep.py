@@ -55,21 +55,23 @@ def sweep(
     sorted_place = place[order]
     x, y, z = turned(vertices_mm, frame)
     rows, row_origin, row_scale = _lookup(sorted_place[:, 1])
-    low, high = _runs(
+    which, low, high = _runs(
         x, y, z, faces, slope_x[0], slope_x[-1],
         sorted_place[:, 1].copy(), rows, row_origin, row_scale,
     )  # fmt: skip
     start, members = _blocks(low, high, n)
     # Rays sorted by the one number that tells them apart: their slope, or their place.
     kind, table, origin, scale = 2, np.zeros(2, dtype=np.int32), 0.0, 0.0
-    if x_mm[0] == x_mm[-1]:
+    if m < 3:
+        pass
+    elif x_mm[0] == x_mm[-1]:
         kind, (table, origin, scale) = 0, _lookup(slope_x)
     elif slope_x[0] == slope_x[-1]:
         kind, (table, origin, scale) = 1, _lookup(x_mm)
     depth = np.empty((n, m))
     triangle = np.empty((n, m), dtype=np.int32)
     _fill(
-        x, y, z, faces, low, high, start, members, sorted_place, order,
+        x, y, z, faces, which, low, high, start, members, sorted_place, order,
         x_mm, slope_x, kind, table, origin, scale, depth, triangle,
     )  # fmt: skip
     if backwards:
@@ -109,16 +111,30 @@ def _guess(table: Ints, origin: float, scale: float, value: float) -> int:
     return int(table[np.uint64(cell)]) if cell < last else int(table[last])
 
 
+@njit(cache=True, inline="always")
+def _not_above(values: Floats, table: Ints, origin: float, scale: float, value: float) -> int:
+    """How many of the sorted `values` aren't above a value."""
+    n = len(values)
+    i = min(_guess(table, origin, scale, value), n - 1)
+    i += int(values[np.uint64(i)] <= value)  # without a branch, this settles nearly all
+    while i > 0 and values[i - 1] > value:
+        i -= 1
+    while i < n and values[i] <= value:
+        i += 1
+    return i
+
+
 @njit(cache=True)
 def _runs(
     x: Floats, y: Floats, z: Floats, faces: Ints, slope_low: float, slope_high: float,
     profile_y: Floats, table: Ints, origin: float, scale: float,
-) -> tuple[Ints, Ints]:  # fmt: skip
-    """First profile that each triangle covers, and the one behind its last: ymin < y <= ymax.
+) -> tuple[Ints, Ints, Ints]:  # fmt: skip
+    """Triangles that cover profiles; the first of these, and the one behind the last.
 
-    Triangles that show all rays their inner side cover none.
+    A triangle covers ymin < y <= ymax; one that shows all rays its inner side covers none.
     """
-    count, n = len(faces), len(profile_y)
+    count, kept = len(faces), 0
+    which = np.empty(count, dtype=np.int32)
     low, high = np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32)
     for t in range(count):
         i0, i1, i2 = faces[t, 0], faces[t, 1], faces[t, 2]
@@ -129,155 +145,177 @@ def _runs(
         normal_z, size_z = left - right, abs(left) + abs(right)
         away = min(normal_x * slope_low, normal_x * slope_high) + normal_z
         if away > 1e-9 * (size_x + size_z):
-            low[t] = high[t] = 0
             continue
-        bottom, top = min(a, b, c), max(a, b, c)
-        i = _guess(table, origin, scale, bottom)
-        while i > 0 and profile_y[i - 1] > bottom:
-            i -= 1
-        while i < n and profile_y[i] <= bottom:
-            i += 1
-        low[t] = i
-        k = max(i, _guess(table, origin, scale, top))
-        while k > i and profile_y[k - 1] > top:
-            k -= 1
-        while k < n and profile_y[k] <= top:
-            k += 1
-        high[t] = k
-    return low, high
+        which[kept] = t
+        low[kept] = _not_above(profile_y, table, origin, scale, min(a, b, c))
+        high[kept] = _not_above(profile_y, table, origin, scale, max(a, b, c))
+        kept += int(low[kept] < high[kept])
+    return which[:kept], low[:kept], high[:kept]
 
 
 @njit(cache=True)
 def _blocks(low: Ints, high: Ints, n: int) -> tuple[NDArray[np.int64], Ints]:
-    """Triangles of each block of profiles, ascending, as one list with the starts of its runs."""
+    """List the runs that each block of profiles meets, ascending; and where each list starts."""
     blocks = (n + _BLOCK - 1) // _BLOCK
     start = np.zeros(blocks + 1, dtype=np.int64)
-    for t in range(len(low)):
-        if low[t] < high[t]:
-            for b in range(low[t] // _BLOCK, (high[t] - 1) // _BLOCK + 1):
-                start[b + 1] += 1
+    for k in range(len(low)):
+        for b in range(low[k] // _BLOCK, (high[k] - 1) // _BLOCK + 1):
+            start[b + 1] += 1
     for b in range(blocks):
         start[b + 1] += start[b]
     at = start[:-1].copy()
     members = np.empty(start[blocks], dtype=np.int32)
-    for t in range(len(low)):
-        if low[t] < high[t]:
-            for b in range(low[t] // _BLOCK, (high[t] - 1) // _BLOCK + 1):
-                members[at[b]] = t
-                at[b] += 1
+    for k in range(len(low)):
+        for b in range(low[k] // _BLOCK, (high[k] - 1) // _BLOCK + 1):
+            members[at[b]] = k
+            at[b] += 1
     return start, members
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _left_of(
-    x: float, z: float, x_mm: Floats, slope_x: Floats,
-    kind: int, table: Ints, origin: float, scale: float,
-) -> int:  # fmt: skip
-    """How many rays pass left of (x, z), z >= 0: x_mm + slope_x·z < x."""
+    x: Floats, z: Floats, count: int, x_mm: Floats, slope_x: Floats,
+    kind: int, table: Ints, origin: float, scale: float, found: NDArray[np.int64],
+) -> None:  # fmt: skip
+    """Find how many rays pass left of each (x, z), z >= 0: x_mm + slope_x·z < x.
+
+    Many at once, in passes without a branch, since a branch's outcome can't be foreseen here.
+    """
     m = len(x_mm)
-    if kind == 0:
-        j = _guess(table, origin, scale, (x - x_mm[0]) / z)
-    elif kind == 1:
-        j = _guess(table, origin, scale, x - slope_x[0] * z)
-    else:
-        j, top = 0, m
-        while j < top:
-            middle = (j + top) // 2
-            if x_mm[middle] + slope_x[middle] * z < x:
-                j = middle + 1
-            else:
-                top = middle
-    # One step without a branch settles nearly all; the loops make sure.
-    j = min(j, m - 1)
-    if x_mm[np.uint64(j)] + slope_x[np.uint64(j)] * z < x:
-        j += 1
-    while j > 0 and not x_mm[np.uint64(j - 1)] + slope_x[np.uint64(j - 1)] * z < x:
-        j -= 1
-    while j < m and x_mm[np.uint64(j)] + slope_x[np.uint64(j)] * z < x:
-        j += 1
-    return j
+    if kind == 2:
+        for k in range(count):
+            j, top = 0, m
+            while j < top:
+                middle = (j + top) // 2
+                if x_mm[middle] + slope_x[middle] * z[k] < x[k]:
+                    j = middle + 1
+                else:
+                    top = middle
+            found[k] = j
+        return
+    last = len(table) - 1
+    for k in range(count):
+        value = (x[k] - x_mm[0]) / z[k] if kind == 0 else x[k] - slope_x[0] * z[k]
+        cell = (value - origin) * scale
+        cell = cell if cell > 0.0 else 0.0  # NaN too
+        cell = cell if cell < last else float(last)
+        found[k] = min(max(np.int64(table[np.uint64(cell)]), 1), m - 2)
+    # A ray and its two neighbours settle nearly all; the loops make sure.
+    unsettled = 0
+    for k in range(count):
+        j = np.uint64(found[k])
+        left, right = j - np.uint64(1), j + np.uint64(1)
+        before = int(x_mm[left] + slope_x[left] * z[k] < x[k])
+        after = int(x_mm[right] + slope_x[right] * z[k] < x[k])
+        found[k] += before + int(x_mm[j] + slope_x[j] * z[k] < x[k]) + after - 1
+        unsettled += 1 - before + after
+    if unsettled == 0:
+        return
+    for k in range(count):
+        j = found[k]
+        while j > 0 and not x_mm[j - 1] + slope_x[j - 1] * z[k] < x[k]:
+            j -= 1
+        while j < m and x_mm[j] + slope_x[j] * z[k] < x[k]:
+            j += 1
+        found[k] = j
+
+
+@njit(cache=True, inline="always")
+def _risen(
+    i: int, j: int, low: float, high: float
+) -> tuple[int, int, float, float, bool]:
+    """Exchange two corners, and their heights, where the first is above; and whether it was."""
+    turned = low > high
+    return (
+        j if turned else i, i if turned else j,
+        high if turned else low, low if turned else high, turned,
+    )  # fmt: skip
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fill(
-    x: Floats, y: Floats, z: Floats, faces: Ints, low: Ints, high: Ints,
+    x: Floats, y: Floats, z: Floats, faces: Ints, which: Ints, low: Ints, high: Ints,
     start: NDArray[np.int64], members: Ints, place: Floats, order: NDArray[np.int64],
     x_mm: Floats, slope_x: Floats, kind: int, table: Ints, origin: float, scale: float,
     depth: Floats, triangle: Ints,
 ) -> None:  # fmt: skip
     """Fill the z-buffer, one block of profiles after another."""
-    n, m = depth.shape
-    spans = np.empty((_WAITING, 4), dtype=np.int64)
-    ends = np.empty((_WAITING, 6))
-    waiting = 0
+    n = len(depth)
+    source = np.empty((2, _WAITING), dtype=np.int64)  # row, triangle
+    ends = np.empty((4, _WAITING))  # x, z of both
+    clip = np.empty((4, _WAITING))  # the same, of what lies before the emitter
+    spans = np.empty((2, _WAITING), dtype=np.int64)  # first point, the one behind the last
     for block in range(len(start) - 1):
         first, last = block * _BLOCK, min(n, (block + 1) * _BLOCK)
         for row in range(first, last):
             depth[order[row], :] = np.nan
             triangle[order[row], :] = -1
+        waiting = 0
         for member in range(start[block], start[block + 1]):
-            t = members[member]
+            run = members[member]
+            t = which[run]
             # Corners from bottom to top; an odd number of exchanges mirrors the triangle.
             i0, i1, i2 = faces[t, 0], faces[t, 1], faces[t, 2]
-            mirrored = False
-            if y[i0] > y[i1]:
-                i0, i1, mirrored = i1, i0, not mirrored
-            if y[i1] > y[i2]:
-                i1, i2, mirrored = i2, i1, not mirrored
-            if y[i0] > y[i1]:
-                i0, i1, mirrored = i1, i0, not mirrored
-            x0, y0, z0 = x[i0], y[i0], z[i0]
-            x1, y1, z1 = x[i1], y[i1], z[i1]
-            x2, y2, z2 = x[i2], y[i2], z[i2]
+            y0, y1, y2 = y[i0], y[i1], y[i2]
+            i0, i1, y0, y1, once = _risen(i0, i1, y0, y1)
+            i1, i2, y1, y2, twice = _risen(i1, i2, y1, y2)
+            i0, i1, y0, y1, thrice = _risen(i0, i1, y0, y1)
+            mirrored = once ^ twice ^ thrice
+            x0, x1, x2, z0, z1, z2 = x[i0], x[i1], x[i2], z[i0], z[i1], z[i2]
             long_x, long_z = edge_slope(y0, x0, y2, x2), edge_slope(y0, z0, y2, z2)
             lower_x, lower_z = edge_slope(y0, x0, y1, x1), edge_slope(y0, z0, y1, z1)
             upper_x, upper_z = edge_slope(y1, x1, y2, x2), edge_slope(y1, z1, y2, z2)
-            for row in range(max(low[t], first), min(high[t], last)):
+            for row in range(max(low[run], first), min(high[run], last)):
                 px, py, pz = place[row, 0], place[row, 1], place[row, 2]
                 ax = x0 + (py - y0) * long_x - px
                 az = z0 + (py - y0) * long_z - pz
-                if y1 >= py:
-                    bx = x0 + (py - y0) * lower_x - px
-                    bz = z0 + (py - y0) * lower_z - pz
-                else:
-                    bx = x1 + (py - y1) * upper_x - px
-                    bz = z1 + (py - y1) * upper_z - pz
-                if not mirrored:
-                    ax, az, bx, bz = bx, bz, ax, az
-                there, au, aw, bu, bw = clipped(ax, az, bx, bz)
-                if not there:
-                    continue
-                begin = _left_of(au, aw, x_mm, slope_x, kind, table, origin, scale)
-                end = _left_of(bu, bw, x_mm, slope_x, kind, table, origin, scale)
-                spans[waiting, 0], spans[waiting, 1] = begin, end
-                spans[waiting, 2], spans[waiting, 3] = order[row], t
-                ends[waiting, 0], ends[waiting, 1] = ax, az
-                ends[waiting, 2], ends[waiting, 3] = bx - ax, bz - az
-                ends[waiting, 4], ends[waiting, 5] = min(az, bz), max(az, bz)
-                waiting += int(begin < end)
+                upper = y1 < py
+                rise = py - (y1 if upper else y0)
+                bx = (x1 if upper else x0) + rise * (upper_x if upper else lower_x) - px
+                bz = (z1 if upper else z0) + rise * (upper_z if upper else lower_z) - pz
+                lx, rx = (ax, bx) if mirrored else (bx, ax)
+                lz, rz = (az, bz) if mirrored else (bz, az)
+                there, au, aw, bu, bw = clipped(lx, lz, rx, rz)
+                source[0, waiting], source[1, waiting] = order[row], t
+                ends[0, waiting], ends[1, waiting] = lx, lz
+                ends[2, waiting], ends[3, waiting] = rx, rz
+                clip[0, waiting], clip[1, waiting] = au, aw
+                clip[2, waiting], clip[3, waiting] = bu, bw
+                waiting += int(there)
                 if waiting == _WAITING:
-                    _keep_nearest(depth, triangle, spans, ends, waiting, x_mm, slope_x)
+                    for end in range(2):
+                        _left_of(
+                            clip[2 * end], clip[2 * end + 1], waiting,
+                            x_mm, slope_x, kind, table, origin, scale, spans[end],
+                        )  # fmt: skip
+                    _keep_nearest(depth, triangle, source, ends, spans, waiting, x_mm, slope_x)
                     waiting = 0
-        _keep_nearest(depth, triangle, spans, ends, waiting, x_mm, slope_x)
-        waiting = 0
+        for end in range(2):
+            _left_of(
+                clip[2 * end], clip[2 * end + 1], waiting,
+                x_mm, slope_x, kind, table, origin, scale, spans[end],
+            )  # fmt: skip
+        _keep_nearest(depth, triangle, source, ends, spans, waiting, x_mm, slope_x)
 
 
 @njit(cache=True, error_model="numpy")
 def _keep_nearest(
-    depth: Floats, triangle: Ints, spans: NDArray[np.int64], ends: Floats, count: int,
-    x_mm: Floats, slope_x: Floats,
+    depth: Floats, triangle: Ints, source: NDArray[np.int64], ends: Floats,
+    spans: NDArray[np.int64], count: int, x_mm: Floats, slope_x: Floats,
 ) -> None:  # fmt: skip
     """Put the segments' depths where they are nearer than what is there.
 
-    `spans` holds each segment's first point, the one behind its last, its row and its triangle;
-    `ends` where it starts (x, z), how far it goes (x, z) and its least and largest z.
+    `source` holds each segment's row and triangle; `ends` x and z of its left and right end;
+    `spans` its first point and the one behind its last.
     """
     for k in range(count):
+        if spans[0, k] >= spans[1, k]:
+            continue
         # Unsigned: an index that can't be negative lets the loop be vectorised.
-        begin, end = np.uint64(spans[k, 0]), np.uint64(spans[k, 1])
-        r, t = np.uint64(spans[k, 2]), np.int32(spans[k, 3])
-        x0, z0, dx, dz = ends[k, 0], ends[k, 1], ends[k, 2], ends[k, 3]
-        low, high = ends[k, 4], ends[k, 5]
+        begin, end = np.uint64(spans[0, k]), np.uint64(spans[1, k])
+        r, t = np.uint64(source[0, k]), np.int32(source[1, k])
+        x0, z0, z1 = ends[0, k], ends[1, k], ends[3, k]
+        dx, dz, low, high = ends[2, k] - x0, z1 - z0, min(z0, z1), max(z0, z1)
         for j in range(begin, end):
             d = depth_on(x0, z0, dx, dz, low, high, x_mm[j], slope_x[j])
             nearer = (not depth[r, j] <= d) & (d > 0.0)  # also where there is NaN yet

@@ -36,6 +36,22 @@ def test_both_casters_agree_to_the_last_bit(name, laser):
         assert_same(scene_of(mesh), LASERS[laser], poses[rng.permutation(81)])
 
 
+@pytest.mark.parametrize("rays", [1, 2, 3])
+@pytest.mark.parametrize("laser", LASERS)
+def test_profiles_of_few_rays(laser, rays):
+    some = np.linspace(0, len(LASERS[laser].x_mm) - 1, rays + 2).astype(int)[1:-1]
+    few = Laser(x_mm=LASERS[laser].x_mm[some], slope_x=LASERS[laser].slope_x[some])
+    poses = path(np.zeros(3), 30, 81, turned=rotation(np.random.default_rng(rays)))
+    ball = scene_of(trimesh.creation.icosphere(4, radius=20.0))
+    depth, triangle = sweep(
+        ball.vertices_mm, ball.faces, frames(poses)[0][0], frames(poses)[1],
+        few.x_mm, few.slope_x,
+    )  # fmt: skip
+    searched = ball.cast_by_tree(few, poses)
+    np.testing.assert_array_equal(triangle, searched.triangle)
+    np.testing.assert_array_equal(depth, searched.depth_mm)
+
+
 def test_edges_on_rays_and_profiles_are_met_exactly_once():
     # A grid of squares whose edges lie on the parallel rays and on the profiles.
     block = trimesh.creation.box((8, 8, 2))
