@@ -6,7 +6,7 @@ STAMP  := $(VENV)/.installed
 DEV    := $(VENV)/.installed-dev
 PEERS  := $(VENV)/.installed-bench
 
-.PHONY: demo test lint bench effects paper pictures diagnose-bench proof proof-small clean
+.PHONY: demo test lint bench effects paper pictures diagnose-bench proof proof-small payoff clean
 
 demo: $(STAMP)
 	$(BIN)/flawforge generate manifests/quickstart.yaml --out out/quickstart
@@ -49,6 +49,12 @@ proof-small: $(STAMP)
 	$(BIN)/flawforge challenge make --small --out $(PROOF)-small --jobs 2
 	-$(BIN)/flawforge challenge run $(PROOF)-small --jobs 2
 	$(BIN)/flawforge challenge judge $(PROOF)-small --write $(PROOF)-small/proof.md
+
+# Continues where it was stopped; another PAYOFF folder is a fresh seed.
+PAYOFF ?= out/payoff
+
+payoff: $(DEV)
+	$(BIN)/flawforge challenge payoff --out $(PAYOFF) --jobs 2 --write docs/payoff.md
 
 $(VENV)/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "flawforge needs Python 3.11 or newer; name one with make PYTHON=/path/to/python3")'

@@ -1,4 +1,4 @@
-"""`flawforge challenge`: make, run and judge sealed cases of an independent instrument."""
+"""`flawforge challenge`: sealed cases of an independent instrument, and what a diagnosis pays."""
 
 import argparse
 from pathlib import Path
@@ -10,7 +10,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "example:\n"
         "  flawforge challenge make --out out/proof --jobs 2\n"
         "  flawforge challenge run out/proof --jobs 2\n"
-        "  flawforge challenge judge out/proof --write docs/proof.md"
+        "  flawforge challenge judge out/proof --write docs/proof.md\n"
+        "  flawforge challenge payoff --out out/payoff --write docs/payoff.md"
     )
     steps = parser.add_subparsers(dest="step", metavar="STEP", required=True)
     make = steps.add_parser("make", help="draw, render and seal a set of cases")
@@ -35,6 +36,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     judge = steps.add_parser("judge", help="open the keys, check the seals, score the answers")
     judge.add_argument("set", type=Path, help="folder of the set")
     judge.add_argument("--write", type=Path, metavar="FILE.md", help="write the page with pictures")
+    payoff = steps.add_parser(
+        "payoff", help="train a flaw segmenter on plain and diagnosed simulation, test it sealed"
+    )
+    payoff.add_argument(
+        "--out", type=Path, required=True, help="folder; a run that was stopped goes on there"
+    )
+    payoff.add_argument(
+        "--seed", type=int, help="master seed (default: the operating system's entropy)"
+    )
+    payoff.add_argument("--small", action="store_true", help="few specimens: a try, no result")
+    payoff.add_argument(
+        "--world", action="append", metavar="NAME", help="which, several times (default: all)"
+    )
+    payoff.add_argument("--jobs", type=int, default=1, help="processes (default 1)")
+    payoff.add_argument("--write", type=Path, metavar="FILE.md", help="write the page")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -63,6 +79,8 @@ def _step(arguments: argparse.Namespace) -> int:
             timeout_s=arguments.timeout,
             shuffled=arguments.shuffled,
         )
+    if arguments.step == "payoff":
+        return _payoff(arguments)
     from challenge.judge import judge
     from challenge.proof import scoreboard, write_page
 
@@ -71,4 +89,19 @@ def _step(arguments: argparse.Namespace) -> int:
         print(line)
     if arguments.write is not None:
         write_page(scored, arguments.set, arguments.write)
+    return 0
+
+
+def _payoff(arguments: argparse.Namespace) -> int:
+    from challenge.payoff.page import conclusion, headline, write_page
+    from challenge.payoff.payoff import payoff
+
+    found = payoff(
+        arguments.out, seed=arguments.seed, jobs=arguments.jobs, small=arguments.small,
+        worlds=arguments.world,
+    )  # fmt: skip
+    for line in (*headline(found), conclusion(found)):
+        print(line)
+    if arguments.write is not None:
+        write_page(found, arguments.out, arguments.write)
     return 0

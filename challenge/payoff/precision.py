@@ -111,21 +111,6 @@ def tally_flaws(
     return Tally(hits=hits, false=false, missed=missed)
 
 
-def by_group(tallies: list[Tally], weight: NDArray[np.floating] | None = None) -> Floats:
-    """Average precision of each group over recordings, (groups,).
-
-    Parameters
-    ----------
-    weight : (recordings,), optional
-        How often each recording counts.
-    """
-    each = np.ones(len(tallies)) if weight is None else np.asarray(weight, np.float64)
-    hits = np.tensordot(each, np.stack([t.hits for t in tallies]), 1)
-    false = each @ np.stack([t.false for t in tallies])
-    missed = each @ np.stack([t.missed for t in tallies])
-    return average_precision(hits, false[None], missed)
-
-
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Estimate:
     """A figure with its 95 % interval."""

@@ -26,7 +26,7 @@ FEATURES = 24
 _SCALES = (1.0, 2.0, 4.0, 8.0)  # points
 
 
-def _smoothed(values: Floats, valid: NDArray[np.bool_], scale: float) -> tuple[Floats, Floats]:
+def smoothed(values: Floats, valid: NDArray[np.bool_], scale: float) -> tuple[Floats, Floats]:
     """Gaussian means over valid points, and the share that is valid."""
     weight = gaussian_filter(valid.astype(np.float64), scale, truncate=3)
     total = gaussian_filter(np.where(valid, values, 0.0), scale, truncate=3)
@@ -67,11 +67,11 @@ def features(depth_mm: NDArray[np.floating]) -> NDArray[np.float32]:
     found = np.linalg.lstsq(design[valid], depth[valid], rcond=None)[0]
     depth = depth - design @ found
     # one robust reading for each 5 x 5 points keeps spikes out of the means
-    filled = np.where(valid, depth, _smoothed(depth, valid, 2.0)[0])
+    filled = np.where(valid, depth, smoothed(depth, valid, 2.0)[0])
     filled = np.where(np.isfinite(filled), filled, 0.0)
     middle = median_filter(filled, size=5, mode="nearest")
     tame = np.clip(filled, middle - 0.15, middle + 0.15)
-    means, shares = zip(*(_smoothed(tame, valid, s) for s in _SCALES), strict=True)
+    means, shares = zip(*(smoothed(tame, valid, s) for s in _SCALES), strict=True)
     layers = [depth - middle, tame - means[1]]
     for fine, coarse in ((0, 1), (0, 2), (1, 2), (1, 3), (2, 3)):
         layers.append(means[fine] - means[coarse])
@@ -80,7 +80,7 @@ def features(depth_mm: NDArray[np.floating]) -> NDArray[np.float32]:
     for mean in means[1:3]:
         layers.append(np.hypot(*np.gradient(mean)))
     rough = np.where(valid, (tame - means[1]) ** 2, 0.0)
-    layers += [np.sqrt(np.maximum(_smoothed(rough, valid, s)[0], 0)) for s in (1.0, 3.0, 8.0)]
+    layers += [np.sqrt(np.maximum(smoothed(rough, valid, s)[0], 0)) for s in (1.0, 3.0, 8.0)]
     layers += [shares[0], shares[2]]
     # what the whole profile and the whole column share
     rest = means[0] - means[3]

@@ -123,7 +123,7 @@ def _smooth(tree: Tree, camera: Camera, low: Floats, high: Floats) -> NDArray[np
     return np.asarray(~bad)
 
 
-def _moved(solid: Solid, pose: Floats) -> Floats:
+def _moved(solid: Solid, pose: NDArray[np.floating]) -> Floats:
     return np.asarray(solid.vertices_mm @ pose[:3, :3].T + pose[:3, 3])
 
 

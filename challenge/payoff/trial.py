@@ -3,7 +3,7 @@
 import hashlib
 import json
 import shutil
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from challenge.cases.seeds import child, number
-from challenge.payoff.precision import Tally, tally_flaws, tally_points
+from challenge.payoff.gap import TRAINED_ON
+from challenge.payoff.precision import tally_flaws, tally_points
 from challenge.payoff.segmenter import booster, features, suspicion, train
 from challenge.payoff.simulate import flawforge, generate, write_artwork, write_parts
 from challenge.payoff.specimens import Specimen
-from challenge.payoff.worlds import WORLDS, Ready, ready, scan, specimen, write_stranger
+from challenge.payoff.worlds import Ready, ready, scan, specimen, write_stranger
 from challenge.run import command
 from challenge.sealed import write_whole
 
-TRAINED_ON = ("plain", "diagnosed", "instrument")
 STRANGER = ("a.h5", "b.h5", "c.h5", "plate-1.h5", "plate-2.h5", "part.stl", "sensor.yaml")
 
 
@@ -44,8 +44,9 @@ SMALL = Effort(training=4, test=3, seeds=2)
 Labelled = tuple[NDArray[np.float32], NDArray[np.int16]]
 
 
-def render(name: str, seed: int, effort: Effort, folder: Path) -> dict[str, str]:
+def render(name: str, seed: int, effort: Effort, out: Path) -> dict[str, str]:
     """Render a world's recordings and seal the test; returns the digests of the sealed files."""
+    folder = out / name
     sealed = folder / "sealed"
     done = folder / "commitment.json"
     if not done.exists():
@@ -60,6 +61,7 @@ def render(name: str, seed: int, effort: Effort, folder: Path) -> dict[str, str]
             _keep(file, world, "test", k)
             digests[file.name] = hashlib.sha256(file.read_bytes()).hexdigest()
         write_whole(done, json.dumps(digests, indent=1).encode())
+        print(f"{name}: rendered, test sealed", flush=True)
     return dict(json.loads(done.read_text()))
 
 
@@ -179,8 +181,7 @@ def run_world(name: str, seed: int, effort: Effort, out: Path) -> Path:
 
     booster()  # loaded before its threads are limited
     with threadpoolctl.threadpool_limits(1):
-        digests = render(name, seed, effort, folder)
-        print(f"{name}: rendered, test sealed", flush=True)
+        digests = render(name, seed, effort, out)
         diagnose(folder)
         answer = json.loads((folder / "diagnose" / "answer.json").read_text())
         print(f"{name}: {answer['verdict']} ({', '.join(answer['effects']) or '-'})", flush=True)
@@ -215,20 +216,3 @@ def _store(file: Path, found: dict[str, Any]) -> None:
     aside = file.with_suffix(".part.npz")
     np.savez_compressed(aside, **arrays)
     aside.replace(file)
-
-
-def load(file: Path, what: str, name: str) -> list[list[Tally]]:
-    """Read the tallies of a set of training data: for each seed one for each recording."""
-    found = []
-    with np.load(file) as kept:
-        while f"{what}/{name}/{len(found)}/hits" in kept:
-            fields = [kept[f"{what}/{name}/{len(found)}/{f}"] for f in ("hits", "false", "missed")]
-            found.append(
-                [Tally(hits=h, false=f, missed=m) for h, f, m in zip(*fields, strict=True)]
-            )
-    return found
-
-
-def describe(effort: Effort) -> dict[str, Any]:
-    """Return the effort as plain data, with the worlds."""
-    return {**asdict(effort), "worlds": list(WORLDS)}
