@@ -36,7 +36,8 @@ class Scans:
 def draw_instrument(rng: np.random.Generator) -> Instrument:
     """Draw an instrument of an ordinary, well-made kind."""
     distance = float(rng.uniform(110, 200))
-    theta = radians(rng.uniform(25, 38))
+    # beyond about 28 degrees the noise on slopes leaves the two-number law a maker can list
+    theta = radians(rng.uniform(22, 28))
     columns = int(rng.integers(200, 257))
     column_pitch = float(rng.uniform(0.085, 0.115))
     waist = float(rng.uniform(0.038, 0.058))

@@ -68,10 +68,10 @@ def noise_law(device: Instrument, rng: np.random.Generator) -> NoiseLaw:
 
     Reference plates give the level of flat ones to everybody, so the fit starts from there.
     """
-    flat = noise_on_plane(device, 0.0, 0.0, 80, rng)
+    flat = noise_on_plane(device, 0.0, 0.0, 150, rng)
     slopes = np.array(_SLOPES)
-    along = [noise_on_plane(device, s, 0.0, 20, rng) for s in _SLOPES]
-    across = [noise_on_plane(device, 0.0, s, 20, rng) for s in _SLOPES]
+    along = [noise_on_plane(device, s, 0.0, 30, rng) for s in _SLOPES]
+    across = [noise_on_plane(device, 0.0, s, 30, rng) for s in _SLOPES]
     measured = np.log(np.concatenate([along, across]) / flat)
     # log σ / σ0 = exponent log(1 / cos β) + lean dz/dy
     steep = np.tile(np.log(np.hypot(1, slopes)), 2)
