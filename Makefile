@@ -20,7 +20,8 @@ lint: $(DEV)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-# Side by side with the peers, on an idle machine: half an hour.
+# Side by side with the peers, on an idle machine: half an hour. One section again:
+# python -m benchmarks --only datasets (or scans, casting, growth, noise).
 bench: $(PEERS)
 	$(BIN)/python -m benchmarks
 

@@ -52,7 +52,8 @@ motion:
   length_mm: 400
   aim_at_flaws: 0
 """
-DOOR = "  - builtin: car_door\n    facet_um: 10"
+DOOR = "  - builtin: car_door\n    facet_um: {}"
+FACET_UM = 10.0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -100,7 +101,7 @@ def recipe_in(folder: Path, *, profiles: int, points: int, parts: str, work: str
     return path
 
 
-def scan_cost(profiles: int, points: int, *, rounds: int = 7, part: str = DOOR) -> ScanCost:
+def scan_cost(profiles: int, points: int, *, rounds: int = 7, part: str) -> ScanCost:
     """Scan one flawed part `rounds` times in this process and write each scan."""
     from pipeline.batch import find_wanted
     from pipeline.plan import PlannedPart, PlannedScans
@@ -198,12 +199,15 @@ def stopwatch() -> Iterator[dict[str, float]]:
         yield laps
 
 
-def scan_cost_alone(profiles: int, points: int, *, rounds: int = 7) -> ScanCost:
-    """`scan_cost` in a process of its own with one thread."""
+def scan_cost_alone(
+    profiles: int, points: int, *, rounds: int = 7, facet_um: float = FACET_UM
+) -> ScanCost:
+    """`scan_cost` of the car door in a process of its own with one thread."""
     said = subprocess.run(
         [
             sys.executable, "-m", "benchmarks.end_to_end",
             "--one", str(profiles), str(points), "--rounds", str(rounds),
+            "--facet-um", str(facet_um),
         ],
         cwd=HOME, env={**os.environ, **ONE_THREAD}, check=True, capture_output=True, text=True,
     ).stdout  # fmt: skip
@@ -357,10 +361,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--one", type=int, nargs=2, metavar=("PROFILES", "POINTS"))
     parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("--facet-um", type=float, default=FACET_UM, help="of the car door")
     parser.add_argument("--turns", type=int, default=3)
     arguments = parser.parse_args()
     if arguments.one:
-        print(json.dumps(dataclasses.asdict(scan_cost(*arguments.one, rounds=arguments.rounds))))
+        door = DOOR.format(arguments.facet_um)
+        cost = scan_cost(*arguments.one, rounds=arguments.rounds, part=door)
+        print(json.dumps(dataclasses.asdict(cost)))
         return
     for size in SIZES:
         cost = scan_cost_alone(*size, rounds=arguments.rounds)

@@ -1,15 +1,18 @@
 """The page of the benchmarks: tables with the ratios first, and the plot of growth."""
 
 import importlib.metadata
+import math
 import os
 import platform
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
-from benchmarks.casting import GrowthRow, Row
+from benchmarks.casting import Row
 from benchmarks.end_to_end import SCANS, BatchCost, ScanCost
+from benchmarks.measured import SECTIONS, Measured
 
 PEERS = ("embreex", "trimesh", "Open3D", "VTK", "Embree, refined")
 LIBRARIES = ("numpy", "numba", "h5py", "embreex", "trimesh", "open3d", "vtk")
@@ -22,12 +25,11 @@ class Machine:
 
     processor: str
     cores: int
-    load: float
     versions: dict[str, str]
 
     @classmethod
     def here(cls) -> "Machine":
-        """Look at this machine, before anything is run on it."""
+        """Look at this machine."""
         processor = platform.processor() or platform.machine()
         names = Path("/proc/cpuinfo")
         if names.exists():
@@ -39,12 +41,7 @@ class Machine:
                 versions[name] = importlib.metadata.version(name)
             except importlib.metadata.PackageNotFoundError:
                 continue
-        return cls(
-            processor=processor,
-            cores=os.cpu_count() or 1,
-            load=os.getloadavg()[0],
-            versions=versions,
-        )
+        return cls(processor=processor, cores=os.cpu_count() or 1, versions=versions)
 
 
 def table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
@@ -53,76 +50,62 @@ def table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in (head, rule, *lines)) + "\n"
 
 
-def write(
-    *,
-    machine: Machine,
-    scans: Sequence[ScanCost],
-    datasets: Sequence[BatchCost],
-    dask: float | None,
-    casting: Sequence[Row],
-    absent: Sequence[str],
-    triangles: Sequence[GrowthRow],
-    points: Sequence[ScanCost],
-    noise: Mapping[str, float],
-    seconds: float,
-) -> str:
+def write(found: Measured) -> str:
     """Return the page's text."""
-    full = max(scans, key=lambda cost: cost.profiles * cost.points)
+    full = max(found.scans, key=lambda cost: cost.profiles * cost.points)
+    machine = Machine(**found.machine)
     versions = ", ".join(f"{name} {version}" for name, version in machine.versions.items())
+    runs = ", ".join(
+        f"{name} {found.seconds[name] / 60:.1f} min ({found.load[name]:.1f})" for name in SECTIONS
+    )
     parts = [
         "# Benchmarks\n",
-        "Made by `make bench`, all in one run; every number on this page is the command's. "
-        f"{machine.processor}, {machine.cores} cores, one thread a process; load of the machine "
-        f"before the run {machine.load:.1f}; the run took {seconds / 60:.0f} min. {versions}.\n",
+        "Made by `make bench`; every number on this page is the command's, and those of a table "
+        f"are of one run. {machine.processor}, {machine.cores} cores, one thread a process; "
+        f"{versions}. Sections (load of the machine before each): {runs}.\n",
         "Figures are medians over repeats within the run. *Clock* is what a user waits; "
         "*processor* is what one core worked, which other work on the machine disturbs less.\n",
         "## In short\n",
-        _in_short(full, datasets, casting, triangles, points),
+        _in_short(full, found),
         "## Casting, side by side\n",
         "How many times faster the sweep is than each peer, on the same mesh in the same run "
         "(processor time, 2000 profiles of 4096 points; slow peers get every 20th profile, VTK "
         "20,000 rays). The sweep computes in double precision; embreex, Open3D and trimesh "
         "search in single precision. *Embree, refined* is this package's own caster for curved "
         "paths, with the sweep's results.\n",
-        _casting(casting),
-        *(f"{name}: skipped, the file isn't there.\n" for name in absent),
+        _casting(found.casting),
+        *(f"{name}: skipped, the file isn't there.\n" for name in found.absent),
         "## A labelled scan\n",
         "Flawed and clean cast, camera's shadows, noise, masks, checksum, compression and "
         "writing; the car door with 7 flaws "
         f"({full.triangles:,} triangles). Cutting the flaws into the door, "
         f"{full.specimen_s:.1f} s, is done once for all scans of a specimen and not counted.\n",
-        _scans(scans),
+        _scans(found.scans),
         "## Datasets with 1 and 2 jobs\n",
         "The whole command, start-up and specimens included, in turns. *Limit* is what the "
         "machine gives to two runs of 1 job each that know nothing of each other, against one "
         "such run: cores share caches, memory and whatever else runs.\n",
-        _datasets(datasets),
-        _dask(datasets, dask),
+        _datasets(found.datasets),
+        _dask(found),
         "## What a million scans cost\n",
         "From the figures above, eight scans of each flawed door. Core-hours are processor time "
         "of one core like this one's; memory is what each job needs.\n",
-        _cost_model(scans),
+        _cost_model(found.scans),
         "## Growth\n",
         "![time against points and triangles](pictures/growth.png)\n",
-        _growth(triangles, points),
+        _growth(found),
         "## Noise\n",
         "Perlin noise on 2000 × 4096 points, one core:\n",
-        table(("field", "s"), [(name, f"{value:.2f}") for name, value in noise.items()]),
+        table(("field", "s"), [(name, f"{value:.2f}") for name, value in found.noise.items()]),
     ]
     return "\n".join(parts)
 
 
-def _in_short(
-    full: ScanCost,
-    datasets: Sequence[BatchCost],
-    casting: Sequence[Row],
-    triangles: Sequence[GrowthRow],
-    points: Sequence[ScanCost],
-) -> str:
-    sweeps = [row for row in casting if row.caster == "sweep"]
+def _in_short(full: ScanCost, found: Measured) -> str:
+    sweeps = [row for row in found.casting if row.caster == "sweep"]
     small = [row.ratio for row in sweeps if row.triangles <= MOST_TRIANGLES]
-    steps = [row.per_doubling for row in triangles[1:]]
-    per_point = [cost.processor_s / (cost.profiles * cost.points) for cost in points]
+    steps = [row.per_doubling for row in found.triangles[1:]]
+    per_point = [cost.processor_s / (cost.profiles * cost.points) for cost in found.points]
     lines = [
         ("sweep against embreex, slowest mesh", f"{min(small):.0f} ×", "10 ×"),
         ("labelled scan, 2000 × 4096, clock", f"{full.wall_s:.2f} s", "2.5 s"),
@@ -134,9 +117,14 @@ def _in_short(
                 f"{max(batch.ratios):.2f} × of {max(batch.limits):.2f}",
                 "1.8 ×",
             )
-            for batch in datasets[1:]
+            for batch in found.datasets[1:]
         ),
-        ("time per doubling of triangles, worst", f"{max(steps):.2f} ×", "1.3 ×"),
+        ("cast's time per doubling of triangles, worst", f"{max(steps):.2f} ×", "1.3 ×"),
+        (
+            "labelled scan's time per doubling of triangles, worst",
+            f"{max(_per_doubling(found.scanned)):.2f} ×",
+            "1.3 ×",
+        ),
         (
             "time per point, largest against smallest scan",
             f"{per_point[-1] / per_point[0]:.2f} ×",
@@ -244,17 +232,38 @@ def _cost_model(scans: Sequence[ScanCost]) -> str:
     return table(head, lines)
 
 
-def _growth(triangles: Sequence[GrowthRow], points: Sequence[ScanCost]) -> str:
+def _per_doubling(scanned: Sequence[ScanCost]) -> list[float]:
+    """How much longer each scan takes than the one before, for each doubling of triangles."""
+    return [
+        (b.processor_s / a.processor_s) ** (1 / math.log2(b.triangles / a.triangles))
+        for a, b in pairwise(scanned)
+    ]
+
+
+def _growth(found: Measured) -> str:
+    def steps(values: Iterable[float]) -> list[str]:
+        return ["", *(f"{value:.2f} ×" for value in values)]
+
     cast = table(
         ("triangles, 2000 × 4096 points", "cast, processor s", "per doubling"),
         [
-            (f"{row.triangles:,}", f"{row.seconds:.3f}", f"{row.per_doubling:.2f} ×")
-            if number
-            else (f"{row.triangles:,}", f"{row.seconds:.3f}", "")
-            for number, row in enumerate(triangles)
+            (f"{row.triangles:,}", f"{row.seconds:.3f}", step)
+            for row, step in zip(
+                found.triangles, steps(row.per_doubling for row in found.triangles[1:]),
+                strict=True,
+            )
+        ],
+    )  # fmt: skip
+    scanned = table(
+        ("triangles, labelled scan of the door", "processor s", "per doubling"),
+        [
+            (f"{cost.triangles:,}", f"{cost.processor_s:.3f}", step)
+            for cost, step in zip(
+                found.scanned, steps(_per_doubling(found.scanned)), strict=True
+            )
         ],
     )
-    scan = table(
+    points = table(
         ("points, labelled scan of the door", "processor s", "ns per point"),
         [
             (
@@ -262,10 +271,10 @@ def _growth(triangles: Sequence[GrowthRow], points: Sequence[ScanCost]) -> str:
                 f"{cost.processor_s:.3f}",
                 f"{cost.processor_s / (cost.profiles * cost.points) * 1e9:.0f}",
             )
-            for cost in points
+            for cost in found.points
         ],
     )
-    return cast + "\n" + scan
+    return "\n".join((cast, scanned, points))
 
 
 def fill(text: str, blocks: Mapping[str, str]) -> str:
@@ -286,43 +295,45 @@ def fill(text: str, blocks: Mapping[str, str]) -> str:
     return text
 
 
-def scaling(
-    scans: Sequence[ScanCost], datasets: Sequence[BatchCost], dask: float | None
-) -> dict[str, str]:
+def scaling(found: Measured) -> dict[str, str]:
     """Return what docs/scaling.md shows of the measurements, by the names of its marks."""
     spoken = [
         f"{cost.peak_bytes / 2**30:.2f} GiB for {cost.profiles} × {cost.points} points"
-        for cost in scans
+        for cost in found.scans
     ]
-    full = max(scans, key=lambda cost: cost.profiles * cost.points)
+    full = max(found.scans, key=lambda cost: cost.profiles * cost.points)
     return {
         "memory": f"Measured with a car door of {full.triangles:,} triangles: "
         + ", ".join(spoken) + ".\n",
-        "datasets": _datasets(datasets) + ("\n" + _dask(datasets, dask)),
+        "datasets": _datasets(found.datasets) + ("\n" + _dask(found)),
         "cost": f"Cutting seven flaws into the door takes {full.specimen_s:.1f} s.\n\n"
-        + _cost_model(scans),
+        + _cost_model(found.scans),
     }  # fmt: skip
 
 
-def _dask(datasets: Sequence[BatchCost], seconds: float | None) -> str:
-    if seconds is None:
+def _dask(found: Measured) -> str:
+    if found.dask_s is None:
         return "Dask isn't installed: skipped.\n"
-    return f"Two Dask workers on this machine: {datasets[1].name}, in {seconds:.1f} s.\n"
+    name = found.datasets[1].name
+    return f"Two Dask workers on this machine: {name}, in {found.dask_s:.1f} s.\n"
 
 
-def plot(path: Path, triangles: Sequence[GrowthRow], points: Sequence[ScanCost]) -> None:
+def plot(path: Path, found: Measured) -> None:
     """Draw time against triangles at fixed points, and against points on a fixed mesh."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10, 4), layout="constrained")
     left, right = figure.subplots(1, 2)
+    triangles, scanned, points = found.triangles, found.scanned, found.points
     count = [row.triangles for row in triangles]
-    left.loglog(count, [row.seconds for row in triangles], "o-", label="sweep, measured")
+    left.loglog(count, [row.seconds for row in triangles], "o-", label="cast, wavy sheet")
+    left.loglog(
+        [cost.triangles for cost in scanned], [cost.processor_s for cost in scanned], "s-",
+        label="labelled scan, car door",
+    )  # fmt: skip
     limit = [triangles[0].seconds * 1.3**k for k in range(len(triangles))]
     left.loglog(count, limit, "--", color="0.5", label="1.3 × per doubling")
-    left.set(
-        xlabel="triangles", ylabel="processor seconds", title="Cast of 8.2 million points"
-    )
+    left.set(xlabel="triangles", ylabel="processor seconds", title="8.2 million points")
     size = [cost.profiles * cost.points for cost in points]
     right.loglog(size, [cost.processor_s for cost in points], "o-", label="labelled scan, measured")
     line = [points[-1].processor_s * n / size[-1] for n in size]

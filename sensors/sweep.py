@@ -199,15 +199,15 @@ def _left_of(
         cell = (value - origin) * scale
         cell = cell if cell > 0.0 else 0.0  # NaN too
         cell = cell if cell < last else float(last)
-        found[k] = min(max(np.int64(table[np.uint64(cell)]), 1), m - 2)
+        found[k] = min(max(int(table[np.uint64(cell)]), 1), m - 2)
     # A ray and its two neighbours settle nearly all; the loops make sure.
     unsettled = 0
     for k in range(count):
-        j = np.uint64(found[k])
-        left, right = j - np.uint64(1), j + np.uint64(1)
+        ray = np.uint64(found[k])
+        left, right = ray - np.uint64(1), ray + np.uint64(1)
         before = int(x_mm[left] + slope_x[left] * z[k] < x[k])
         after = int(x_mm[right] + slope_x[right] * z[k] < x[k])
-        found[k] += before + int(x_mm[j] + slope_x[j] * z[k] < x[k]) + after - 1
+        found[k] += before + int(x_mm[ray] + slope_x[ray] * z[k] < x[k]) + after - 1
         unsettled += 1 - before + after
     if unsettled == 0:
         return

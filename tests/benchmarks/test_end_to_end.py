@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from benchmarks import page
+from benchmarks import measured, page
 from benchmarks.casting import GrowthRow, Row
 from benchmarks.end_to_end import HOME, SCANS, BatchCost, batches, scan_cost
 from pipeline.recipe import Recipe
@@ -37,7 +37,8 @@ def test_the_datasets_are_what_their_names_say(tmp_path):
     assert (parts, specimens, scans) == ((3, 3, 1), (4, 8, 1), (2, 8, 200))
 
 
-def test_the_page_puts_ratios_first(cost, tmp_path):
+@pytest.fixture
+def found(cost):
     casting = [
         Row(mesh="m", triangles=9, caster=name, rays=rays, rays_per_s=rate, ratio=rate / 2e6,
             note="" if rays else "skipped: No module named 'vtkmodules'")
@@ -51,8 +52,13 @@ def test_the_page_puts_ratios_first(cost, tmp_path):
         GrowthRow(triangles=10, seconds=1.0, per_doubling=float("nan")),
         GrowthRow(triangles=20, seconds=1.25, per_doubling=1.25),
     ]
-    text = page.write(
-        machine=page.Machine.here(),
+    scanned = dataclasses.replace(
+        cost, triangles=4 * cost.triangles, processor_s=2.25 * cost.processor_s
+    )
+    return measured.Measured(
+        machine=dataclasses.asdict(page.Machine.here()),
+        load=dict.fromkeys(measured.SECTIONS, 0.25),
+        seconds=dict.fromkeys(measured.SECTIONS, 90.0),
         scans=[cost, larger],
         datasets=[
             BatchCost(
@@ -61,17 +67,23 @@ def test_the_page_puts_ratios_first(cost, tmp_path):
             )
             for name in ("first", "second")
         ],  # fmt: skip
-        dask=None,
+        dask_s=None,
         casting=casting,
         absent=["gone.stl"],
         triangles=triangles,
+        scanned=[cost, scanned],
         points=[cost, larger],
         noise={"field": 0.5},
-        seconds=60.0,
     )
+
+
+def test_the_page_puts_ratios_first(cost, found, tmp_path):
+    text = page.write(found)
     assert "| sweep against embreex, slowest mesh | 25 × | 10 × |" in text
     assert "| 2 jobs against 1, best of 2: second | 2.00 × of 1.60 | 1.8 × |" in text
-    assert "| time per doubling of triangles, worst | 1.25 × | 1.3 × |" in text
+    assert "| cast's time per doubling of triangles, worst | 1.25 × | 1.3 × |" in text
+    assert "| labelled scan's time per doubling of triangles, worst | 1.50 × | 1.3 × |" in text
+    assert "datasets 1.5 min (0.2)" in text
     assert "| time per point, largest against smallest scan | 2.00 × | 1 × |" in text
     assert "| m | 9 | 25.0 × | 50.0 × | 12.5 × | – | 10.0 × | 50 |" in text
     assert "VTK skipped: No module named 'vtkmodules'" in text
@@ -79,19 +91,40 @@ def test_the_page_puts_ratios_first(cost, tmp_path):
     assert "Dask isn't installed: skipped" in text
     each_s = cost.processor_s + cost.specimen_s / 8
     assert f"| {3600 / each_s:,.0f} |" in text
-    page.plot(tmp_path / "growth.png", triangles, [cost, larger])
+    page.plot(tmp_path / "growth.png", found)
     assert (tmp_path / "growth.png").stat().st_size > 5000
 
 
-def test_the_page_on_scaling_is_filled_and_can_be_filled_again(cost):
+def test_sections_are_kept_and_read_one_by_one(found, tmp_path):
+    of = {
+        "scans": ["scans"],
+        "datasets": ["datasets", "dask_s"],
+        "casting": ["casting", "absent"],
+        "growth": ["triangles", "scanned", "points"],
+        "noise": ["noise"],
+    }
+    for section in measured.SECTIONS:
+        assert section in measured.missing(tmp_path)
+        facts = {name: getattr(found, name) for name in of[section]}
+        own = {"machine": found.machine, "load": 0.25, "seconds": 90.0}
+        measured.keep(tmp_path, section, facts | own)
+    assert not measured.missing(tmp_path)
+    assert page.write(measured.read(tmp_path)) == page.write(found)
+    measured.keep(tmp_path, "noise", {"noise": {}, "load": 0.0, "seconds": 0.0, "machine": {}})
+    with pytest.raises(ValueError, match="noise is of another machine"):
+        measured.read(tmp_path)
+
+
+def test_the_page_on_scaling_is_filled_and_can_be_filled_again(cost, found):
     text = (HOME / "docs" / "scaling.md").read_text(encoding="utf-8")
     batch = BatchCost(
         name="d", scans=4, seconds={1: [4.0], 2: [2.0]}, apart_s=[4.0], disk_bytes=10
     )
-    once = page.fill(text, page.scaling([cost], [batch, batch], 7.25))
+    found = dataclasses.replace(found, scans=[cost], datasets=[batch, batch], dask_s=7.25)
+    once = page.fill(text, page.scaling(found))
     assert "in 7.2 s" in once
     assert f"{cost.triangles:,} triangles" in once
-    again = page.fill(once, page.scaling([cost], [batch, batch], 8.5))
+    again = page.fill(once, page.scaling(dataclasses.replace(found, dask_s=8.5)))
     assert "in 8.5 s" in again
     assert "in 7.2 s" not in again
     with pytest.raises(ValueError, match="no marks for 'cost'"):
