@@ -24,8 +24,8 @@ def flawforge(arguments: list[str], folder: FilePath) -> None:
 
     Raises
     ------
-    RuntimeError
-        Where it fails, with the end of what it said.
+    ValueError
+        Where it fails, with the last that it said.
     """
     one_core = {f"{lib}_NUM_THREADS": "1" for lib in ("OMP", "NUMBA", "OPENBLAS", "MKL")}
     done = subprocess.run(
@@ -35,7 +35,8 @@ def flawforge(arguments: list[str], folder: FilePath) -> None:
     )  # fmt: skip
     (folder / f"{arguments[0]}.log").write_text(done.stdout)
     if done.returncode != 0:
-        raise RuntimeError(f"flawforge {' '.join(arguments)}: {done.stdout[-1500:]}")
+        last = (done.stdout.strip().splitlines() or ["said nothing"])[-1]
+        raise ValueError(f"{folder}: {arguments[0]} failed ({done.returncode}): {last}")
 
 
 def write_parts(folder: FilePath, specimens: list[Specimen]) -> None:
@@ -134,5 +135,5 @@ def read_depths(dataset: FilePath, count: int) -> list[NDArray[np.float32]]:
                 found[scan] = values.astype(np.float32)
     if len(found) != count:
         said = json.loads((dataset / "dataset.json").read_text()).get("failed", "")
-        raise RuntimeError(f"{dataset}: {len(found)} of {count} scans; {str(said)[:500]}")
+        raise ValueError(f"{dataset}: {len(found)} of {count} scans; {str(said)[:500]}")
     return [found[name] for name in sorted(found)]

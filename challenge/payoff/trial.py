@@ -94,7 +94,7 @@ def diagnose(folder: Path) -> None:
             found = json.loads((there / "diagnosis" / "diagnosis.json").read_text())
             answer = {"verdict": found["verdict"], "effects": [e["name"] for e in found["effects"]]}
             shutil.copyfile(there / "diagnosis" / "sensor.yaml", there / "diagnosed.yaml")
-        except RuntimeError as error:
+        except ValueError as error:
             answer = {"verdict": "no answer", "effects": [], "said": str(error)}
             shutil.copyfile(there / "sensor.yaml", there / "diagnosed.yaml")
         write_whole(there / "answer.json", json.dumps(answer).encode())

@@ -162,3 +162,24 @@ def test_every_world_names_a_switch_or_none():
     assert [w.switch for w in WORLDS.values() if w.switch not in SWITCHES] == [""]
     assert features(np.zeros((8, 8))).shape[-1] == FEATURES
     assert trial.SMALL.training < Effort().training
+
+
+def test_where_the_diagnosis_has_no_answer_the_plain_sensor_stays(tmp_path, monkeypatch):
+    (tmp_path / "stranger").mkdir()
+    for file in trial.STRANGER:
+        (tmp_path / "stranger" / file).write_text(f"the stranger's {file}")
+
+    def no_answer(arguments, folder):
+        if arguments[0] == "diagnose":
+            raise ValueError("it failed")
+        (folder / "roughness").mkdir()
+        (folder / "roughness" / "surface.yaml").write_text("a surface")
+
+    monkeypatch.setattr(trial, "flawforge", no_answer)
+    trial.diagnose(tmp_path)
+    there = tmp_path / "diagnose"
+    assert (there / "diagnosed.yaml").read_text() == (there / "sensor.yaml").read_text()
+    assert json.loads((there / "answer.json").read_text())["verdict"] == "no answer"
+    # nothing but the stranger's files is within reach of the diagnosis
+    assert {p.name for p in there.iterdir()} >= set(trial.STRANGER)
+    assert not (there / "sealed").exists()
