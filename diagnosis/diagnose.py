@@ -181,7 +181,8 @@ def diagnose(
     if finishes:
         plain_noise = nominal_noise(noise, nominal, surface, ws.patches[0].view)
         before = judge(plain_held, plain_noise, Model(), share_own=not single)
-        gain = before.log_score - after.log_score
+        without = judge(held_patches, plain_noise, model, share_own=not single)
+        gain = without.log_score - after.log_score
         found += tuple(plainly_found(e, gain, finish_intervals(e)) for e in finishes)
     if mounting is not None:
         gain = commanded_gain(

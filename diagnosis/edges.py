@@ -11,6 +11,8 @@ from scipy.ndimage import binary_dilation
 from diagnosis.noise import Field, Mask
 from sensors.view import View
 
+EDGE_COVARIATES = {"curvature_y", "edge_y", "hidden"}
+"""Covariates of effects that live on depth edges alone."""
 TRUST = 1.0
 """Share of the plain law's own correction at an edge by which it may be wrong."""
 UNSURE = 0.3

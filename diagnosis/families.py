@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from diagnosis.edges import EDGE_COVARIATES
 from diagnosis.noise import Field, NoiseModel
 from diagnosis.patch import Patch
 from diagnosis.prediction import Prediction, predict
@@ -24,7 +25,6 @@ SKIPPED = {
 }  # fmt: skip
 """Effects that other tests cover: spectrum, free-form maps, placements, rows, columns."""
 MOST_POINTS = 4
-EDGE_COVARIATES = {"curvature_y", "edge_y", "hidden"}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

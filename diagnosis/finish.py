@@ -19,8 +19,8 @@ from sensors.effects.base import Effect
 from sensors.effects.roughness_level import RoughnessLevel
 from sensors.uncertainty import sigma_mm
 
-LEVEL_TOLERANCE = 0.3
-"""Least change of the noise's logarithm; range and reflectance move it by a quarter."""
+LEVEL_TOLERANCE = 0.15
+"""Least change of the noise's logarithm that is another finish."""
 LAY_TOLERANCE = math.log(1.6)
 SQUARE_RAD = math.radians(25)
 
@@ -72,7 +72,7 @@ def finish_effects(
                 _finding("variance", "level of the noise", abs(math.expm1(ratio)), ratio)
             )
     if nominal is not None:
-        lay = _lay(ws, nominal)
+        lay = _lay(ws, model, nominal)
         if lay is not None:
             effects.append(lay)
             findings.append(
@@ -91,16 +91,18 @@ def _finding(channel: str, words: str, size: float, strength: float) -> Finding:
     )  # fmt: skip
 
 
-def _lay(ws: Workspace, nominal: NoiseModel) -> AnisotropicLay | None:
+def _lay(ws: Workspace, model: Model, nominal: NoiseModel) -> AnisotropicLay | None:
     """Find a direction on the part along which the noise is drawn out."""
     even = _stretch(nominal)
+    states = ws.states(ws.predict(model))
     rows, seen = [], []
     for number in sorted({p.recording for p in ws.patches}):
-        patches = [p for p in ws.patches if p.recording == number]
-        fields = [p.depth_mm - p.plain_mm for p in patches]
-        masks = [
-            p.fit & p.observed & np.isfinite(p.plain_mm) & ~p.edge & p.counted for p in patches
+        members = [
+            (p, s) for p, s in zip(ws.patches, states, strict=True) if p.recording == number
         ]
+        patches = [p for p, _ in members]
+        fields = [s.residual_mm / s.sd_mm for _, s in members]
+        masks = [p.fit & s.used & ~p.edge for p, s in members]
         if sum(int(m.sum()) for m in masks) < 3000:
             continue
         own = calibrate(

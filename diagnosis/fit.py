@@ -67,11 +67,11 @@ def fit_effect(
 
     Parameters
     ----------
-    masks : readings to fit on, all that may be fitted where left out
+    masks : readings to fit on, those that suit the effect where left out
     start : the effect at which to begin, instead of its grid
     polish : search the nonlinear parameters beyond the grid
     """
-    masks = list(masks) if masks is not None else ws.masks()
+    masks = list(masks) if masks is not None else ws.masks_for(kind)
     try:
         points = (start,) if start is not None else _grid(kind, ws, states)
     except (RecipeError, TypeError):

@@ -10,7 +10,7 @@ from diagnosis.mounting import Mounting
 from diagnosis.noise import NoiseModel
 from diagnosis.patch import Patch, cut
 from diagnosis.prediction import predict
-from diagnosis.registration import Placement
+from diagnosis.registration import PRIOR_SD, Placement
 from diagnosis.score import log_density
 from diagnosis.select import Choice, refit_linear
 from diagnosis.uncertainty import intervals
@@ -125,9 +125,9 @@ def commanded_gain(
         if number not in names:
             continue
         stay = Placement(
-            shift=np.zeros(7),
+            shift=np.zeros(PRIOR_SD.size),
             centre_mm=np.zeros(3),
-            covariance=np.eye(7),
+            covariance=np.eye(PRIOR_SD.size),
             poses=recording.poses,
         )
         for patch in cut(
@@ -139,7 +139,7 @@ def commanded_gain(
                     patch,
                     predict(patch.view, e, noise, softness=patch.softness),
                     noise,
-                    np.zeros(7),
+                    np.zeros(PRIOR_SD.size),
                 )
                 for e in ((), (mounting.effect,))
             ]

@@ -14,7 +14,7 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from diagnosis.noise import Field
-from diagnosis.registration import Placement, travel_vector
+from diagnosis.registration import Placement, travel_columns
 from sensors.effects.pose_error import PoseError
 
 LEVEL = 1e-3
@@ -80,7 +80,7 @@ def _in_sensor(commanded: Field, placement: Placement) -> Field:
     shift = placement.shift
     turn = Rotation.from_rotvec(shift[3:6]).as_matrix()
     true = middle.copy()
-    true[:3, 3] += shift[6] * travel_vector(commanded)[len(commanded) // 2]
+    true[:3, 3] += travel_columns(commanded)[len(commanded) // 2] @ shift[6:]
     true[:3, 3] = turn @ (true[:3, 3] - placement.centre_mm) + placement.centre_mm + shift[:3]
     true[:3, :3] = turn @ true[:3, :3]
     error = np.linalg.inv(middle) @ true

@@ -45,7 +45,7 @@ class Patch:
         Geometry at the registered pose.
     plain_mm : (n, m)
         Mean of the plain model, NaN where it expects no return.
-    columns : (n, m, 7)
+    columns : (n, m, 9)
         Derivative of depth by the placement; 0 without a hit.
     softness : ((n, m), (n, m))
         Further standard deviation (mm) and probability by which an edge may be misplaced.

@@ -22,8 +22,8 @@ from sensors.covariates import COVARIATES
 from sensors.law import sheet_effects
 
 TOLERANCES = {"variance": 0.12, "missing": 0.004, "tails": 0.002}
-"""Least departure that is a mismatch: relative change of the noise, share of readings."""
-LISTED_TOLERANCE = 0.3
+"""Least departure that is a mismatch: change of the noise (rms over readings), share of them."""
+LISTED_TOLERANCE = 0.15
 """The same for the noise where the sensor's file shapes it over the scan already."""
 LEVELS = {"missing": 0.002, "tails": 0.0007}
 """Least share of readings, lost or spikes, that is a mismatch by itself."""
@@ -96,8 +96,13 @@ def _numbers(
         level = float(everything.mean()) if everything.size else 1.0
         values = [v / max(level, 1e-6) - 1 for v in values]
         return values, masks, 0.5
+    # the model's own expectation says how much such counts scatter at least
     share = noise.missing_share if channel == "missing" else noise.tail_share
-    return values, masks, max(share, 1e-4)
+    expected = [
+        (q.p_missing if channel == "missing" else q.p_outlier)[m]
+        for q, m in zip(predictions, masks, strict=True)
+    ]
+    return values, masks, max(share, float(np.concatenate(expected).mean()), 1e-4)
 
 
 def _overall(
@@ -196,7 +201,8 @@ def _against(
         else float(np.sqrt(-2 * log_tail))
     )
     if channel == "variance":
-        size = float(np.quantile(np.abs(np.sqrt(np.clip(1 + rate - centre, 0.05, None)) - 1), 0.9))
+        change = np.sqrt(np.clip(1 + rate - centre, 0.05, None)) - 1
+        size = float(np.sqrt(np.average(change**2, weights=mass.sum(axis=0))))
     else:
         size = float(rate.max())
         if rate.max() <= 0:

@@ -1,4 +1,4 @@
-"""Registration: where the part really was, a nuisance of six degrees of freedom and a scale.
+"""Registration: where the part really was and where the travel went, a nuisance of nine numbers.
 
 Gauss-Newton on the depth residual with the analytic derivative of depth by pose, robust, with
 edges and creases down-weighted; directions that smooth faces leave open are then settled by the
@@ -19,8 +19,8 @@ from sensors.recording import Recording
 from sensors.scene import Hits, Scene
 from sensors.typed_yaml import RecipeError
 
-PRIOR_SD = np.array([2.0, 2.0, 2.0, 0.02, 0.02, 0.02, 2e-3])
-"""How far a commanded pose may be off: mm, radians, share of the travel."""
+PRIOR_SD = np.array([2.0, 2.0, 2.0, 0.02, 0.02, 0.02, 2e-3, 0.01, 0.01])
+"""How far a commanded pose may be off: mm, radians, share of the travel, its direction."""
 SUBSET = 120_000
 MOVE_LIMIT = 0.5
 """Largest step of one iteration, in prior deviations."""
@@ -28,16 +28,19 @@ MOVE_LIMIT = 0.5
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Placement:
-    """A rigid correction of all poses of one recording.
+    """A correction of all poses of one recording.
+
+    A part that lies elsewhere moves all poses alike; a sensor that sits askew on its stage travels
+    in another direction than its axes say.
 
     Attributes
     ----------
-    shift : (7,) float64
+    shift : (9,) float64
         Translation (part frame, mm), rotation vector about `centre_mm` (part frame, rad), scale
-        of the travel.
+        of the travel, and its turn towards the sensor's x and z (rad).
     centre_mm : (3,) float64
         Centre of the hits, part frame.
-    covariance : (7, 7) float64
+    covariance : (9, 9) float64
         Of the shift, with readings counted as independent.
     poses : (n, 4, 4) float64
         The commanded poses with the correction applied.
@@ -50,10 +53,9 @@ class Placement:
 
 
 def move(poses: Field, shift: Field, centre_mm: Field) -> Field:
-    """Apply a correction (7,) to commanded poses (n, 4, 4)."""
+    """Apply a correction (9,) to commanded poses (n, 4, 4)."""
     moved = poses.copy()
-    travel = travel_vector(poses)
-    moved[:, :3, 3] += shift[6] * travel
+    moved[:, :3, 3] += travel_columns(poses) @ shift[6:]
     turn = Rotation.from_rotvec(shift[3:6]).as_matrix()
     moved[:, :3, :3] = turn @ moved[:, :3, :3]
     moved[:, :3, 3] = (moved[:, :3, 3] - centre_mm) @ turn.T + centre_mm + shift[:3]
@@ -66,10 +68,23 @@ def travel_vector(poses: Field) -> Field:
     return np.asarray(position - position.mean(axis=0))
 
 
+def travel_columns(poses: Field) -> Field:
+    """Return the derivative of each position by the travel's scale and turns, (n, 3, 3), mm."""
+    return _turned(travel_vector(poses), poses)
+
+
+def _turned(way: Field, poses: Field) -> Field:
+    """Ways (n, 3), and as long along the sensor's x and z, (n, 3, 3)."""
+    middle = poses[len(poses) // 2, :3, :3]
+    along = way @ middle[:, 1]
+    sideways, deeper = (along[:, None] * middle[None, :, k] for k in (0, 2))
+    return np.stack([way, sideways, deeper], axis=-1)
+
+
 def pose_columns(
     poses: Field, laser: Laser, depth_mm: Field, normal: Field, centre_mm: Field
 ) -> Field:
-    """Return the derivative of depth by the seven parameters of a placement, (n, m, 7).
+    """Return the derivative of depth by the parameters of a placement, (n, m, 9).
 
     The point of a ray at fixed depth moves with the sensor by δ; the tangent plane at the hit
     with normal n then cuts the ray with direction v deeper by -n·δ / n·v.
@@ -90,8 +105,7 @@ def pose_columns(
     facing = np.where(np.abs(facing) < 1e-3, -1e-3, facing)
     lever = -normal / facing[..., None]
     arm = np.cross(hit - centre_mm, lever)
-    scale = np.einsum("nmk,nk->nm", lever, travel_vector(poses))
-    return np.concatenate([lever, arm, scale[..., None]], axis=-1)
+    return np.concatenate([lever, arm, lever @ travel_columns(poses)], axis=-1)
 
 
 def smooth_weight(depth_mm: Field, normal: Field, pitch_mm: float) -> Field:
@@ -174,7 +188,7 @@ def _smooth_fit(
     pitch: float,
     sd_mm: float,
 ) -> tuple[Field, Field]:
-    shift = np.zeros(7)
+    shift = np.zeros(PRIOR_SD.size)
     inverse_prior = np.diag(PRIOR_SD**-2.0)
     covariance = np.diag(PRIOR_SD**2)
     tune = 6.0
@@ -219,9 +233,11 @@ def _settle_by_edges(
     sd_mm: float,
 ) -> Field:
     """Let silhouettes settle what smooth faces leave open, where they say something clear."""
-    sizes = np.array([1.0, 1.0, 1.0, *(1 / _reach(poses, rays, depth),) * 3, 1 / _length(poses)])
+    sizes = np.array(
+        [1.0, 1.0, 1.0, *(1 / _reach(poses, rays, depth),) * 3, *(1 / _length(poses),) * 3]
+    )
     values, vectors = np.linalg.eigh(covariance / np.outer(sizes, sizes))
-    open_axes = [k for k in range(7) if np.sqrt(values[k]) > 0.1 * pitch]
+    open_axes = [k for k in range(len(values)) if np.sqrt(values[k]) > 0.1 * pitch]
     if not open_axes:
         return start
     directions = (vectors[:, open_axes] * sizes[:, None]).T
@@ -326,9 +342,11 @@ def _length(poses: Field) -> float:
 
 def _move_all(poses: Field, subset: Field, shift: Field, centre: Field) -> Field:
     """Apply a correction found on a subset of profiles: its travel counts from their mean."""
-    moved = move(poses, np.concatenate([np.zeros(6), shift[6:]]), centre)
-    moved[:, :3, 3] += shift[6] * (poses[:, :3, 3].mean(axis=0) - subset[:, :3, 3].mean(axis=0))
-    return move(moved, np.concatenate([shift[:6], [0.0]]), centre)
+    still = np.zeros(6)
+    moved = move(poses, np.concatenate([still, shift[6:]]), centre)
+    behind = poses[:, :3, 3].mean(axis=0) - subset[:, :3, 3].mean(axis=0)
+    moved[:, :3, 3] += (_turned(behind[None], poses) @ shift[6:])[0]
+    return move(moved, np.concatenate([shift[:6], np.zeros(3)]), centre)
 
 
 def hits_normal(scene: Scene, hits: Hits) -> Field:

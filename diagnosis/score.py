@@ -37,7 +37,7 @@ class Whitened:
     sd_mm : (n, m)
     innovations : (n, m)
         Whitened residual; 0 where not used.
-    columns : (n, m, 7)
+    columns : (n, m, 9)
         Whitened derivative by the placement (in prior deviations).
     """
 
@@ -107,7 +107,7 @@ def _keep(patch: Patch, key: tuple[Any, ...], make: Callable[[], T]) -> T:
 def placements(
     patches: Sequence[Patch], states: Sequence[Whitened], masks: Sequence[Mask]
 ) -> dict[int, Field]:
-    """Best placement (7,) of each recording given whitened residuals, in prior deviations.
+    """Best placement (9,) of each recording given whitened residuals, in prior deviations.
 
     Least squares, then again without the readings that are far off under it.
     """

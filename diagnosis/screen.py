@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.columnwise import column_equations
+from diagnosis.edges import EDGE_COVARIATES
 from diagnosis.families import Family
 from diagnosis.finding import Finding, Screening, as_deviate, tail_threshold
 from diagnosis.noise import Field, Mask, NoiseModel
@@ -27,7 +28,7 @@ TOLERANCE = 0.1
 EDGE_TOLERANCE = 0.6
 """The same where a signature lives on depth edges, which no mesh and no pose place exactly."""
 LISTED_TOLERANCE = 1.2
-"""The same for an effect that the sensor's file lists already, with other parameters."""
+"""The same where the sensor's file lists what edges do: it says so to within its own size."""
 TOGETHER = 4.0
 """Readings on depth edges that err together: so many count as one."""
 
@@ -207,7 +208,7 @@ def _family(family: Family, readings: Readings) -> tuple[Finding, Field] | None:
 def _tolerance(family: Family, patch: Patch) -> float:
     if not family.at_edges or family.effect is None:
         return TOLERANCE
-    listed = family.effect.name in {e.name for e in sheet_effects(patch.view)}
+    listed = any(e.covariate in EDGE_COVARIATES - {"hidden"} for e in sheet_effects(patch.view))
     return LISTED_TOLERANCE if listed else EDGE_TOLERANCE
 
 

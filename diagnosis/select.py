@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.families import EDGE_COVARIATES, effect_families, free_families
+from diagnosis.edges import EDGE_COVARIATES
+from diagnosis.families import effect_families, free_families
 from diagnosis.finding import Finding, Screening
 from diagnosis.fit import Fitted, fit_effect, linear_count
 from diagnosis.noise import Field, Mask
@@ -185,25 +186,31 @@ def crossfitted(
 ) -> Field:
     """Gain of each block, from parameters that its own half didn't fit where they are many."""
     trial = ws.levelled(model.with_effect(fitted.effect, fitted.own))
+    masks = ws.masks_for(kind)
     if fitted.free <= 6:
         after = ws.log_densities(trial)
-        return ws.block_scores([a - b for a, b in zip(after, base, strict=True)])
+        return ws.block_scores([a - b for a, b in zip(after, base, strict=True)], masks)
     halves = fold_masks(ws)
     predictions = ws.predict(model)
     states = ws.states(predictions)
     total: Field | float = 0.0
     for fit_on, judge in (halves, halves[::-1]):
         part = fit_effect(
-            kind, ws, model, predictions, states, masks=fit_on, start=fitted.effect, polish=False
-        )
+            kind, ws, model, predictions, states, masks=_both(masks, fit_on),
+            start=fitted.effect, polish=False,
+        )  # fmt: skip
         if part is None:
             return np.zeros(ws.block_scores(base).size)
         after = ws.log_densities(model.with_effect(part.effect, part.own))
         total = total + ws.block_scores(
             [a - b for a, b in zip(after, base, strict=True)],
-            [m & j for m, j in zip(ws.masks(), judge, strict=True)],
+            _both(masks, judge),
         )
     return np.asarray(total)
+
+
+def _both(one: Sequence[Mask], two: Sequence[Mask]) -> list[Mask]:
+    return [a & b for a, b in zip(one, two, strict=True)]
 
 
 def fold_masks(ws: Workspace) -> tuple[list[Mask], list[Mask]]:

@@ -6,6 +6,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from diagnosis.edges import EDGE_COVARIATES
 from diagnosis.noise import Field, Mask, NoiseModel
 from diagnosis.patch import Patch, thinned
 from diagnosis.prediction import Prediction, effects_for, predict
@@ -151,6 +152,12 @@ class Workspace:
         predictions = self.predict(model)
         raw = [whitened(p, q, self.noise) for p, q in zip(self.patches, predictions, strict=True)]
         return placements(self.patches, raw, self.masks())
+
+    def masks_for(self, kind: type[Effect]) -> list[Mask]:
+        """Return the readings on which an effect is fitted: bulk physics away from edges."""
+        if kind.covariate in EDGE_COVARIATES:
+            return self.masks()
+        return [m & ~p.edge for p, m in zip(self.patches, self.masks(), strict=True)]
 
     def log_densities(
         self, model: Model, *, placements: Mapping[int, Field] | None = None

@@ -17,8 +17,8 @@ def test_pose_columns_are_the_derivative_of_depth() -> None:
     hits = scene.cast(laser, scan)
     centre = np.array([1.0, -2.0, 3.0])
     columns = pose_columns(scan, laser, hits.depth_mm, hits_normal(scene, hits), centre)
-    for k, size in enumerate([1e-3] * 3 + [1e-5] * 3 + [1e-4]):
-        step = np.zeros(7)
+    for k, size in enumerate([1e-3] * 3 + [1e-5] * 3 + [1e-4] * 3):
+        step = np.zeros(9)
         step[k] = size
         ahead = scene.cast(laser, move(scan, step, centre))
         back = scene.cast(laser, move(scan, -step, centre))
