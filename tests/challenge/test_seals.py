@@ -263,7 +263,8 @@ def judged(tmp_path, bowed):
     return tmp_path
 
 
-def test_judge_scores_and_writes_a_page(judged, tmp_path, monkeypatch):
+def test_judge_scores_and_writes_a_page(judged, bowed, tmp_path, monkeypatch):
+    monkeypatch.setattr("challenge.proof.stage", lambda secret: bowed[1])  # staged already
     scored = judge(judged)
     score = scored["cases"]["case-001"]["score"]
     assert score["top_1"] == 1

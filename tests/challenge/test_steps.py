@@ -19,7 +19,7 @@ def sealed(tmp_path_factory):
     counts = {"null": 1, "one": 0, "two": 0, "unknown": 0, "decoy": 0, "undecidable": 0}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("challenge.make.SMALL", counts)
-        patch.setattr("challenge.cases.truth.NULL_DRAWS", 25)
+        patch.setattr("challenge.cases.nulls.NULL_DRAWS", 25)
         assert making.make(folder, seed=3, small=True, jobs=1) == 0
     return folder
 
