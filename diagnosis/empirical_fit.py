@@ -6,7 +6,7 @@ import numpy as np
 
 from diagnosis.families import covariate_values
 from diagnosis.finding import Finding
-from diagnosis.fit import Fitted, solve_linear
+from diagnosis.linear import Fitted, solve_linear
 from diagnosis.select import crossfitted
 from diagnosis.workspace import Model, Workspace, bootstrap_interval
 from sensors.covariates import COVARIATES

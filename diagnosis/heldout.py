@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from diagnosis.fit import phase_is_own, solve_linear
+from diagnosis.linear import phase_is_own, solve_linear
 from diagnosis.noise import Field, Mask, NoiseModel
 from diagnosis.patch import Patch
 from diagnosis.score import log_density, placed, placements, whitened

@@ -13,7 +13,8 @@ import numpy as np
 from diagnosis.edges import EDGE_COVARIATES
 from diagnosis.families import effect_families, free_families
 from diagnosis.finding import Finding, Screening
-from diagnosis.fit import Fitted, fit_effect, linear_count
+from diagnosis.fit import fit_effect
+from diagnosis.linear import Fitted, linear_count
 from diagnosis.noise import Field, Mask
 from diagnosis.rates import screen_rates
 from diagnosis.screen import screen_mean
