@@ -18,7 +18,7 @@ from diagnosis.inputs import (
     check_overlap,
     laser_of,
     lateral_mm,
-    note_repeats,
+    repeats,
     tiles,
     without_speckle,
 )
@@ -32,12 +32,15 @@ from diagnosis.select import Selection, drop_idle, refit_linear, select
 from diagnosis.settle import registered_under, settled
 from diagnosis.workspace import Model, Workspace
 from sensors.datasheet import Datasheet, with_effects
+from sensors.effects.base import Effect
 from sensors.recording import Recording
 from sensors.scene import Scene
 from sensors.surface import Surface
 from sensors.typed_yaml import RecipeError
 
 Progress = Callable[[str], None]
+LEAST_GAIN = 5e-4
+"""Nats per held-out reading below which an effect is of no use: 0.03 of the noise."""
 STILL_BENT = 0.4
 """Departure of the mean, in units of the noise, that is never passed over as a remainder."""
 
@@ -131,7 +134,7 @@ def diagnose(
     progress("calibrating the noise")
     noise, nominal = calibrated_noise(patches, references, datasheet, notes)
     ws = Workspace.build([p for p in patches if p.fit.any()], noise)
-    note_repeats(everything, notes)
+    repeated = repeats(everything, notes)
 
     selection = select(ws, rng, withheld=withheld, progress=progress)
     model = selection.model
@@ -145,19 +148,19 @@ def diagnose(
         model, kept = drop_idle(ws, refit_linear(ws, model), selection.choices, rng)
         selection = replace(selection, choices=kept)
     verdict, left = _verdict(selection)
-    finishes, finish_findings = finish_effects(
-        ws, model, noise, nominal, nominal_sd_mm(nominal, surface, ws.patches[0].view)
-    )
+    finishes: list[Effect] = []
+    finish_findings: list[Finding] = []
+    if not any(f.channel == "mean" for f in left):
+        # what is left of the mean would pass for noise
+        finishes, finish_findings = finish_effects(
+            ws, model, noise, nominal, nominal_sd_mm(nominal, surface, ws.patches[0].view)
+        )
     finishes = [e for e in finishes if e.name not in set(withheld)]
     mounting = None
     if "pose_error" not in set(withheld):
         mounting = mounting_error([r.poses for r in fit_on], [placed[r.name] for r in fit_on])
-    if verdict == "match" and (finishes or mounting):
-        verdict = "explained"
-    elif verdict == "match" and finish_findings:
-        verdict, left = "unexplained", finish_findings
-    elif verdict == "unexplained" and (finishes or mounting):
-        verdict = "partly_explained"
+    known = bool(finishes or mounting)
+    verdict, left = _joined(verdict, left, known, [*repeated, *([] if known else finish_findings)])
     if verdict in ("unexplained", "partly_explained"):
         progress("describing what is left")
         empirical = fit_empirical(ws, model, left)
@@ -167,7 +170,7 @@ def diagnose(
     progress("judging on held-out readings")
     before = judge(plain_held, noise, Model(), share_own=not single)
     found, after = found_effects(ws, model, selection.choices, held_patches, not single)
-    idle = {f.name for f in found if f.heldout_gain <= 0 and f.name != "empirical"}
+    idle = {f.name for f in found if f.heldout_gain < LEAST_GAIN and f.name != "empirical"}
     if idle:
         notes.append(f"{', '.join(sorted(idle))}: fitted, but of no use on held-out readings")
         for name in idle:
@@ -183,6 +186,8 @@ def diagnose(
         before = judge(plain_held, plain_noise, Model(), share_own=not single)
         without = judge(held_patches, plain_noise, model, share_own=not single)
         gain = without.log_score - after.log_score
+        if gain < LEAST_GAIN:
+            finishes = []
         found += tuple(plainly_found(e, gain, finish_intervals(e)) for e in finishes)
     if mounting is not None:
         gain = commanded_gain(
@@ -244,3 +249,12 @@ def _verdict(selection: Selection) -> tuple[str, list[Finding]]:
     return "partly_explained", last
 
 
+def _joined(
+    verdict: str, left: list[Finding], known: bool, more: list[Finding]
+) -> tuple[str, list[Finding]]:
+    """Join a verdict with what was found beside the selection, known by name or left over."""
+    if known:
+        verdict = {"match": "explained", "unexplained": "partly_explained"}.get(verdict, verdict)
+    if more:
+        verdict = {"match": "unexplained", "explained": "partly_explained"}.get(verdict, verdict)
+    return verdict, [*left, *more]

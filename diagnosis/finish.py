@@ -19,9 +19,10 @@ from sensors.effects.base import Effect
 from sensors.effects.roughness_level import RoughnessLevel
 from sensors.uncertainty import sigma_mm
 
-LEVEL_TOLERANCE = 0.15
+LEVEL_TOLERANCE = 0.1
 """Least change of the noise's logarithm that is another finish."""
 LAY_TOLERANCE = math.log(1.6)
+SENSORS_OWN = 0.5
 SQUARE_RAD = math.radians(25)
 
 
@@ -117,6 +118,9 @@ def _lay(ws: Workspace, model: Model, nominal: NoiseModel) -> AnisotropicLay | N
     design, stretch = np.array(rows), np.array(seen)
     solved, *_ = np.linalg.lstsq(design, stretch, rcond=0.1)
     size = float(np.hypot(*solved))
+    # the same stretch in every recording is the sensor's, not the part's
+    if float(np.abs(stretch - stretch.mean()).max()) < SENSORS_OWN * abs(float(stretch.mean())):
+        return None
     rest = stretch - design @ solved
     if size < LAY_TOLERANCE or float(np.abs(rest).max()) > 0.4 * size:
         return None

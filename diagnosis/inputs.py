@@ -6,12 +6,16 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.brightness import surface_brightness
+from diagnosis.finding import Finding
 from diagnosis.noise import Mask
 from diagnosis.patch import Patch
 from sensors.datasheet import Datasheet
 from sensors.laser import Laser
 from sensors.recording import Recording, repeated_rows
 from sensors.typed_yaml import RecipeError
+
+LEAST_REPEATS = 0.01
+"""Share of profiles that repeat the one before from which it is a fault worth telling."""
 
 
 def check_names(recordings: Sequence[Recording]) -> None:
@@ -63,8 +67,9 @@ def check_overlap(patches: Sequence[Patch]) -> None:
             raise RecipeError("nowhere meets the part after registration", where=patch.name)
 
 
-def note_repeats(recordings: Sequence[Recording], notes: list[str]) -> None:
-    """Note profiles that repeat the one before."""
+def repeats(recordings: Sequence[Recording], notes: list[str]) -> list[Finding]:
+    """Note profiles that repeat the one before; a finding where they are more than stray ones."""
+    found = []
     for r in recordings:
         count = int(repeated_rows(r.depth_mm).sum())
         if count:
@@ -72,6 +77,18 @@ def note_repeats(recordings: Sequence[Recording], notes: list[str]) -> None:
                 f"{r.name}: {count} of {len(r.depth_mm)} profiles repeat the one before, "
                 "reading for reading; they measured nothing and are left out"
             )
+        found.append(count / len(r.depth_mm))
+    share = float(np.mean(found))
+    if share < LEAST_REPEATS:
+        return []
+    return [
+        Finding(
+            channel="missing", name="repeats", words="time since the first profile", frame="time",
+            z=float(np.sqrt(sum(r.depth_mm.size for r in recordings) * share)), size=share,
+            tolerance=LEAST_REPEATS, gain=0.0, coefficients=np.array([share]),
+            detail=f"{share:.1%} of the profiles repeat the one before, reading for reading",
+        )
+    ]  # fmt: skip
 
 
 def laser_of(datasheet: Datasheet, recording: Recording) -> Laser:

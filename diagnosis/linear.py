@@ -4,7 +4,6 @@ Whitened readings, the placement's columns projected out; a wave's phase may be 
 own, columns are shrunk by their own scatter.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -49,22 +48,22 @@ def solve_linear(
     """Solve the linear coefficients at given nonlinear parameters."""
     if effect.name == "column_offset":
         return _solve_columns(effect, ws, states, masks)
-    normals = _normals(effect, ws, states, masks)
-    if normals is None:
+    rows = _rows(effect, ws, states, masks)
+    if rows is None or not any(np.any(r.white) for r in rows.values()):
         return None
-    if phase_is_own(effect):
-        return _solve_phases(effect, normals)
-    gram = np.asarray(sum(n.gram for n in normals.values()))
-    right = np.asarray(sum(n.right for n in normals.values()))
-    raw = np.asarray(sum(n.raw for n in normals.values()))
-    if not np.any(np.diag(gram) > 1e-12):
-        return None
-    beta = _solve(gram, right, raw)
-    solved = within_bounds(effect, beta)
-    held = beta if solved.sinusoid else solved.coefficients()
-    gain = float(right @ held - 0.5 * held @ gram @ held)
-    count = len(beta) + len([p for p in effect.parameters() if p.grid or p.name == "rows"])
-    return Fitted(effect=solved, own={}, gain=gain, free=count)
+    # a misfit is large before it is fitted; what is still far off after it is none of its doing
+    first = _coefficients(effect, rows, {r: np.ones(row.values.size) for r, row in rows.items()})
+    near = {r: np.abs(row.left(first[r])) < CLIP for r, row in rows.items()}
+    found = _coefficients(effect, rows, near)
+    solved, own = _with(effect, found, rows)
+    held = {r: _coefficients_of(solved, own.get(r, {})) for r in rows}
+    gain = sum(row.gain(held[r]) for r, row in rows.items())
+    linear = len(next(iter(found.values())))
+    nonlinear = len([p for p in effect.parameters() if p.grid or p.name == "rows"])
+    return Fitted(
+        effect=solved, own=own, gain=gain,
+        free=2 + len(own) if own else linear + nonlinear,
+    )  # fmt: skip
 
 
 def phase_is_own(effect: Effect) -> bool:
@@ -107,75 +106,119 @@ def _basis(effect: Effect, ws: Workspace, patch: int) -> list[Field] | None:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class _Normal:
-    """Normal equations of one recording, pose projected out."""
+class _Rows:
+    """Whitened readings of one recording.
 
-    gram: Field
-    right: Field
-    raw: Field
+    Attributes
+    ----------
+    white : (N, k), the effect's fields
+    columns : (N, 9), the placement's
+    values : (N,), the residual
+    """
 
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class _Ready:
-    """What a patch's fits share: the readings picked, the pose's columns and their products."""
-
-    pick: Mask
+    white: Field
     columns: Field
     values: Field
-    gram: Field
-    right: Field
+
+    def normal(self, weight: Field) -> tuple[Field, Field, Field]:
+        """Return normal matrix and right side beyond the placement, and squares before that."""
+        white, columns = weight[:, None] * self.white, weight[:, None] * self.columns
+        gram = (white.T @ self.white).astype(np.float64)
+        cross = (columns.T @ self.white).astype(np.float64)
+        pose = np.eye(cross.shape[0]) + (columns.T @ self.columns).astype(np.float64)
+        right = np.column_stack([cross, columns.T @ self.values])
+        solved = np.linalg.solve(pose, right)
+        return (
+            gram - cross.T @ solved[:, :-1],
+            white.T @ self.values - cross.T @ solved[:, -1],
+            np.diag(gram),
+        )
+
+    def left(self, beta: Field) -> Field:
+        """Residual (N,) once the fields are taken off and the placement is fitted anew."""
+        rest = self.values - (self.white @ beta).astype(np.float32)
+        # the fields may hold much that the placement takes back: all readings first
+        left, near = rest, np.ones(rest.size, dtype=bool)
+        for _ in range(2):
+            columns = self.columns[near]
+            pose = np.eye(columns.shape[1]) + (columns.T @ columns).astype(np.float64)
+            left = rest - self.columns @ np.linalg.solve(pose, columns.T @ rest[near])
+            near = np.abs(left) < CLIP
+        return np.asarray(left)
+
+    def gain(self, beta: Field) -> float:
+        """Nats that the fields gain, readings far off counting as spikes."""
+        before = np.minimum(np.square(self.values), CLIP**2)
+        after = np.minimum(np.square(self.left(beta)), CLIP**2)
+        return 0.5 * float((before - after).sum(dtype=np.float64))
 
 
-def _ready(state: Whitened, mask: Mask) -> _Ready:
-    key = id(mask)
-    held = state.kept.get(key)
-    if isinstance(held, tuple) and held[0] is mask:
-        kept: _Ready = held[1]
-        return kept
-    pick = mask & state.used
-    columns = state.columns[pick].astype(np.float32)
-    # wide: a large misfit is what is being fitted; spikes are out already
-    values = np.clip(state.innovations[pick], -3 * CLIP, 3 * CLIP).astype(np.float32)
-    wide = columns.astype(np.float64)
-    ready = _Ready(
-        pick=pick, columns=columns, values=values, gram=wide.T @ wide, right=wide.T @ values
-    )
-    state.kept[key] = (mask, ready)
-    return ready
-
-
-def _normals(
+def _rows(
     effect: Effect, ws: Workspace, states: Sequence[Whitened], masks: Sequence[Mask]
-) -> dict[int, _Normal] | None:
-    """Whitened normal equations of an effect's coefficients for each recording."""
-    gram: dict[int, Field] = {}
-    cross: dict[int, Field] = {}
-    right: dict[int, Field] = {}
-    pose: dict[int, Field] = {}
-    pose_right: dict[int, Field] = {}
+) -> dict[int, _Rows] | None:
+    """Whiten an effect's fields on every recording; None where it has none."""
+    parts: dict[int, list[tuple[Field, Field, Field]]] = {}
     for k, (patch, state, mask) in enumerate(zip(ws.patches, states, masks, strict=True)):
         fields = _basis(effect, ws, k)
         if fields is None:
             return None
-        ready = _ready(state, mask)
-        white = np.empty((ready.values.size, len(fields)), dtype=np.float32)
+        pick = mask & state.used
+        white = np.empty((int(pick.sum()), len(fields)), dtype=np.float32)
         for f, field in enumerate(fields):
-            white[:, f] = state.whiten(field)[ready.pick]
-        r = patch.recording
-        gram[r] = gram.get(r, 0.0) + (white.T @ white).astype(np.float64)
-        cross[r] = cross.get(r, 0.0) + (ready.columns.T @ white).astype(np.float64)
-        right[r] = right.get(r, 0.0) + (white.T @ ready.values).astype(np.float64)
-        pose[r] = pose.get(r, np.eye(ready.gram.shape[0])) + ready.gram
-        pose_right[r] = pose_right.get(r, 0.0) + ready.right
-    out = {}
-    for r in gram:
-        solved = np.linalg.solve(pose[r], np.column_stack([cross[r], pose_right[r]]))
-        out[r] = _Normal(
-            gram=gram[r] - cross[r].T @ solved[:, :-1],
-            right=right[r] - cross[r].T @ solved[:, -1],
-            raw=np.diag(gram[r]),
+            white[:, f] = state.whiten(field)[pick]
+        values = np.clip(state.innovations[pick], -3 * CLIP, 3 * CLIP).astype(np.float32)
+        columns = state.columns[pick].astype(np.float32)
+        parts.setdefault(patch.recording, []).append((white, columns, values))
+    return {
+        r: _Rows(
+            white=np.concatenate([w for w, _, _ in own]),
+            columns=np.concatenate([c for _, c, _ in own]),
+            values=np.concatenate([v for _, _, v in own]),
         )
-    return out
+        for r, own in parts.items()
+    }
+
+
+def _coefficients(
+    effect: Effect, rows: Mapping[int, _Rows], weights: Mapping[int, Field]
+) -> dict[int, Field]:
+    """Coefficients for each recording: the same for all but where a wave's phase is its own."""
+    normals = {r: row.normal(weights[r].astype(np.float32)) for r, row in rows.items()}
+    if phase_is_own(effect):
+        return {r: _solve(*normal) for r, normal in normals.items()}
+    gram, right, raw = (np.asarray(sum(n[k] for n in normals.values())) for k in range(3))
+    if not effect.sinusoid:
+        gram = gram + np.diag(_precision(effect))
+    return dict.fromkeys(rows, _solve(gram, right, raw))
+
+
+def _precision(effect: Effect) -> Field:
+    """Inverse variance of each coefficient before anything is measured: half its bounds."""
+    scales: list[float] = []
+    for p in effect.parameters():
+        if p.linear:
+            count = len(getattr(effect, p.name)) if p.kind == "list" else 1
+            scales += [0.5 * max(abs(p.low), abs(p.high))] * count
+    return 1.0 / np.square(scales)
+
+
+def _with(
+    effect: Effect, found: Mapping[int, Field], rows: Mapping[int, _Rows]
+) -> tuple[Effect, dict[int, dict[str, float]]]:
+    """Put coefficients into the effect; a wave's amplitude is shared, its phases are not."""
+    if not phase_is_own(effect):
+        return within_bounds(effect, next(iter(found.values()))), {}
+    amplitude = next(p for p in effect.parameters() if p.linear)
+    weights = [float(np.square(row.white).sum()) for row in rows.values()]
+    shared = float(np.average([np.hypot(*b) for b in found.values()], weights=weights))
+    own = {
+        r: {"phase_rad": float(np.arctan2(b[1], b[0]) % (2 * np.pi))} for r, b in found.items()
+    }
+    return effect.with_parameters({amplitude.name: min(shared, amplitude.high)}), own
+
+
+def _coefficients_of(effect: Effect, own: Mapping[str, float]) -> Field:
+    return np.asarray(effect.with_parameters(own).coefficients() if own else effect.coefficients())
 
 
 def _solve(gram: Field, right: Field, raw: Field) -> Field:
@@ -201,32 +244,4 @@ def _solve_columns(
         own={},
         gain=gain,
         free=len(um) // 2,
-    )
-
-
-def _solve_phases(effect: Effect, normals: Mapping[int, _Normal]) -> Fitted | None:
-    amplitude = [p.name for p in effect.parameters() if p.linear][0]
-    own: dict[int, dict[str, float]] = {}
-    sizes, weights = [], []
-    for r, normal in normals.items():
-        if np.trace(normal.gram) <= 1e-12:
-            continue
-        beta = _solve(normal.gram, normal.right, normal.raw)
-        own[r] = {"phase_rad": float(np.arctan2(beta[1], beta[0]) % (2 * np.pi))}
-        sizes.append(float(np.hypot(*beta)))
-        weights.append(float(np.trace(normal.gram)))
-    if not own:
-        return None
-    shared = float(np.average(sizes, weights=weights))
-    gain = 0.0
-    for r, values in own.items():
-        phase = values["phase_rad"]
-        beta = shared * np.array([math.cos(phase), math.sin(phase)])
-        gain += float(normals[r].right @ beta - 0.5 * beta @ normals[r].gram @ beta)
-    high = effect.parameter(amplitude).high
-    return Fitted(
-        effect=effect.with_parameters({amplitude: min(shared, high)}),
-        own=own,
-        gain=gain,
-        free=2 + len(own),
     )

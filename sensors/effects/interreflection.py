@@ -53,7 +53,7 @@ class Interreflection(Effect):
     reach_mm: float = parameter(
         "distance to the facing wall over which the weight falls by e",
         unit="mm",
-        low=0.1,
+        low=0.5,
         high=100.0,
         typical=5.0,
         grid=(1.0, 3.0, 8.0, 20.0),
