@@ -32,7 +32,6 @@ from diagnosis.select import Selection, drop_idle, refit_linear, select
 from diagnosis.settle import registered_under, settled
 from diagnosis.workspace import Model, Workspace
 from sensors.datasheet import Datasheet, with_effects
-from sensors.effects.base import Effect
 from sensors.recording import Recording
 from sensors.scene import Scene
 from sensors.surface import Surface
@@ -148,29 +147,43 @@ def diagnose(
         model, kept = drop_idle(ws, refit_linear(ws, model), selection.choices, rng)
         selection = replace(selection, choices=kept)
     verdict, left = _verdict(selection)
-    finishes: list[Effect] = []
-    finish_findings: list[Finding] = []
-    if not any(f.channel == "mean" for f in left):
+    held_patches = [p for p in patches if p.scored.any()]
+    progress("judging on held-out readings")
+    plain_noise = noise
+    beside: list[FoundEffect] = []
+    strange = list(repeated)
+    if not any(f.channel == "mean" and f.size > STILL_BENT for f in left):
         # what is left of the mean would pass for noise
-        finishes, finish_findings = finish_effects(
-            ws, model, noise, nominal, nominal_sd_mm(nominal, surface, ws.patches[0].view)
-        )
-    finishes = [e for e in finishes if e.name not in set(withheld)]
-    mounting = None
+        claimed = nominal_sd_mm(nominal, surface, ws.patches[0].view)
+        finishes, finish_findings = finish_effects(ws, model, noise, nominal, claimed)
+        finishes = [e for e in finishes if e.name not in set(withheld)]
+        if not finishes:
+            strange += finish_findings
+        else:
+            plain_noise = nominal_noise(noise, nominal, surface, ws.patches[0].view)
+            scores = [
+                judge(held_patches, n, model, share_own=not single).log_score
+                for n in (plain_noise, noise)
+            ]
+            gain = scores[0] - scores[1]
+            beside += [plainly_found(e, gain, finish_intervals(e)) for e in finishes]
     if "pose_error" not in set(withheld):
         mounting = mounting_error([r.poses for r in fit_on], [placed[r.name] for r in fit_on])
-    known = bool(finishes or mounting)
-    verdict, left = _joined(verdict, left, known, [*repeated, *([] if known else finish_findings)])
+        if mounting is not None:
+            gain = commanded_gain(
+                everything, held_patches, scene, datasheet, laser, noise, mounting, lateral
+            )
+            beside.append(plainly_found(mounting.effect, gain, mounting.intervals))
+    beside = [f for f in beside if f.heldout_gain >= LEAST_GAIN]
+    verdict, left = _joined(verdict, left, bool(beside), strange)
     if verdict in ("unexplained", "partly_explained"):
         progress("describing what is left")
         empirical = fit_empirical(ws, model, left)
         if empirical is not None:
             model = model.with_effect(empirical)
-    held_patches = [p for p in patches if p.scored.any()]
-    progress("judging on held-out readings")
-    before = judge(plain_held, noise, Model(), share_own=not single)
+    before = judge(plain_held, plain_noise, Model(), share_own=not single)
     found, after = found_effects(ws, model, selection.choices, held_patches, not single)
-    idle = {f.name for f in found if f.heldout_gain < LEAST_GAIN and f.name != "empirical"}
+    idle = {f.name for f in found if f.heldout_gain < LEAST_GAIN}
     if idle:
         notes.append(f"{', '.join(sorted(idle))}: fitted, but of no use on held-out readings")
         for name in idle:
@@ -178,22 +191,10 @@ def diagnose(
         model = refit_linear(ws, model)
         kept = tuple(c for c in selection.choices if c.name not in idle)
         selection = replace(selection, choices=kept)
-        if verdict == "explained" and not (kept or finishes or mounting):
-            verdict, left = "unexplained", selection.first.significant()
+        if not (kept or beside):
+            verdict, left = "unexplained", left or selection.first.significant()
         found, after = found_effects(ws, model, kept, held_patches, not single)
-    if finishes:
-        plain_noise = nominal_noise(noise, nominal, surface, ws.patches[0].view)
-        before = judge(plain_held, plain_noise, Model(), share_own=not single)
-        without = judge(held_patches, plain_noise, model, share_own=not single)
-        gain = without.log_score - after.log_score
-        if gain < LEAST_GAIN:
-            finishes = []
-        found += tuple(plainly_found(e, gain, finish_intervals(e)) for e in finishes)
-    if mounting is not None:
-        gain = commanded_gain(
-            everything, held_patches, scene, datasheet, laser, noise, mounting, lateral
-        )
-        found += (plainly_found(mounting.effect, gain, mounting.intervals),)
+    found += tuple(beside)
     progress("drawing maps")
     final, shifts = settled(patches, noise, model, not single)
     maps = [
@@ -204,7 +205,7 @@ def diagnose(
     ]
     if verdict == "match":
         maps = [m.silenced() for m in maps]
-    elif finishes or mounting is not None:
+    elif beside:
         maps = [m.everywhere(found[-1].name) if not m.mask.any() else m for m in maps]
     regions = tuple(region for m in maps for region in m.regions)
     counted = sum(m.mask.size for m in maps)

@@ -52,6 +52,12 @@ class Family:
         """Whether the signature lives on depth edges alone."""
         return self.effect is not None and self.effect.covariate in EDGE_COVARIATES
 
+    @property
+    def at_corners(self) -> bool:
+        """Whether it lives on edges or in concave corners, where few readings tell it apart."""
+        corner = self.effect is not None and self.effect.covariate == "wall_distance"
+        return corner or self.at_edges
+
 
 def free_families(patches: Sequence[Patch]) -> list[Family]:
     """Smooth dependence on each covariate, maps of sensor, scan and part.

@@ -29,8 +29,8 @@ LEVELS = {"missing": 0.002, "tails": 0.0007}
 """Least share of readings, lost or spikes, that is a mismatch by itself."""
 LARGEST_EVENT = 12
 WATCHED = (
-    "incidence", "slope_x", "slope_y", "half_vector", "depth", "x", "brightness", "hidden",
-    "time", "column",
+    "incidence", "slope_x", "slope_y", "half_vector", "depth", "x", "brightness", "time",
+    "column", "hidden",
 )  # fmt: skip
 
 
@@ -58,6 +58,10 @@ def screen_rates(
                 np.ptp(c[np.isfinite(c)]) == 0 for c in covariate if np.isfinite(c).any()
             ):
                 continue
+            if channel == "missing" and name == "hidden":
+                values, masks, floor = _numbers(
+                    channel, patches, predictions, states, noise, shadows=True
+                )
             finding = _against(
                 channel, name, values, masks, covariate, block, floor, tolerance
             )
@@ -72,12 +76,15 @@ def _numbers(
     predictions: Sequence[Prediction],
     states: Sequence[Whitened],
     noise: NoiseModel,
+    *,
+    shadows: bool = False,
 ) -> tuple[list[Field], list[Mask], float]:
     """Departure of each reading from its expectation, where it counts, and its least variance."""
     values, masks = [], []
     for patch, prediction, state in zip(patches, predictions, states, strict=True):
         ambiguous = binary_dilation(patch.softness[1] > 0.01, iterations=1)
-        inside = patch.fit & patch.counted & prediction.seen & ~ambiguous & ~patch.edge
+        near = patch.fit & patch.counted & prediction.seen & ~ambiguous
+        inside = near & ~patch.edge
         if channel == "variance":
             square = np.minimum(state.innovations**2, 9.0)
             values.append(square)
@@ -85,7 +92,8 @@ def _numbers(
             masks.append(inside & state.used & ~sharp)
         elif channel == "missing":
             values.append(np.where(patch.observed, 0.0, 1.0) - prediction.p_missing)
-            masks.append(inside)
+            # shadows lie beside edges
+            masks.append(near if shadows else inside)
         else:
             seen = inside & patch.observed
             usual = np.where(prediction.p_outlier > 3e-4, prediction.p_outlier, noise.tail_share)

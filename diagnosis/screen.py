@@ -30,7 +30,7 @@ EDGE_TOLERANCE = 0.6
 LISTED_TOLERANCE = 1.5
 """The same where the sensor's file lists what edges do: it says so to within its own size."""
 TOGETHER = 4.0
-"""Readings on depth edges that err together: so many count as one."""
+"""Readings on depth edges and in corners that err together: so many count as one."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -192,7 +192,7 @@ def _family(family: Family, readings: Readings) -> tuple[Finding, Field] | None:
     c_null = sum(b.T @ both[r][1] for r, b in blocks.items())
     t_null = np.einsum("kd,kl,ld->d", c_null, solver, c_null)
     scale = max(float(t_null.mean()) / dof, 1.0)
-    if family.at_edges:
+    if family.at_corners:
         scale *= TOGETHER
     t = float(c_real @ solver @ c_real) / scale
     beta = solver @ c_real
