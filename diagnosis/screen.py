@@ -27,7 +27,7 @@ TOLERANCE = 0.1
 """A departure of the mean below this share of the noise is no mismatch, however significant."""
 EDGE_TOLERANCE = 0.6
 """The same where a signature lives on depth edges, which no mesh and no pose place exactly."""
-LISTED_TOLERANCE = 1.5
+LISTED_TOLERANCE = 0.8
 """The same where the sensor's file lists what edges do: it says so to within its own size."""
 TOGETHER = 4.0
 """Readings on depth edges and in corners that err together: so many count as one."""

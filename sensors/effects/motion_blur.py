@@ -1,7 +1,7 @@
 """The sensor moves during the exposure: a box average along the travel and a shift."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from sensors.law import Law
 from sensors.line_operator import read_line
 from sensors.view import View
 
+SHARES = (0.1, 0.25, 0.5, 0.9)
 EXPOSURES = 8
 """Poses at which the way during an exposure is sampled, midpoints of equal parts."""
 
@@ -44,12 +45,18 @@ class MotionBlur(Effect):
         "time during which the line is exposed",
         unit="ms",
         low=0.0,
-        high=100.0,
+        high=10000.0,
         typical=0.5,
         null=0.0,
-        grid=(0.2, 0.5, 1.0, 2.0, 5.0),
         sheet="exposure_s",
     )
+
+    def grid(self, view: View) -> tuple[Self, ...]:
+        """Return exposures that last a tenth to nearly all of the time between profiles."""
+        step_s = float(np.median(np.diff(view.time_s))) if len(view.time_s) > 1 else 0.0
+        longest = self.parameter("exposure_ms").high
+        times = [min(1e3 * share * step_s, longest) for share in SHARES if step_s > 0]
+        return tuple(self.with_parameters(exposure_ms=t) for t in times)
 
     def changed(self, law: Law, view: View) -> Law:
         """Add the difference between the exposure's mean and its start."""
