@@ -21,7 +21,7 @@ MAX_LAG = 24
 MIN_PAIRS = 200
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False, weakref_slot=True)
 class NoiseModel:
     """Stationary Gaussian noise with tails.
 

@@ -6,6 +6,7 @@ a whitened reading; missing neighbours only change the weights, so edges and gap
 """
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numba import njit
@@ -48,22 +49,11 @@ class Whitener:
         """Solve the conditionals for the patterns of neighbours that `used` shows."""
         pattern = _patterns(used, NEIGHBOURS)
         met = np.unique(pattern[used]) if used.any() else np.zeros(0, dtype=np.int32)
-        size = len(NEIGHBOURS)
-        weights = np.zeros((1 << size, size))
-        deviation = np.ones(1 << size)
-        correlation = _between(noise, NEIGHBOURS[:, None] - NEIGHBOURS[None, :])
-        towards = _between(noise, NEIGHBOURS)
-        for code in met:
-            have = (int(code) >> np.arange(size)) & 1 == 1
-            if have.any():
-                solved = np.linalg.solve(
-                    correlation[np.ix_(have, have)] + 1e-6 * np.eye(int(have.sum())), towards[have]
-                )
-                weights[code, have] = solved
-                deviation[code] = (
-                    np.sqrt(max(1 - solved @ towards[have], 1e-4)) * noise.innovation_sd
-                )
-        return cls(used=used, pattern=pattern, weights=weights, deviation=deviation)
+        solved = _SOLVED.setdefault(noise, _Conditionals(noise))
+        solved.solve(met)
+        return cls(
+            used=used, pattern=pattern, weights=solved.weights, deviation=solved.deviation
+        )
 
     def apply(self, field: Field) -> Field:
         """Innovations of `field` (n, m) in units of the noise; 0 where not used."""
@@ -79,6 +69,34 @@ class Whitener:
     def conditional_sd(self) -> Field:
         """Return the standard deviation of each innovation before scaling, (n, m)."""
         return np.asarray(self.deviation[self.pattern])
+
+
+class _Conditionals:
+    """Conditionals of one noise model for each pattern of neighbours, solved when first met."""
+
+    def __init__(self, noise: NoiseModel) -> None:
+        size = len(NEIGHBOURS)
+        self.weights = np.zeros((1 << size, size))
+        self.deviation = np.ones(1 << size)
+        self._known = np.zeros(1 << size, dtype=bool)
+        self._known[0] = True
+        self._correlation = _between(noise, NEIGHBOURS[:, None] - NEIGHBOURS[None, :])
+        self._towards = _between(noise, NEIGHBOURS)
+        self._innovation_sd = noise.innovation_sd
+
+    def solve(self, patterns: NDArray[np.int32]) -> None:
+        """Add the patterns that aren't known yet."""
+        for code in patterns[~self._known[patterns]]:
+            have = (int(code) >> np.arange(len(NEIGHBOURS))) & 1 == 1
+            known = self._correlation[np.ix_(have, have)] + 1e-6 * np.eye(int(have.sum()))
+            solved = np.linalg.solve(known, self._towards[have])
+            self.weights[code, have] = solved
+            left = max(1 - solved @ self._towards[have], 1e-4)
+            self.deviation[code] = np.sqrt(left) * self._innovation_sd
+            self._known[code] = True
+
+
+_SOLVED: WeakKeyDictionary[NoiseModel, _Conditionals] = WeakKeyDictionary()
 
 
 def _between(noise: NoiseModel, lag: NDArray[np.int64]) -> Field:
