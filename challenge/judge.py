@@ -17,13 +17,20 @@ from challenge.sealed import commitment
 from challenge.shuffle import SHUFFLED
 
 
-def judge(out: Path) -> dict[str, Any]:
+def judge(out: Path, *, partial: bool = False) -> dict[str, Any]:
     """Score a set.
+
+    Parameters
+    ----------
+    partial
+        Score the cases answered so far. They are a random draw: cases are sealed, and answered,
+        in a random order.
 
     Returns
     -------
     dict
-        ``seed``, ``protocol``, and for each case its secret, facts, run, answer and score.
+        ``seed``, ``protocol``, ``sealed`` (how many), and for each case its secret, facts, run,
+        answer and score.
 
     Raises
     ------
@@ -43,11 +50,16 @@ def judge(out: Path) -> dict[str, Any]:
                 raise ValueError(f"{name}/{file} is not the file that was sealed")
         opened = json.loads(key)
         record_file = out / "answers" / name / "run.json"
+        if not record_file.exists() and partial:
+            continue
         if not record_file.exists():
             raise ValueError(f"{name} has no answer yet: run `challenge run` first")
         cases[name] = _case(out, name, opened, json.loads(record_file.read_text()))
     master = json.loads((out / "keys" / "master.json").read_text())
-    result = {"seed": master["seed"], "protocol": public["protocol"], "cases": cases}
+    result = {
+        "seed": master["seed"], "protocol": public["protocol"], "sealed": len(public["cases"]),
+        "cases": cases,
+    }  # fmt: skip
     (out / "scores.json").write_text(json.dumps(result, indent=1))
     return result
 

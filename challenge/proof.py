@@ -265,6 +265,7 @@ def write_page(scored: dict[str, Any], out: Path, page: Path) -> None:
         "",
         "## Scoreboard",
         "",
+        *_stopped(scored),
         *board,
         "",
         "![Detection against strength](pictures/proof-power.png)",
@@ -284,6 +285,18 @@ def write_page(scored: dict[str, Any], out: Path, page: Path) -> None:
     lines += [_DOUBTS, "## Record of sealed runs", ""]
     lines += _record(scored, board, page)
     page.write_text("\n".join(lines) + "\n")
+
+
+def _stopped(scored: dict[str, Any]) -> list[str]:
+    """Say so where the clock ended the run before the set was through."""
+    judged, sealed = len(scored["cases"]), scored.get("sealed", len(scored["cases"]))
+    if judged == sealed:
+        return []
+    return [
+        f"The clock stopped the run: {judged} of {sealed} sealed cases were diagnosed, in the "
+        "random order in which they were sealed; no key was opened before.",
+        "",
+    ]
 
 
 def _show_instrument(scored: dict[str, Any], file: Path) -> None:
@@ -308,7 +321,9 @@ def _record(scored: dict[str, Any], board: list[str], page: Path) -> list[str]:
         text = page.read_text().split("## Record of sealed runs")
         before = [line for line in text[-1].splitlines() if line.startswith("- seed ")]
     values = {row.split("|")[1].strip(): row.split("|")[2].strip() for row in board[2:]}
-    now = f"- seed {scored['seed']} ({len(scored['cases'])} cases): alarms " + "; ".join(
+    count, sealed = len(scored["cases"]), scored.get("sealed", len(scored["cases"]))
+    of = f"{count} cases" if count == sealed else f"{count} of {sealed} cases, stopped by the clock"
+    now = f"- seed {scored['seed']} ({of}): alarms " + "; ".join(
         [
             values["alarms on nulls"],
             f"top-1 {values['top-1, medium and strong, one effect']}",

@@ -35,6 +35,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     judge = steps.add_parser("judge", help="open the keys, check the seals, score the answers")
     judge.add_argument("set", type=Path, help="folder of the set")
+    judge.add_argument(
+        "--partial", action="store_true",
+        help="score the cases answered so far, where the run was stopped by the clock",
+    )  # fmt: skip
     judge.add_argument("--write", type=Path, metavar="FILE.md", help="write the page with pictures")
     payoff = steps.add_parser(
         "payoff", help="train a flaw segmenter on plain and diagnosed simulation, test it sealed"
@@ -84,7 +88,7 @@ def _step(arguments: argparse.Namespace) -> int:
     from challenge.judge import judge
     from challenge.proof import scoreboard, write_page
 
-    scored = judge(arguments.set)
+    scored = judge(arguments.set, partial=arguments.partial)
     for line in scoreboard(scored):
         print(line)
     if arguments.write is not None:

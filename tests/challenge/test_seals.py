@@ -20,7 +20,7 @@ from challenge.cases.seeds import child
 from challenge.cases.switches import DECOY, SINGLE, UNKNOWN
 from challenge.cases.truth import facts
 from challenge.judge import judge
-from challenge.proof import scoreboard, write_page
+from challenge.proof import _stopped, scoreboard, write_page
 from challenge.run import run
 from challenge.score import clopper_pearson, judge_case
 from challenge.sealed import FULL, SMALL, commitment, draw, seal
@@ -320,6 +320,18 @@ def test_judge_refuses_a_changed_key(judged):
     key.write_bytes(key.read_bytes().replace(b"line_bow", b"form_err"))
     with pytest.raises(ValueError, match="not the one that was committed"):
         judge(judged)
+
+
+def test_a_run_that_the_clock_stopped_is_judged_only_where_asked(judged):
+    public = json.loads((judged / "commitments.json").read_text())
+    name = next(iter(public["cases"]))
+    (judged / "answers" / name / "run.json").unlink()
+    with pytest.raises(ValueError, match="no answer yet"):
+        judge(judged)
+    scored = judge(judged, partial=True)
+    assert scored["sealed"] == len(public["cases"])
+    assert len(scored["cases"]) == scored["sealed"] - 1
+    assert f"{scored['sealed'] - 1} of {scored['sealed']} sealed cases" in _stopped(scored)[0]
 
 
 def test_run_refuses_an_unsealed_set(tmp_path):
