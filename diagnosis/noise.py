@@ -73,10 +73,6 @@ class NoiseModel:
             float(np.clip(self.acf[ly], 0, None).sum()),
         )
 
-    def readings_per_independent(self) -> float:
-        """How many readings carry as much as one independent reading, for smooth signatures."""
-        return float(max(self.acf.sum(), 0.05))
-
     def at_pitch(self, pitch_x_mm: float, pitch_y_mm: float) -> "NoiseModel":
         """Rescale the lags to another pitch; within 10 % it is left alone."""
         ratio_x, ratio_y = pitch_x_mm / self.pitch_x_mm, pitch_y_mm / self.pitch_y_mm

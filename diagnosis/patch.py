@@ -249,11 +249,3 @@ def _spikes(residual: Field, used: Mask, limit: Field) -> Mask:
                         count += 1
             out[i, j] = abs(residual[i, j] - np.median(near[:count])) > limit[i, j]
     return out
-
-
-def by_recording(patches: Sequence[Patch]) -> dict[int, list[Patch]]:
-    """Group patches by their recording's number."""
-    groups: dict[int, list[Patch]] = {}
-    for patch in patches:
-        groups.setdefault(patch.recording, []).append(patch)
-    return groups

@@ -51,20 +51,17 @@ def screen_rates(
         values, masks, floor = _numbers(channel, patches, predictions, states, noise)
         if sum(int(m.sum()) for m in masks) < 200:
             continue
-        findings += _overall(channel, values, masks, block, floor, noise)
+        findings += _overall(channel, values, masks, floor)
         for name in WATCHED:
             covariate = covariate_values(name, patches)
             if covariate is None or all(
                 np.ptp(c[np.isfinite(c)]) == 0 for c in covariate if np.isfinite(c).any()
             ):
                 continue
+            numbers = values, masks, floor
             if channel == "missing" and name == "hidden":
-                values, masks, floor = _numbers(
-                    channel, patches, predictions, states, noise, shadows=True
-                )
-            finding = _against(
-                channel, name, values, masks, covariate, block, floor, tolerance
-            )
+                numbers = _numbers(channel, patches, predictions, states, noise, shadows=True)
+            finding = _against(channel, name, *numbers, covariate, block, tolerance)
             if finding is not None:
                 findings.append(finding)
     return findings
@@ -117,9 +114,7 @@ def _overall(
     channel: str,
     values: Sequence[Field],
     masks: Sequence[Mask],
-    block: tuple[int, int],
     floor: float,
-    noise: NoiseModel,
 ) -> list[Finding]:
     """Level of missing or spikes against the plain model's; the noise's level is tested apart."""
     if channel == "variance":
@@ -158,9 +153,9 @@ def _against(
     name: str,
     values: Sequence[Field],
     masks: Sequence[Mask],
+    floor: float,
     covariate: Sequence[Field],
     block: tuple[int, int],
-    floor: float,
     tolerance: float,
 ) -> Finding | None:
     fields = hats([np.where(m, c, np.nan) for m, c in zip(masks, covariate, strict=True)], 6)

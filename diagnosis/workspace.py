@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -198,8 +198,3 @@ def bootstrap_interval(
     sums = blocks[picks].sum(axis=1)
     low, high = np.quantile(sums, [(1 - level) / 2, (1 + level) / 2])
     return float(low), float(high)
-
-
-def plain_values(effect: Effect) -> dict[str, Any]:
-    """Return an effect's entry as in sensor.yaml, without its name."""
-    return {k: v for k, v in effect.to_mapping().items() if k != "name"}
