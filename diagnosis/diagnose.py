@@ -1,13 +1,14 @@
 """The whole diagnosis: register, calibrate, detect, explain, judge, locate."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.calibration import calibrated_noise, nominal_noise, nominal_sd_mm
 from diagnosis.empirical_fit import fit_empirical
+from diagnosis.explain import LEAST_GAIN, explain
 from diagnosis.finding import Finding
 from diagnosis.finish import finish_effects, finish_intervals
 from diagnosis.found import FoundEffect, commanded_gain, found_effects, plainly_found
@@ -28,9 +29,9 @@ from diagnosis.mounting import mounting_error
 from diagnosis.noise import NoiseModel
 from diagnosis.patch import Patch, cut, in_range
 from diagnosis.registration import Placement, register
-from diagnosis.select import Selection, drop_idle, refit_linear, select
+from diagnosis.select import Selection
 from diagnosis.settle import registered_under, settled
-from diagnosis.workspace import Model, Workspace
+from diagnosis.workspace import Model
 from sensors.datasheet import Datasheet, with_effects
 from sensors.recording import Recording
 from sensors.scene import Scene
@@ -38,8 +39,6 @@ from sensors.surface import Surface
 from sensors.typed_yaml import RecipeError
 
 Progress = Callable[[str], None]
-LEAST_GAIN = 5e-4
-"""Nats per held-out reading below which an effect is of no use: 0.03 of the noise."""
 STILL_BENT = 0.4
 """Departure of the mean, in units of the noise, that is never passed over as a remainder."""
 
@@ -132,22 +131,21 @@ def diagnose(
     check_overlap(patches)
     progress("calibrating the noise")
     noise, nominal = calibrated_noise(patches, references, datasheet, notes)
-    ws = Workspace.build([p for p in patches if p.fit.any()], noise)
     repeated = repeats(everything, notes)
 
-    selection = select(ws, rng, withheld=withheld, progress=progress)
-    model = selection.model
-    plain_held = [p for p in patches if p.scored.any()]
-    if model.effects:
-        progress("registering again under the model")
-        patches = registered_under(
-            model, patches, everything, scene, datasheet, laser, placed, noise, lateral
+    def place_again(model: Model, before: Sequence[Patch]) -> Sequence[Patch]:
+        return registered_under(
+            model, before, everything, scene, datasheet, laser, placed, noise, lateral
         )
-        ws = Workspace.build([p for p in patches if p.fit.any()], noise)
-        model, kept = drop_idle(ws, refit_linear(ws, model), selection.choices, rng)
-        selection = replace(selection, choices=kept)
+
+    explanation = explain(
+        patches, noise, place_again, rng, withheld=withheld, share_own=not single, notes=notes,
+        progress=progress,
+    )  # fmt: skip
+    plain_held = [p for p in patches if p.scored.any()]
+    selection, model, ws = explanation.selection, explanation.model, explanation.ws
+    held_patches = explanation.held
     verdict, left = _verdict(selection)
-    held_patches = [p for p in patches if p.scored.any()]
     progress("judging on held-out readings")
     plain_noise = noise
     beside: list[FoundEffect] = []
@@ -168,7 +166,12 @@ def diagnose(
             gain = scores[0] - scores[1]
             beside += [plainly_found(e, gain, finish_intervals(e)) for e in finishes]
     if "pose_error" not in set(withheld):
-        mounting = mounting_error([r.poses for r in fit_on], [placed[r.name] for r in fit_on])
+        # what the model takes for physics is no misplacement
+        moved = ws.placements(model)
+        mounting = mounting_error(
+            [r.poses for r in fit_on],
+            [placed[r.name].further(moved[k]) for k, r in enumerate(fit_on)],
+        )
         if mounting is not None:
             gain = commanded_gain(
                 everything, held_patches, scene, datasheet, laser, noise, mounting, lateral
@@ -183,20 +186,9 @@ def diagnose(
             model = model.with_effect(empirical)
     before = judge(plain_held, plain_noise, Model(), share_own=not single)
     found, after = found_effects(ws, model, selection.choices, held_patches, not single)
-    idle = {f.name for f in found if f.heldout_gain < LEAST_GAIN}
-    if idle:
-        notes.append(f"{', '.join(sorted(idle))}: fitted, but of no use on held-out readings")
-        for name in idle:
-            model = model.without(name)
-        model = refit_linear(ws, model)
-        kept = tuple(c for c in selection.choices if c.name not in idle)
-        selection = replace(selection, choices=kept)
-        if not (kept or beside):
-            verdict, left = "unexplained", left or selection.first.significant()
-        found, after = found_effects(ws, model, kept, held_patches, not single)
     found += tuple(beside)
     progress("drawing maps")
-    final, shifts = settled(patches, noise, model, not single)
+    final, shifts = settled(explanation.patches, noise, model, not single)
     maps = [
         map_recording(
             k, r, placed[r.name], scene, datasheet, laser[r.name], noise, final, shifts, lateral

@@ -12,7 +12,7 @@ import numpy as np
 from diagnosis.edges import EDGE_COVARIATES
 from diagnosis.noise import Field, NoiseModel
 from diagnosis.patch import Patch
-from diagnosis.prediction import Prediction, predict
+from diagnosis.prediction import Prediction, predict, starting
 from sensors.covariates import COVARIATES
 from sensors.effects import CATALOGUE, AdditiveEffect
 from sensors.effects.base import Effect
@@ -165,7 +165,7 @@ def effect_families(
 def grid_of(kind: type[Effect], view: View) -> tuple[Effect, ...]:
     """Points of an effect's coarse grid, a few; an effect that can't be made has none."""
     try:
-        points = kind().grid(view)
+        points = starting(kind, view).grid(view)
     except (RecipeError, TypeError):
         return ()
     step = max(1, int(np.ceil(len(points) / MOST_POINTS)))

@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 
 from diagnosis.linear import Fitted, linear_count, solve_linear
 from diagnosis.noise import Field, Mask
-from diagnosis.prediction import Prediction
+from diagnosis.prediction import Prediction, starting
 from diagnosis.rowwise import row_powers
 from diagnosis.score import Whitened
 from diagnosis.workspace import Model, Workspace
@@ -59,7 +59,7 @@ def fit_effect(
 
 
 def _grid(kind: type[Effect], ws: Workspace, states: Sequence[Whitened]) -> tuple[Effect, ...]:
-    effect = kind()
+    effect = starting(kind, ws.patches[0].view)
     if effect.name == "column_offset":
         count = min(ws.patches[0].shape[1], 64)
         return (effect.with_parameters(values_um=(0.0,) * count),)

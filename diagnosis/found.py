@@ -53,15 +53,11 @@ def found_effects(
     held : patches that nothing was fitted to
     share_own : whether a part of them serves each recording's own parameters
     """
-    after = judge(held, ws.noise, model, share_own=share_own)
+    gains, after = heldout_gains(ws, model, held, share_own)
     chosen: dict[str, Choice] = {c.name: c for c in choices}
     bounds = intervals(ws, model)
     out = []
     for effect in model.effects:
-        rest = model.without(effect.name)
-        if len(rest.effects) > 1 or (rest.effects and rest.effects[0].name != "empirical"):
-            rest = refit_linear(ws, rest)
-        without = judge(held, ws.noise, rest, share_own=share_own)
         choice = chosen.get(effect.name)
         rivals = choice.alternatives if choice else ()
         covariate = COVARIATES[getattr(effect, "against", effect.covariate)]
@@ -78,7 +74,7 @@ def found_effects(
                 effect=effect,
                 statement=statement,
                 parameters=bounds.get(effect.name, {}),
-                heldout_gain=without.log_score - after.log_score,
+                heldout_gain=gains[effect.name],
                 covariate=covariate.words,
                 covariate_key=covariate.name,
                 frame=covariate.frame if effect.name == "empirical" else effect.frame,
@@ -87,6 +83,21 @@ def found_effects(
             )
         )
     return tuple(sorted(out, key=lambda f: -f.heldout_gain)), after
+
+
+def heldout_gains(
+    ws: Workspace, model: Model, held: Sequence[Patch], share_own: bool
+) -> tuple[dict[str, float], Judgement]:
+    """Nats per held-out reading that the model loses without each effect; the whole, judged."""
+    after = judge(held, ws.noise, model, share_own=share_own)
+    gains = {}
+    for effect in model.effects:
+        rest = model.without(effect.name)
+        if len(rest.effects) > 1 or (rest.effects and rest.effects[0].name != "empirical"):
+            rest = refit_linear(ws, rest)
+        without = judge(held, ws.noise, rest, share_own=share_own)
+        gains[effect.name] = without.log_score - after.log_score
+    return gains, after
 
 
 def plainly_found(

@@ -69,24 +69,27 @@ class Judgement:
         return out
 
 
+def own_parts(masks: Sequence[Mask]) -> tuple[list[Mask], list[Mask]]:
+    """Divide readings: those for a recording's own parameters, and those to judge on."""
+    small = []
+    for mask in masks:
+        group = (np.arange(mask.shape[0]) // GROUP) % OWN_SHARE == 0
+        small.append(group[:, None] & mask)
+    return small, [m & ~s for m, s in zip(masks, small, strict=True)]
+
+
 def judging_masks(patches: Sequence[Patch], share_own: bool) -> tuple[list[Mask], list[Mask]]:
     """Choose readings for a recording's own parameters, and readings to score."""
-    small, scored = [], []
-    for patch in patches:
-        inside = patch.scored & patch.counted
-        group = (np.arange(patch.shape[0]) // GROUP) % OWN_SHARE == 0
-        part = np.broadcast_to(group[:, None], patch.shape) & inside
-        if not share_own:
-            part = np.zeros_like(inside)
-        small.append(part)
-        scored.append(inside & ~part)
-    return small, scored
+    inside = [p.scored & p.counted for p in patches]
+    return own_parts(inside) if share_own else ([np.zeros_like(m) for m in inside], inside)
 
 
-def settle_own(ws: Workspace, model: Model, small: Sequence[Mask]) -> Model:
-    """Estimate each recording's own parameters on the small part."""
+def settle_own(
+    ws: Workspace, model: Model, small: Sequence[Mask], *, only: str | None = None
+) -> Model:
+    """Estimate each recording's own parameters on the small part, of one effect or of all."""
     for effect in model.effects:
-        if not phase_is_own(effect):
+        if not phase_is_own(effect) or only not in (None, effect.name):
             continue
         rest = model.without(effect.name)
         predictions = ws.predict(rest)

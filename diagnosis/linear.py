@@ -6,6 +6,7 @@ own, columns are shrunk by their own scatter.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from sensors.effects.base import Effect
 from sensors.typed_yaml import RecipeError
 
 IMITATED = 1e-6
+ROUNDS = 2
+PLACED_BY = 16_000
+"""Readings of a recording that settle its placement while coefficients are tried."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -51,10 +55,7 @@ def solve_linear(
     rows = _rows(effect, ws, states, masks)
     if rows is None or not any(np.any(r.white) for r in rows.values()):
         return None
-    # a misfit is large before it is fitted; what is still far off after it is none of its doing
-    first = _coefficients(effect, rows, {r: np.ones(row.values.size) for r, row in rows.items()})
-    near = {r: np.abs(row.left(first[r])) < CLIP for r, row in rows.items()}
-    found = _coefficients(effect, rows, near)
+    found = _robust(effect, rows)
     solved, own = _with(effect, found, rows)
     held = {r: _coefficients_of(solved, own.get(r, {})) for r in rows}
     gain = sum(row.gain(held[r]) for r, row in rows.items())
@@ -64,6 +65,29 @@ def solve_linear(
         effect=solved, own=own, gain=gain,
         free=2 + len(own) if own else linear + nonlinear,
     )  # fmt: skip
+
+
+def _robust(effect: Effect, rows: Mapping[int, "_Rows"]) -> dict[int, Field]:
+    """Coefficients for each recording, readings that stay far off left aside.
+
+    A misfit is large before it is fitted, and a field may be large where it has no say: both the
+    readings that are near without the effect and all of them serve as a start.
+    """
+    best: tuple[float, dict[int, Field]] | None = None
+    for start in (
+        {r: np.ones(row.values.size, dtype=bool) for r, row in rows.items()},
+        {r: np.abs(row.unfitted) < CLIP for r, row in rows.items()},
+    ):
+        near = start
+        for _ in range(ROUNDS):
+            found = _coefficients(effect, rows, near)
+            left = {r: row.left(found[r]) for r, row in rows.items()}
+            near = {r: np.abs(rest) < CLIP for r, rest in left.items()}
+        cost = sum(_cost(rest) for rest in left.values())
+        if best is None or cost < best[0]:
+            best = cost, found
+    assert best is not None
+    return best[1]
 
 
 def phase_is_own(effect: Effect) -> bool:
@@ -105,7 +129,7 @@ def _basis(effect: Effect, ws: Workspace, patch: int) -> list[Field] | None:
     return [np.broadcast_to(np.asarray(f, dtype=np.float64), shape) for f in basis.fields]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class _Rows:
     """Whitened readings of one recording.
 
@@ -134,23 +158,39 @@ class _Rows:
             np.diag(gram),
         )
 
+    @cached_property
+    def unfitted(self) -> Field:
+        """Residual (N,) without the fields."""
+        return self.left(np.zeros(self.white.shape[1]))
+
     def left(self, beta: Field) -> Field:
-        """Residual (N,) once the fields are taken off and the placement is fitted anew."""
+        """Residual (N,) once the fields are taken off and the placement is fitted anew.
+
+        Nine numbers need no more than some of the readings.
+        """
         rest = self.values - (self.white @ beta).astype(np.float32)
-        # the fields may hold much that the placement takes back: all readings first
-        left, near = rest, np.ones(rest.size, dtype=bool)
-        for _ in range(2):
-            columns = self.columns[near]
-            pose = np.eye(columns.shape[1]) + (columns.T @ columns).astype(np.float64)
-            left = rest - self.columns @ np.linalg.solve(pose, columns.T @ rest[near])
-            near = np.abs(left) < CLIP
-        return np.asarray(left)
+        every = max(1, rest.size // PLACED_BY)
+        columns, values = self.columns[::every], rest[::every]
+        found = []
+        # the fields may hold much that the placement takes back, or spoil it where they fail
+        for near in (np.abs(values) < CLIP, np.ones(values.size, dtype=bool)):
+            for _ in range(2):
+                own = columns[near]
+                pose = np.eye(columns.shape[1]) / every + (own.T @ own).astype(np.float64)
+                placement = np.linalg.solve(pose, own.T @ values[near]).astype(np.float32)
+                near = np.abs(values - columns @ placement) < CLIP
+            found.append(placement)
+        best = min(found, key=lambda f: _cost(values - columns @ f))
+        return np.asarray(rest - self.columns @ best)
 
     def gain(self, beta: Field) -> float:
         """Nats that the fields gain, readings far off counting as spikes."""
-        before = np.minimum(np.square(self.values), CLIP**2)
-        after = np.minimum(np.square(self.left(beta)), CLIP**2)
-        return 0.5 * float((before - after).sum(dtype=np.float64))
+        return _cost(self.unfitted) - _cost(self.left(beta))
+
+
+def _cost(left: Field) -> float:
+    """Nats that residuals cost, each one CLIP deviations at most."""
+    return 0.5 * float(np.minimum(np.square(left), CLIP**2).sum(dtype=np.float64))
 
 
 def _rows(

@@ -4,11 +4,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import binary_closing, binary_opening, find_objects, gaussian_filter, label
+from scipy.ndimage import (
+    binary_closing,
+    binary_opening,
+    find_objects,
+    gaussian_filter,
+    label,
+    uniform_filter,
+)
 
 from diagnosis.noise import Field, Mask, NoiseModel
 
 MOST_REGIONS = 12
+NEIGHBOURS = 5
+"""Points a side over which a departure is averaged."""
+MARKED_SD, MARKED_LOST = 0.3, 0.2
+"""Departures marked: of the mean in units of the noise, of the share that returns."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -47,18 +58,17 @@ def smoothed_score(
     return np.where(known, mean / inflation, 0.0).astype(np.float32)
 
 
-def departure_mask(
-    departure_mm: Field, missing_change: Field, sd_mm: Field, plain_seen: Mask
-) -> Mask:
-    """Where an explained departure is large against the noise or against its own peak."""
-    size = np.abs(np.where(plain_seen, departure_mm, 0.0))
-    known = np.isfinite(size) & (size > 0)
-    mask = np.zeros(size.shape, dtype=bool)
-    if known.any():
-        top = float(np.quantile(size[known], 0.98))
-        level = np.minimum(0.5 * sd_mm, 0.4 * top)
-        mask = np.nan_to_num(size) > np.maximum(level, 0.02 * sd_mm)
-    return np.asarray(mask | (np.nan_to_num(missing_change) > 0.25))
+def departure_mask(departure_mm: Field, missing_change: Field, sd_mm: Field) -> Mask:
+    """Where an explained departure, averaged over neighbours, is large against the noise.
+
+    A departure that is small everywhere is marked where it comes near its own peak.
+    """
+    size = np.abs(uniform_filter(np.nan_to_num(departure_mm / sd_mm), NEIGHBOURS))
+    mask = size > MARKED_SD
+    if not mask.any() and size.any():
+        mask = size > max(0.4 * float(np.quantile(size[size > 0], 0.98)), 0.02)
+    lost = uniform_filter(np.nan_to_num(missing_change), NEIGHBOURS)
+    return np.asarray(mask | (np.abs(lost) > MARKED_LOST))
 
 
 def free_mask(score: Field, residual_known: Mask, wrong: Mask) -> Mask:

@@ -71,7 +71,7 @@ def map_recording(
     rows = max(8, min(n, CHUNK // m))
     plain_shift, final_shift = shifts["plain"][number], shifts["final"][number]
     pieces: dict[str, list[Field]] = {
-        k: [] for k in ("plain", "final", "sd", "lost", "pure", "soft")
+        k: [] for k in ("plain", "final", "sd", "lost", "moved", "soft")
     }
     single: dict[str, list[Mask]] = {e.name: [] for e in model.effects}
     whole_travel = View(scene, datasheet, placement.poses, recording.time_s, laser=laser).travel_mm
@@ -98,12 +98,10 @@ def map_recording(
         after = predict(view, effects, noise, softness=soft, level=model.level)
         pieces["plain"].append(before.mean_mm + columns @ plain_shift)
         final = after.mean_mm + columns @ final_shift
+        pieces["moved"].append(np.where(before.seen, final - pieces["plain"][-1], np.nan))
         pieces["final"].append(np.where(after.p_missing > 0.5, np.nan, final))
         pieces["sd"].append(before.sd_mm)
         pieces["lost"].append(after.p_missing - before.p_missing)
-        pieces["pure"].append(
-            np.where(before.seen, np.nan_to_num(after.mean_mm - before.mean_mm), 0.0)
-        )
         pieces["soft"].append(soft[1])
         for effect in effects:
             alone = predict(view, (effect,), noise, softness=soft)
@@ -117,14 +115,14 @@ def map_recording(
     wrong = (np.isfinite(depth) != plain_seen) & (whole["soft"] < 0.01)
     wrong[repeated_rows(recording.depth_mm)] = False
     if model.effects:
-        mask = departure_mask(whole["pure"], whole["lost"], whole["sd"], plain_seen)
+        mask = departure_mask(whole["moved"], whole["lost"], whole["sd"])
         mask |= _random_losses(model, wrong)
     else:
         mask = free_mask(score, np.isfinite(residual), wrong)
     named = [(name, np.concatenate(parts)) for name, parts in single.items()]
     size = 1e3 * np.where(np.isfinite(residual), residual, 0.0)
-    pure = 1e3 * whole["pure"]
-    shown = np.where(np.abs(pure) > 0, pure, size)
+    moved = np.nan_to_num(1e3 * whole["moved"])
+    shown = moved if np.any(moved) else size
     return RecordingMaps(
         name=recording.name,
         depth_mm=depth.astype(np.float32),

@@ -7,19 +7,19 @@ lay wrong each time but the sensor that sits wrong: pose_error.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from diagnosis.noise import Field
-from diagnosis.registration import Placement, travel_columns
+from diagnosis.registration import PRIOR_SD, Placement, travel_columns
 from sensors.effects.pose_error import PoseError
 
 LEVEL = 1e-3
-LEAST_DEG = 0.02
-LEAST_MM = 0.04
+LEAST = np.array([0.02, 0.02, 0.02, 0.04, 0.04, 0.04])
+"""Smallest turns (degrees) and offsets (mm) that are worth telling."""
 SLACK = np.array([0.01, 0.01, 0.01, 0.01, 0.01, 0.02])
 """What registration alone scatters: turns in degrees, offsets in mm."""
 
@@ -44,20 +44,22 @@ def mounting_error(commanded: Sequence[Field], placements: Sequence[Placement]) 
     if len(placements) < 2 or _spread_deg(commanded) < 15:
         return None
     errors = np.stack([_in_sensor(p, q) for p, q in zip(commanded, placements, strict=True)])
-    count = len(errors)
-    mean = errors.mean(axis=0)
-    scatter = errors - mean
-    variance = (scatter**2).sum(axis=0) / (count - 1)
-    pooled = variance / SLACK**2
-    scale = max(float(pooled.mean()), 1.0)
-    statistic = float((count * (mean / SLACK) ** 2).sum() / 6 / scale)
-    tail = float(stats.f.sf(statistic, 6, 6 * (count - 1)))
-    large = (np.abs(mean[:3]) > LEAST_DEG).any() or (np.abs(mean[3:]) > LEAST_MM).any()
-    if tail > LEVEL or not large:
+    weights = np.stack(
+        [np.linalg.inv(_uncertainty(p, q)) for p, q in zip(commanded, placements, strict=True)]
+    )
+    shared = np.linalg.inv(weights.sum(axis=0))
+    mean = shared @ np.einsum("kij,kj->i", weights, errors)
+    rest = errors - mean
+    dof = 6 * (len(errors) - 1)
+    scale = max(float(np.einsum("ki,kij,kj->", rest, weights, rest)) / dof, 1.0)
+    statistic = float(mean @ np.linalg.solve(shared, mean)) / 6 / scale
+    tail = float(stats.f.sf(statistic, 6, dof))
+    sd = np.sqrt(scale * np.diag(shared))
+    reach = float(stats.t.ppf(0.975, dof))
+    certain = np.abs(mean) > reach * sd
+    large = np.abs(mean) > LEAST
+    if tail > LEVEL or not (large & certain).any():
         return None
-    sd = np.sqrt(np.maximum(variance, SLACK**2) / count)
-    reach = float(stats.t.ppf(0.975, 6 * (count - 1)))
-    certain = np.abs(mean) > 2 * sd
     values = {n: float(v) for n, v, ok in zip(NAMES, mean, certain, strict=True) if ok}
     bounds = {p.name: (p.low, p.high) for p in PoseError.parameters()}
     values = {n: float(np.clip(v, *bounds[n])) for n, v in values.items()}
@@ -86,6 +88,23 @@ def _in_sensor(commanded: Field, placement: Placement) -> Field:
     error = np.linalg.inv(middle) @ true
     angles = Rotation.from_matrix(error[:3, :3]).as_euler("ZYX")
     return np.concatenate([[math.degrees(a) for a in angles], error[:3, 3]])
+
+
+def _uncertainty(commanded: Field, placement: Placement) -> Field:
+    """Covariance (6, 6) of an error in the sensor's frame: what faces settle, and `SLACK`.
+
+    Where a part's faces leave a direction open, so does a placement.
+    """
+    step = 1e-3 * PRIOR_SD
+    middle = _in_sensor(commanded, placement)
+    slopes = np.stack(
+        [
+            (_in_sensor(commanded, replace(placement, shift=placement.shift + d)) - middle) / d[k]
+            for k, d in enumerate(np.diag(step))
+        ],
+        axis=1,
+    )
+    return np.asarray(slopes @ placement.covariance @ slopes.T + np.diag(SLACK**2))
 
 
 def _spread_deg(commanded: Sequence[Field]) -> float:

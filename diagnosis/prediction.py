@@ -23,7 +23,12 @@ FLOOR_MISSING = 2e-4
 """Least probability that any reading is lost, or that one comes where none can."""
 FLOOR_FOUND = 0.02
 KEPT_LAWS = 4
+LOCAL_COVARIATES = {"curvature_y", "edge_y", "wall_distance"}
+"""Of effects on edges and in corners, whose laws are no more than good approximations there."""
+DOUBT = 0.4
+"""Share of its own change of the mean by which the law of such an effect may be wrong."""
 _KEPT: WeakKeyDictionary[View, dict[tuple[Any, ...], Law]] = WeakKeyDictionary()
+_SHIFTS: WeakKeyDictionary[View, dict[Effect, Field]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -85,14 +90,28 @@ def _applied(view: View, effects: tuple[Effect, ...], noise_mm: float | None) ->
     if key not in kept:
         law = _bare(view, noise_mm)
         for effect in effects[:shared]:
-            law = effect.apply(law, view)
+            law = _with(effect, law, view)
         if len(kept) >= KEPT_LAWS:
             del kept[next(iter(kept))]
         kept[key] = law
     law = kept[key]
     for effect in effects[shared:]:
-        law = effect.apply(law, view)
+        law = _with(effect, law, view)
     return law
+
+
+def _with(effect: Effect, law: Law, view: View) -> Law:
+    """Apply an effect; a shift of the mean that has nothing to do with the law is kept."""
+    if effect.is_null or type(effect).shift is Effect.shift:
+        return effect.apply(law, view)
+    kept = _SHIFTS.setdefault(view, {})
+    if effect not in kept:
+        for key in effect.needs:
+            view.datasheet.require(key)
+        if len(kept) >= KEPT_LAWS:
+            del kept[next(iter(kept))]
+        kept[effect] = np.asarray(effect.shift(view))
+    return replace(law, mean_mm=law.mean_mm + kept[effect])
 
 
 def plain_gain(view: View) -> Field:
@@ -140,6 +159,10 @@ def predict(
     missing = np.array(np.broadcast_to(np.asarray(law.p_missing, dtype=np.float64), shape))
     seen = np.isfinite(mean)
     missing[~seen] = 1.0
+    local = [e for e in effects if e.covariate in LOCAL_COVARIATES]
+    if local:
+        change = law_of(view, local, noise).mean_mm - law_of(view, (), noise).mean_mm
+        sd = np.hypot(sd, DOUBT * np.nan_to_num(np.abs(change)))
     base = max(noise.missing_share, FLOOR_MISSING)
     missing = np.clip(1 - (1 - missing) * (1 - base), FLOOR_MISSING, 1 - FLOOR_FOUND)
     if softness is not None:
@@ -157,6 +180,11 @@ def predict(
         p_outlier=np.broadcast_to(p_outlier, shape),
         outlier_sd_mm=np.broadcast_to(wide, shape),
     )
+
+
+def starting(kind: type[Effect], view: View) -> Effect:
+    """Return the effect as the sensor's file lists it, or a fresh one."""
+    return next((e for e in sheet_effects(view) if e.name == kind.name), None) or kind()
 
 
 def effects_for(

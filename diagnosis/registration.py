@@ -5,7 +5,7 @@ edges and creases down-weighted; directions that smooth faces leave open are the
 silhouettes, if there are any. The same columns are projected out of every later test.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +50,10 @@ class Placement:
     centre_mm: Field
     covariance: Field
     poses: Field
+
+    def further(self, steps: Field) -> "Placement":
+        """Return the placement with a small shift (9,), in prior deviations, added."""
+        return replace(self, shift=self.shift + PRIOR_SD * steps)
 
 
 def move(poses: Field, shift: Field, centre_mm: Field) -> Field:

@@ -17,6 +17,8 @@ from diagnosis.score import CLIP, Whitened
 
 COMB = 4
 KNOTS = 12
+PEAK = 2.0
+"""Largest departure of a smooth curve over its rms."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -43,6 +45,8 @@ class RowTests:
     sums : for each kind, (rows, N) sparse-like product: row sums of weights times innovations
     gram : for each kind (rows, rows), the pose projected out
     time_s : (rows,)
+    strength : for each kind, a typical reading's change in deviations for a unit of it
+    typical : for each kind, rms change of the readings in deviations for each root of chi-square
     """
 
     kinds: tuple[str, ...]
@@ -52,6 +56,7 @@ class RowTests:
     basis: Field
     time_s: Field
     strength: tuple[float, ...]
+    typical: tuple[float, ...]
     period_rows: Field
 
     @classmethod
@@ -65,7 +70,7 @@ class RowTests:
     ) -> "RowTests":
         """Whiten every row's indicator: rows COMB apart don't touch and share one field."""
         time = np.concatenate([p.view.time_s for p in patches])
-        names, weights, grams, overlaps, strengths = [], [], [], [], []
+        names, weights, grams, overlaps, strengths, typicals = [], [], [], [], [], []
         for kind in kinds:
             entries: list[tuple[Field, Field]] = []
             gram = np.zeros((time.size, time.size))
@@ -103,7 +108,10 @@ class RowTests:
             grams.append(gram - overlap @ overlap.T)
             overlaps.append(overlap)
             typical = np.concatenate(level)
-            strengths.append(float(np.sqrt(np.mean(typical**2))) if typical.size else 0.0)
+            # a few steep readings don't make a typical one
+            strengths.append(float(np.mean(typical)) if typical.size else 0.0)
+            raw, white = float((typical**2).sum()), float(np.trace(gram))
+            typicals.append(np.sqrt(raw / max(white, 1e-30) / max(typical.size, 1)))
         return cls(
             kinds=tuple(names),
             weights=tuple(weights),
@@ -112,6 +120,7 @@ class RowTests:
             basis=basis,
             time_s=time,
             strength=tuple(strengths),
+            typical=tuple(typicals),
             period_rows=np.arange(time.size, dtype=np.float64),
         )
 
@@ -137,12 +146,10 @@ class RowTests:
             z, t, beta, dof, z_null = _test(smooth, gram, real, drawn)
             largest = np.maximum(largest, z_null)
             curve = smooth @ beta
-            shrunk = float(np.sqrt(max(0.0, 1 - dof / max(t, 1e-9))))
-            reach = float(np.quantile(np.abs(curve - curve.mean()), 0.95))
             findings.append(
                 RowFinding(
                     name=name, words="time since the first profile", frame="time", z=z,
-                    size=reach * self.strength[kind] * shrunk,
+                    size=PEAK * self.typical[kind] * float(np.sqrt(max(t - dof, 0.0))),
                     gain=0.5 * (t - dof), coefficients=curve,
                     detail=f"{what}, slowly varying",
                 )

@@ -14,7 +14,8 @@ from diagnosis.edges import EDGE_COVARIATES
 from diagnosis.families import effect_families, free_families
 from diagnosis.finding import Finding, Screening
 from diagnosis.fit import fit_effect
-from diagnosis.linear import Fitted, linear_count
+from diagnosis.heldout import own_parts, settle_own
+from diagnosis.linear import Fitted, linear_count, phase_is_own
 from diagnosis.noise import Field, Mask
 from diagnosis.rates import screen_rates
 from diagnosis.screen import screen_mean
@@ -83,14 +84,22 @@ def select(
     *,
     withheld: Iterable[str] = (),
     progress: Progress = lambda text: None,
-    start: Model | None = None,
+    start: Selection | None = None,
 ) -> Selection:
-    """Choose effects until nothing significant is left or nothing more pays."""
+    """Choose effects until nothing significant is left or nothing more pays.
+
+    Parameters
+    ----------
+    start : choices to go on from, none of them withheld
+    """
     withheld = set(withheld)
-    model = start or Model()
-    progress("looking for mismatches")
-    first = last = screen(ws, model, rng, withheld)
-    choices: list[Choice] = []
+    if start is None:
+        progress("looking for mismatches")
+        model, choices = Model(), []
+        first = last = screen(ws, model, rng, withheld)
+    else:
+        model, choices, first = start.model, list(start.choices), start.first
+        last = screen(ws.thin(SCREENED_READINGS), model, rng, withheld)
     few = ws.thin(SEARCHED_READINGS)
     while len(choices) < MOST and last.significant():
         progress(f"explaining: {last.significant()[0].name}")
@@ -137,7 +146,7 @@ def _best(
     quick.sort(reverse=True)
     if not quick or quick[0][0] < 3:
         return None
-    shortlist = [n for g, n in quick if g > max(3.0, 0.15 * quick[0][0])][:7]
+    shortlist = [n for g, n in quick if g > max(3.0, 0.2 * quick[0][0])][:6]
     base = ws.log_densities(model)
     candidates: dict[str, tuple[Model, Field]] = {}
     for name in shortlist:
@@ -145,8 +154,7 @@ def _best(
         if fitted is None:
             continue
         trial = ws.levelled(model.with_effect(fitted.effect, fitted.own))
-        blocks = crossfitted(ws, model, CATALOGUE[name], fitted, base)
-        candidates[name] = (trial, blocks - _penalty(fitted, blocks))
+        candidates[name] = (trial, crossfitted(ws, model, CATALOGUE[name], fitted, base))
     if not candidates:
         return None
     order = sorted(candidates, key=lambda n: -float(candidates[n][1].sum()))
@@ -176,38 +184,44 @@ def _best(
     return trial, Choice(name=best, gain=gain, blocks=blocks, alternatives=tuple(rivals))
 
 
-def _penalty(fitted: Fitted, blocks: Field) -> Field:
-    """Spread a nat for each fitted number over the blocks, where nothing was left out."""
-    cross = len(fitted.effect.to_mapping()) > 0 and fitted.free > 6
-    return np.full(blocks.size, 0.0 if cross else fitted.free / blocks.size)
-
-
 def crossfitted(
     ws: Workspace, model: Model, kind: type[Effect], fitted: Fitted, base: Sequence[Field]
 ) -> Field:
-    """Gain of each block, from parameters that its own half didn't fit where they are many."""
-    trial = ws.levelled(model.with_effect(fitted.effect, fitted.own))
+    """Gain of each block under numbers that it took no part in fitting.
+
+    A wave's phase in a recording is settled on a fifth of its profiles and judged on the others;
+    linear coefficients are solved on one half of the readings and judged on the other. A few
+    searched numbers cost a nat each instead.
+    """
     masks = ws.masks_for(kind)
-    if fitted.free <= 6:
-        after = ws.log_densities(trial)
-        return ws.block_scores([a - b for a, b in zip(after, base, strict=True)], masks)
+    trial = ws.levelled(model.with_effect(fitted.effect, fitted.own))
+    if phase_is_own(fitted.effect):
+        small, rest = own_parts(masks)
+        trial = settle_own(ws, trial, small, only=fitted.effect.name)
+        return _gain(ws, trial, base, rest)
+    if linear_count(fitted.effect, ws) == 0:
+        blocks = _gain(ws, trial, base, masks)
+        return blocks - fitted.free / blocks.size
     halves = fold_masks(ws)
-    predictions = ws.predict(model)
-    states = ws.states(predictions)
+    states = ws.states(ws.predict(model))
     total: Field | float = 0.0
     for fit_on, judge in (halves, halves[::-1]):
         part = fit_effect(
-            kind, ws, model, predictions, states, masks=_both(masks, fit_on),
-            start=fitted.effect, polish=False,
+            kind, ws, model, (), states, masks=_both(masks, fit_on), start=fitted.effect,
+            polish=False,
         )  # fmt: skip
         if part is None:
             return np.zeros(ws.block_scores(base).size)
-        after = ws.log_densities(model.with_effect(part.effect, part.own))
-        total = total + ws.block_scores(
-            [a - b for a, b in zip(after, base, strict=True)],
-            _both(masks, judge),
-        )
+        trial = ws.levelled(model.with_effect(part.effect, part.own))
+        total = total + _gain(ws, trial, base, _both(masks, judge))
     return np.asarray(total)
+
+
+def _gain(
+    ws: Workspace, trial: Model, base: Sequence[Field], masks: Sequence[Mask]
+) -> Field:
+    after = ws.log_densities(trial)
+    return ws.block_scores([a - b for a, b in zip(after, base, strict=True)], masks)
 
 
 def _both(one: Sequence[Mask], two: Sequence[Mask]) -> list[Mask]:

@@ -17,6 +17,8 @@ BLOCK_RAYS = 250_000
 CLEARANCE_MM = 1e-5
 # Share of a second spot that a column must have to be pulled by it.
 LEAST_SHARE = 0.05
+# A first spot seen flatter than this (cosine) is as dark as one at it.
+LEAST_COSINE = 0.05
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -29,11 +31,14 @@ class Mirror:
     landed_mm : (n, m) depth as which the camera reads second spots that fall into this column,
         their mean where there are several; NaN without one, or where no camera is stated
     landed_way_mm : (n, m) way from the first spot to them
+    landed_light : (n, m) how bright the camera sees them beside the column's own first spot, where
+        all light is reflected once and then scattered by a matt surface (Lambert's cosines)
     """
 
     distance_mm: Floats
     landed_mm: Floats
     landed_way_mm: Floats
+    landed_light: Floats
 
 
 def mirror(view: "View") -> Mirror:
@@ -43,7 +48,7 @@ def mirror(view: "View") -> Mirror:
     along a line that meets the plane at Q / (1 - y / κb): there it pulls the reading of the
     column that looks at that place, which isn't always the column it came from.
     """
-    distance, depth, way = (np.full(view.shape, np.nan) for _ in range(3))
+    distance, depth, way, light = (np.full(view.shape, np.nan) for _ in range(4))
     has_camera = view.datasheet.triangulation_angle_deg is not None
     for rows in _blocks(view):
         normal = view.normal[rows]
@@ -63,8 +68,10 @@ def mirror(view: "View") -> Mirror:
         if has_camera and met.size:
             out = out[met] / np.linalg.norm(out[met], axis=1, keepdims=True)
             second = start[met] + length[met, None] * out
-            _land(view, rows, row[met], second, triangle[met], length[met], depth, way)
-    return Mirror(distance_mm=distance, landed_mm=depth, landed_way_mm=way)
+            _land(view, rows, row[met], second, triangle[met], length[met], depth, way, light)
+    return Mirror(
+        distance_mm=distance, landed_mm=depth, landed_way_mm=way, landed_light=light
+    )
 
 
 def _land(
@@ -76,13 +83,14 @@ def _land(
     length_mm: Floats,
     depth: Floats,
     way: Floats,
+    light: Floats,
 ) -> None:
     """Put second spots (k, 3), part frame, where the camera sees them."""
     offset = view.datasheet.camera_offset_mm
     poses = view.poses[rows][row]
     camera = poses[:, :3, 3] + poses[:, :3, 1] * offset
-    facing = np.einsum("ik,ik->i", view.scene.normals[triangle], camera - second_mm) > 0
-    seen = np.nonzero(facing)[0]
+    cosine = _cosine(view.scene.normals[triangle], camera - second_mm)
+    seen = np.nonzero(cosine > 0)[0]
     seen = seen[~view.scene.blocked(second_mm[seen], camera[seen], triangle[seen])]
     local = np.einsum("ikj,ik->ij", poses[seen, :3, :3], second_mm[seen] - poses[seen, :3, 3])
     image = local / (1.0 - local[:, 1:2] / offset)
@@ -102,11 +110,26 @@ def _land(
     weight = np.concatenate([1.0 - share, share])
     target = np.tile(row[seen][inside], 2) * m + column
     size = (rows.stop - rows.start) * m
-    light = np.bincount(target, weights=weight, minlength=size)
+    held = np.bincount(target, weights=weight, minlength=size)
+
+    def gathered(values: Floats) -> Floats:
+        """Sum over the spots that share a column."""
+        return np.bincount(target, weights=weight * np.tile(values, 2), minlength=size)
+
+    lit = held > LEAST_SHARE
     for values, out in ((image[inside, 2], depth), (length_mm[seen][inside], way)):
-        total = np.bincount(target, weights=weight * np.tile(values, 2), minlength=size)
-        mean = np.divide(total, light, out=np.full(size, np.nan), where=light > LEAST_SHARE)
+        mean = np.divide(gathered(values), held, out=np.full(size, np.nan), where=lit)
         out[rows] = mean.reshape(-1, m)
+    first = _cosine(
+        view.normal[rows], np.array([0.0, offset, 0.0]) - laser.points_mm(view.depth_mm[rows])
+    )
+    second = np.where(lit, gathered(cosine[seen][inside]), np.nan).reshape(-1, m)
+    light[rows] = second / np.maximum(first, LEAST_COSINE)
+
+
+def _cosine(normal: Floats, way: Floats) -> Floats:
+    """Cosine between normals and ways, (...,)."""
+    return np.asarray(np.einsum("...k,...k->...", normal, way) / np.linalg.norm(way, axis=-1))
 
 
 def thickness_mm(view: "View") -> Floats:

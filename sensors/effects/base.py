@@ -73,6 +73,13 @@ class Effect(ABC):
     def changed(self, law: Law, view: View) -> Law:
         """Return the law with the effect, every parameter being known and none at its null."""
 
+    def shift(self, view: View) -> Floats | None:
+        """Return the change of the mean (n, m), mm, where no other effect has a say in it.
+
+        None where `changed` isn't just this added to the mean.
+        """
+        return None
+
     # ---- what everybody calls
 
     def apply(self, law: Law, view: View) -> Law:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
@@ -76,6 +77,10 @@ class EdgeMixing(Effect):
 
     def changed(self, law: Law, view: View) -> Law:
         """Add what cutting and doubling the line does; nothing where the line is whole."""
+        return replace(law, mean_mm=law.mean_mm + self.shift(view))
+
+    def shift(self, view: View) -> NDArray[np.float64]:
+        """Return what the cut or doubled line reads, less its footprint's mean."""
         sd = line_sd_mm(view, self.line_sd_um, self.rayleigh_mm)
         offsets = sub_lines(float(np.max(sd)))
         weights = gaussian_weights(offsets, sd)
@@ -84,4 +89,4 @@ class EdgeMixing(Effect):
         )
         base = np.where(np.isfinite(seen.spot_mm), seen.spot_mm, view.depth_mm)
         mixed = np.isfinite(seen.depth_mm) & ~seen.whole & (seen.light >= self.weakest)
-        return replace(law, mean_mm=law.mean_mm + np.where(mixed, seen.depth_mm - base, 0.0))
+        return np.where(mixed, seen.depth_mm - base, 0.0)

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
@@ -66,6 +67,10 @@ class FiniteSpot(Effect):
 
     def changed(self, law: Law, view: View) -> Law:
         """Add the difference between the footprint's mean and the centre."""
+        return replace(law, mean_mm=law.mean_mm + self.shift(view))
+
+    def shift(self, view: View) -> NDArray[np.float64]:
+        """Return the footprint's mean less the centre's depth."""
         sd = line_sd_mm(view, self.line_sd_um, self.rayleigh_mm)
         offsets = sub_lines(float(np.max(sd)))
         line = read_line(view, offsets, gaussian_weights(offsets, sd))
@@ -75,4 +80,4 @@ class FiniteSpot(Effect):
             weights = gaussian_weights(offsets, self.along_um * 1e-3)
             line = read_line(view, offsets, weights, axis="x")
             change += np.where(np.isfinite(line.depth_mm), line.depth_mm - view.depth_mm, 0.0)
-        return replace(law, mean_mm=law.mean_mm + change)
+        return change

@@ -24,11 +24,11 @@ class Interreflection(Effect):
         "spots and reads something between, or the wrong one."
     )
     equation: ClassVar = (
-        "z_m = (1-w) z + w z_mirror, w = weight · exp(-d / reach); z_mirror where w > 1/2 with "
-        "kind 'jump'"
+        "z_m = (1-w) z + w z_mirror, w = weight · exp(-(d / reach)^power) cos γ₂ / cos γ₁, γ the "
+        "camera's angles at both spots; z_mirror where w > 1/2 with kind 'jump'"
     )
     source: ClassVar = (
-        "One mirror bounce, seen by the camera; Nayar, Ikeuchi, Kanade, Int. J. Comput. Vis. 6 "
+        "One mirror bounce, then Lambert's law; Nayar, Ikeuchi, Kanade, Int. J. Comput. Vis. 6 "
         "(1991) 173 on interreflections; observed 1 to 10 mm from corners"
     )
     statement: ClassVar = (
@@ -53,10 +53,17 @@ class Interreflection(Effect):
     reach_mm: float = parameter(
         "distance to the facing wall over which the weight falls by e",
         unit="mm",
-        low=0.5,
+        low=0.2,
         high=100.0,
         typical=5.0,
-        grid=(1.0, 3.0, 8.0, 20.0),
+        grid=(0.5, 1.2, 3.0, 8.0),
+    )
+    power: float = parameter(
+        "how abruptly it falls; a finder's threshold cuts the second spot off",
+        low=0.5,
+        high=4.0,
+        typical=1.0,
+        grid=(1.0, 2.0),
     )
     kind: str = parameter(
         "centre of gravity of both spots, or the brighter one",
@@ -68,19 +75,21 @@ class Interreflection(Effect):
         """Return the pull for a weight of one: distance to the mirrored reading, fading."""
         if self.kind == "jump":
             return ()
-        pull, fading = self._pull(view)
-        return (pull * fading,)
+        pull, light = self._pull(view)
+        return (pull * light,)
 
     def changed(self, law: Law, view: View) -> Law:
         """Mix the second spot's reading in, or put it in the first one's place."""
-        pull, fading = self._pull(view)
-        share = self.weight * fading
+        pull, light = self._pull(view)
+        share = np.minimum(self.weight * light, 1.0)
         if self.kind == "jump":
             share = (share > 0.5).astype(np.float64)
         return replace(law, mean_mm=law.mean_mm + share * pull)
 
     def _pull(self, view: View) -> tuple[Floats, Floats]:
-        seen = np.isfinite(view.mirror.landed_mm) & view.valid
-        pull = np.where(seen, view.mirror.landed_mm - view.depth_mm, 0.0)
-        way = np.where(seen, view.mirror.landed_way_mm, 0.0)
-        return pull, np.where(seen, np.exp(-way / self.reach_mm), 0.0)
+        mirror = view.mirror
+        seen = np.isfinite(mirror.landed_mm) & view.valid
+        pull = np.where(seen, mirror.landed_mm - view.depth_mm, 0.0)
+        way = np.where(seen, mirror.landed_way_mm, 0.0)
+        light = mirror.landed_light * np.exp(-((way / self.reach_mm) ** self.power))
+        return pull, np.where(seen, light, 0.0)

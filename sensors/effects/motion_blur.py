@@ -4,14 +4,15 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
-from sensors.law import Law
+from sensors.law import Law, sheet_effects
 from sensors.line_operator import read_line
 from sensors.view import View
 
-SHARES = (0.1, 0.25, 0.5, 0.9)
+SHARES = (0.25, 0.9, 2.0, 4.0)
 EXPOSURES = 8
 """Poses at which the way during an exposure is sampled, midpoints of equal parts."""
 
@@ -67,12 +68,35 @@ class MotionBlur(Effect):
             return law
         step_s = np.diff(view.time_s)
         step_s = np.concatenate([step_s, step_s[-1:]])
-        way = view.travel_step_mm * np.divide(
+        steps = np.divide(
             exposure_ms * 1e-3, step_s, out=np.zeros_like(step_s), where=step_s > 0
         )
+        way = view.travel_step_mm * steps
         if np.ptp(way) <= 1e-9 * np.max(np.abs(way)):
             way = way[:1]
-        offsets = (np.arange(EXPOSURES) + 0.5)[:, None] / EXPOSURES * way
-        line = read_line(view, offsets, [1.0] * EXPOSURES, merge_mm=0.0)
+        share = (np.arange(EXPOSURES) + 0.5)[:, None] / EXPOSURES
+        seen = view.datasheet.triangulation_angle_deg is not None
+        line = read_line(
+            view, share * way, [1.0] * EXPOSURES, visible=seen, merge_mm=_merging_mm(view)
+        )
         change = np.where(np.isfinite(line.depth_mm), line.depth_mm - view.depth_mm, 0.0)
+        # what the line's width does at one place is averaged on the way, too
+        spot = np.nan_to_num(law.mean_mm - view.depth_mm)
+        if np.any(spot):
+            change += np.mean([_ahead(spot, s * steps) for s in share[:, 0]], axis=0) - spot
         return replace(law, mean_mm=law.mean_mm + change)
+
+
+def _merging_mm(view: View) -> float:
+    """How far two levels that were lit one after the other may lie apart to be read as one."""
+    listed = (e for e in sheet_effects(view) if e.name == "edge_mixing")
+    return 1e-3 * max((float(getattr(e, "merge_um", 0.0)) for e in listed), default=0.0)
+
+
+def _ahead(field: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values (n, m) some rows (n,) further on, between neighbours linearly."""
+    n = len(field)
+    place = np.clip(np.arange(n) + rows, 0, n - 1)
+    low = np.minimum(place.astype(np.int64), n - 2)
+    share = (place - low)[:, None]
+    return np.asarray((1 - share) * field[low] + share * field[low + 1])

@@ -1,0 +1,89 @@
+"""Explanation: selection, placing anew under what was chosen, and the word of held-out readings.
+
+What gains nothing on held-out readings is no explanation: it is dropped, and the selection goes on
+without that name.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis.found import heldout_gains
+from diagnosis.noise import NoiseModel
+from diagnosis.patch import Patch
+from diagnosis.select import Progress, Selection, drop_idle, refit_linear, screen, select
+from diagnosis.workspace import Model, Workspace
+
+LEAST_GAIN = 5e-4
+"""Nats per held-out reading below which an effect is of no use: 0.03 of the noise."""
+TRIALS = 3
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Explanation:
+    """What was chosen, and the patches at their placement under it."""
+
+    selection: Selection
+    patches: tuple[Patch, ...]
+    ws: Workspace
+
+    @property
+    def model(self) -> Model:
+        """The effects chosen."""
+        return self.selection.model
+
+    @property
+    def held(self) -> list[Patch]:
+        """Patches with readings that nothing was fitted to."""
+        return [p for p in self.patches if p.scored.any()]
+
+
+def explain(
+    patches: Sequence[Patch],
+    noise: NoiseModel,
+    place_again: Callable[[Model, Sequence[Patch]], Sequence[Patch]],
+    rng: np.random.Generator,
+    *,
+    withheld: Iterable[str],
+    share_own: bool,
+    notes: list[str],
+    progress: Progress,
+) -> Explanation:
+    """Choose effects that hold on held-out readings, too.
+
+    Parameters
+    ----------
+    place_again : registers the recordings under a model
+    share_own : whether a part of the held-out readings serves each recording's own parameters
+    """
+    banned = set(withheld)
+    ws = Workspace.build([p for p in patches if p.fit.any()], noise)
+    selection: Selection | None = None
+    for trial in range(TRIALS):
+        selection = select(ws, rng, withheld=banned, progress=progress, start=selection)
+        model = selection.model
+        if not model.effects:
+            break
+        progress("registering again under the model")
+        patches = place_again(model, patches)
+        ws = Workspace.build([p for p in patches if p.fit.any()], noise)
+        model, kept = drop_idle(ws, refit_linear(ws, model), selection.choices, rng)
+        held = [p for p in patches if p.scored.any()]
+        gains, _ = heldout_gains(ws, model, held, share_own)
+        idle = {name for name, gain in gains.items() if gain < LEAST_GAIN}
+        if not idle:
+            selection = replace(selection, model=model, choices=kept)
+            break
+        notes.append(f"{', '.join(sorted(idle))}: fitted, but of no use on held-out readings")
+        banned |= idle
+        for name in idle:
+            model = model.without(name)
+        model = refit_linear(ws, model)
+        selection = replace(
+            selection, model=model, choices=tuple(c for c in kept if c.name not in idle)
+        )
+        if trial == TRIALS - 1:
+            selection = replace(selection, last=screen(ws, model, rng, banned))
+    assert selection is not None
+    return Explanation(selection=selection, patches=tuple(patches), ws=ws)
