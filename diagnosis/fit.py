@@ -130,7 +130,9 @@ def _fit_linear(
 def _moves(name: str, effect: Effect) -> bool:
     """Whether a nonlinear parameter is worth a search: shared, and not a phase or a seed."""
     p = effect.parameter(name)
-    return p.owner == "instrument" and name not in ("phase_rad", "seed", "index", "rms_um")
+    unknown = getattr(effect, name) is None
+    fixed = ("phase_rad", "seed", "index", "rms_um")
+    return p.owner == "instrument" and name not in fixed and not unknown
 
 
 def _polish_linear(
@@ -198,7 +200,9 @@ def _spread(point: Effect, names: Sequence[str], ws: Workspace) -> Field:
             span = max(float(np.ptp(p.view.travel_mm)) for p in ws.patches)
             out.append(0.2 * _number(point, name) / max(span, 1e-9))
         elif name == "rows":
-            out.append(0.001)
+            out.append(0.3 / max(_number(point, name), 1e-9))
+        elif name.endswith("_rows"):
+            out.append(0.15 / max(abs(_number(point, name)), 1e-6))
         else:
             out.append(0.3)
     return np.array(out)

@@ -15,6 +15,12 @@ from sensors.view import View
 Floats = NDArray[np.float64]
 
 
+ROUNDING = (0.0, -0.5, 0.5)
+"""Rows by which the stated number may be off where a grid looks for the effect."""
+BENDS = (0.0, -0.3, 0.3, -0.6, 0.6, -1.0, 1.0)
+"""Smiles, in rows, that a grid looks for."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PixelLocking(AdditiveEffect):
     """A sine of the fractional camera row, turned into depth."""
@@ -69,17 +75,42 @@ class PixelLocking(AdditiveEffect):
         sheet="camera_rows",
     )
 
+    smile_rows: float = parameter(
+        "bend of a level line's image: rows by which the ends of the line are off",
+        low=-8.0,
+        high=8.0,
+        typical=0.0,
+    )
+    keystone_rows: float = parameter(
+        "turn of a level line's image: rows at the corners of the working range",
+        low=-8.0,
+        high=8.0,
+        typical=0.0,
+    )
+
     def fields(self, view: View) -> tuple[Floats, ...]:
         """Return sine and cosine of the row, each times the depth of one row."""
         sheet = view.datasheet
         rows = sheet.require("camera_rows") if self.rows is None else self.rows
-        turn = 2 * math.pi * row_of_depth(view.depth_mm, sheet, rows)
+        row = row_of_depth(view.depth_mm, sheet, rows)
+        if self.smile_rows or self.keystone_rows:
+            across = view.column_x_mm / max(float(np.abs(view.column_x_mm).max()), 1e-9)
+            along = 2 * row / rows - 1
+            row = row + self.smile_rows * across**2 + self.keystone_rows * across * along
+        turn = 2 * math.pi * row
         height = depth_per_row(view.depth_mm, sheet, rows)
         return height * np.sin(turn), height * np.cos(turn)
 
     def grid(self, view: View) -> tuple["PixelLocking", ...]:
-        """Return the rows that the sheet or this effect states, else half cycles over the scan."""
-        if self.rows is not None or view.datasheet.camera_rows is not None or not view.valid.any():
+        """Return bends beside the rows that are stated, to the rounding; else half cycles."""
+        stated = view.datasheet.camera_rows if self.rows is None else self.rows
+        if stated is not None:
+            return tuple(
+                self.with_parameters(rows=float(stated + off), smile_rows=bend)
+                for off in ROUNDING
+                for bend in BENDS
+            )
+        if not view.valid.any():
             return (self,)
         low, high = self.parameter("rows").low, self.parameter("rows").high
         ends = np.array([np.nanmin(view.depth_mm), np.nanmax(view.depth_mm)])
