@@ -1,7 +1,7 @@
 """The whole diagnosis: register, calibrate, detect, explain, judge, locate."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -159,12 +159,15 @@ def diagnose(
             strange += finish_findings
         else:
             plain_noise = nominal_noise(noise, nominal, surface, ws.patches[0].view)
-            scores = [
+            plain, level, whole = (
                 judge(held_patches, n, model, share_own=not single).log_score
-                for n in (plain_noise, noise)
-            ]
-            gain = scores[0] - scores[1]
-            beside += [plainly_found(e, gain, finish_intervals(e)) for e in finishes]
+                for n in (plain_noise, replace(plain_noise, sd_mm=noise.sd_mm), noise)
+            )
+            # what has a lay has it at its level: the level alone is the lesser explanation
+            gains = {e.name: plain - whole for e in finishes}
+            if len(finishes) > 1:
+                gains["roughness_level"] = min(plain - level, plain - whole)
+            beside += [plainly_found(e, gains[e.name], finish_intervals(e)) for e in finishes]
     if "pose_error" not in set(withheld):
         # what the model takes for physics is no misplacement
         moved = ws.placements(model)
@@ -186,7 +189,10 @@ def diagnose(
             model = model.with_effect(empirical)
     before = judge(plain_held, plain_noise, Model(), share_own=not single)
     found, after = found_effects(ws, model, selection.choices, held_patches, not single)
-    found += tuple(beside)
+    if any(f.name == "empirical" and f.heldout_gain < LEAST_GAIN for f in found):
+        model = model.without("empirical")
+        found, after = found_effects(ws, model, selection.choices, held_patches, not single)
+    found = tuple(sorted([*found, *beside], key=lambda f: -f.heldout_gain))
     progress("drawing maps")
     final, shifts = settled(explanation.patches, noise, model, not single)
     maps = [
@@ -198,7 +204,7 @@ def diagnose(
     if verdict == "match":
         maps = [m.silenced() for m in maps]
     elif beside:
-        maps = [m.everywhere(found[-1].name) if not m.mask.any() else m for m in maps]
+        maps = [m.everywhere(beside[-1].name) if not m.mask.any() else m for m in maps]
     regions = tuple(region for m in maps for region in m.regions)
     counted = sum(m.mask.size for m in maps)
     sheet = with_effects(datasheet, tuple(f.effect.shared().to_mapping() for f in found))

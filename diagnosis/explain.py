@@ -9,14 +9,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.edges import EDGE_COVARIATES
 from diagnosis.found import heldout_gains
+from diagnosis.linear import phase_is_own
 from diagnosis.noise import NoiseModel
 from diagnosis.patch import Patch
+from diagnosis.prediction import predict
 from diagnosis.select import Progress, Selection, drop_idle, refit_linear, screen, select
 from diagnosis.workspace import Model, Workspace
+from sensors.effects.base import Effect
 
 LEAST_GAIN = 5e-4
 """Nats per held-out reading below which an effect is of no use: 0.03 of the noise."""
+LEAST_SHOWN = 0.05
+"""Rms departure, in deviations, below which held-out readings can't speak of an effect."""
 TRIALS = 3
 
 
@@ -37,6 +43,27 @@ class Explanation:
     def held(self) -> list[Patch]:
         """Patches with readings that nothing was fitted to."""
         return [p for p in self.patches if p.scored.any()]
+
+
+def shows(effect: Effect, held: Sequence[Patch], noise: NoiseModel) -> bool:
+    """Whether a placement leaves enough of an effect for held-out readings to speak of it.
+
+    What fades with time may be over before the held-out recording begins, and what shows on steps
+    can't show where there are none.
+    """
+    local = effect.covariate in EDGE_COVARIATES
+    if local or "mean" not in effect.channels or phase_is_own(effect):
+        return True
+    squares, count = 0.0, 0
+    for patch in held:
+        plain, with_it = (predict(patch.view, e, noise) for e in ((), (effect,)))
+        pick = patch.scored & plain.seen & with_it.seen & ~patch.edge
+        change = ((with_it.mean_mm - plain.mean_mm) / plain.sd_mm)[pick]
+        columns = patch.columns[pick] / plain.sd_mm[pick][:, None]
+        ridge = np.eye(columns.shape[1])
+        left = change - columns @ np.linalg.solve(columns.T @ columns + ridge, columns.T @ change)
+        squares, count = squares + float(left @ left), count + left.size
+    return bool(squares > LEAST_SHOWN**2 * count)
 
 
 def explain(
@@ -71,7 +98,11 @@ def explain(
         model, kept = drop_idle(ws, refit_linear(ws, model), selection.choices, rng)
         held = [p for p in patches if p.scored.any()]
         gains, _ = heldout_gains(ws, model, held, share_own)
-        idle = {name for name, gain in gains.items() if gain < LEAST_GAIN}
+        idle = {e.name for e in model.effects if gains[e.name] < LEAST_GAIN}
+        unseen = {e.name for e in model.effects if e.name in idle and not shows(e, held, noise)}
+        if unseen:
+            notes.append(f"{', '.join(sorted(unseen))}: the held-out readings can't show it")
+            idle -= unseen
         if not idle:
             selection = replace(selection, model=model, choices=kept)
             break

@@ -24,15 +24,21 @@ LEVEL_TOLERANCE = 0.1
 LAY_TOLERANCE = math.log(1.6)
 SENSORS_OWN = 0.5
 SQUARE_RAD = math.radians(25)
+BRIGHT = 0.6
+"""Share of the readings hit squarely that are darker than those whose noise is compared."""
 
 
 def level_ratio(ws: Workspace, model: Model) -> float:
-    """Size of the noise where the part is hit squarely, relative to the calibrated one."""
+    """Size of the noise where the part is bright and hit squarely, over the calibrated one."""
     states = ws.states(ws.predict(model))
     squares = []
     for patch, state in zip(ws.patches, states, strict=True):
         square = patch.view.incidence_rad < SQUARE_RAD
         pick = patch.fit & state.used & ~patch.edge & square
+        bright = patch.view.intensity
+        if bright is not None and pick.any():
+            # dark print is noisier whatever its finish
+            pick &= bright >= np.nanquantile(bright[pick], BRIGHT)
         squares.append(np.minimum(state.innovations[pick] ** 2, 9.0))
     every = np.concatenate(squares)
     return float(np.sqrt(every.mean() / 0.995)) * model.level if every.size > 200 else model.level

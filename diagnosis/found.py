@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from diagnosis.edges import EDGE_COVARIATES
 from diagnosis.heldout import Judgement, judge
 from diagnosis.mounting import Mounting
 from diagnosis.noise import NoiseModel
@@ -88,7 +89,10 @@ def found_effects(
 def heldout_gains(
     ws: Workspace, model: Model, held: Sequence[Patch], share_own: bool
 ) -> tuple[dict[str, float], Judgement]:
-    """Nats per held-out reading that the model loses without each effect; the whole, judged."""
+    """Nats per held-out reading that the model loses without each effect; the whole, judged.
+
+    Bulk physics counts by the readings that no depth edge reaches, as it was found.
+    """
     after = judge(held, ws.noise, model, share_own=share_own)
     gains = {}
     for effect in model.effects:
@@ -96,7 +100,10 @@ def heldout_gains(
         if len(rest.effects) > 1 or (rest.effects and rest.effects[0].name != "empirical"):
             rest = refit_linear(ws, rest)
         without = judge(held, ws.noise, rest, share_own=share_own)
-        gains[effect.name] = without.log_score - after.log_score
+        if effect.covariate in EDGE_COVARIATES:
+            gains[effect.name] = without.log_score - after.log_score
+        else:
+            gains[effect.name] = without.bulk_score - after.bulk_score
     return gains, after
 
 

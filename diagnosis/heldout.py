@@ -28,6 +28,7 @@ class Judgement:
     Attributes
     ----------
     log_score : nats per reading, lower is better
+    bulk_score : the same for the readings that no depth edge reaches
     rms_um : of reading minus expectation, spikes included up to 6 deviations
     ks : largest gap between the distribution of standardised readings and the normal's
     coverage : share of readings inside the central 50 % and 90 %
@@ -37,6 +38,7 @@ class Judgement:
     """
 
     log_score: float
+    bulk_score: float
     rms_um: float
     ks: float
     coverage: tuple[float, float]
@@ -134,6 +136,8 @@ def judge(
         missing.append(((~patch.observed).astype(float) - prediction.p_missing)[mask] ** 2)
     z = np.concatenate(standard)
     e = np.concatenate([r[b] for r, b in zip(residuals, inside, strict=True)])
+    bulk = [m & ~p.edge for p, m in zip(patches, scored, strict=True)]
+    in_bulk = sum(float(d[m].sum()) for d, m in zip(densities, bulk, strict=True))
     limit = 1.0  # mm; a reading on another level isn't noise of the mean
     clipped = np.clip(e, -limit, limit)
     blocks = ws.block_scores(densities, scored)
@@ -151,6 +155,7 @@ def judge(
             )
     return Judgement(
         log_score=-float(blocks.sum()) / max(float(counts.sum()), 1.0),
+        bulk_score=-in_bulk / max(sum(int(m.sum()) for m in bulk), 1),
         rms_um=1e3 * float(np.sqrt(np.mean(clipped**2))) if e.size else float("nan"),
         ks=float(stats.kstest(z, "norm").statistic) if z.size else float("nan"),
         coverage=_coverage(z),

@@ -202,7 +202,7 @@ def crossfitted(
     if linear_count(fitted.effect, ws) == 0:
         blocks = _gain(ws, trial, base, masks)
         return blocks - fitted.free / blocks.size
-    halves = fold_masks(ws)
+    halves = fold_masks(ws, whole=kind.frame != "time")
     states = ws.states(ws.predict(model))
     total: Field | float = 0.0
     for fit_on, judge in (halves, halves[::-1]):
@@ -228,12 +228,17 @@ def _both(one: Sequence[Mask], two: Sequence[Mask]) -> list[Mask]:
     return [a & b for a, b in zip(one, two, strict=True)]
 
 
-def fold_masks(ws: Workspace) -> tuple[list[Mask], list[Mask]]:
-    """Two halves of the readings: whole recordings where there are several, else big tiles."""
+def fold_masks(ws: Workspace, *, whole: bool = True) -> tuple[list[Mask], list[Mask]]:
+    """Two halves of the readings: whole recordings where there are several, else big tiles.
+
+    Parameters
+    ----------
+    whole : False divides every recording: what fades with time shows in some of them alone
+    """
     recordings = sorted({p.recording for p in ws.patches})
     one, two = [], []
     for patch, mask in zip(ws.patches, ws.masks(), strict=True):
-        if len(recordings) > 1:
+        if whole and len(recordings) > 1:
             side = np.full(patch.shape, recordings.index(patch.recording) % 2 == 0)
         else:
             n, m = patch.shape
