@@ -114,7 +114,8 @@ def _land(
 
     def gathered(values: Floats) -> Floats:
         """Sum over the spots that share a column."""
-        return np.bincount(target, weights=weight * np.tile(values, 2), minlength=size)
+        sums = np.bincount(target, weights=weight * np.tile(values, 2), minlength=size)
+        return np.asarray(sums, dtype=np.float64)
 
     lit = held > LEAST_SHARE
     for values, out in ((image[inside, 2], depth), (length_mm[seen][inside], way)):

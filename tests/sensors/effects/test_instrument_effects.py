@@ -5,17 +5,20 @@ import math
 
 import numpy as np
 import pytest
-from scipy.special import ndtr
+from scipy.special import erf, ndtr
 
 from sensors.camera import depth_per_row, row_of_depth
 from sensors.effects.column_offset import ColumnOffset
+from sensors.effects.finite_spot import FiniteSpot
 from sensors.effects.incidence_bias import IncidenceBias
 from sensors.effects.interreflection import Interreflection
 from sensors.effects.lens_distortion import LensDistortion
 from sensors.effects.line_bow import LineBow
+from sensors.effects.motion_blur import MotionBlur
 from sensors.effects.pixel_locking import PixelLocking
 from sensors.effects.range_scale import RangeScale
 from sensors.effects.volume_scattering import VolumeScattering
+from sensors.law import geometric_law
 
 COT = 1 / math.tan(math.radians(30.0))
 
@@ -155,9 +158,16 @@ def test_groove_mirrors_the_spot_across(view_of, side):
     base = 200.0 / COT * (1 if side == "+y" else -1)
     apparent = depth / (1 + 2 * y / base)  # Q at sensor y = -2 y of the profile
     assert np.allclose(view.mirror.landed_mm[:, 40], apparent, atol=1e-4)
-    effect = Interreflection(weight=0.1, reach_mm=5.0)
-    pull = 0.1 * np.exp(-2 * np.abs(y) / 5.0) * (apparent - depth)
-    assert np.allclose(effect.signature(view)[:, 40], pull, atol=1e-5)
+    # Lambert: as bright as the cosine to the camera, of the walls' normals (0, ∓1, -1) / √2
+    first = (depth - np.sign(y) * base) / np.hypot(base, depth)
+    second = (depth + np.sign(y) * (base + 2 * y)) / np.hypot(base + 2 * y, depth)
+    light = view.mirror.landed_light[:, 40]
+    # seen from nearer, spots lie closer in the columns, which they share in pairs
+    assert np.allclose(light, second / first * (1 + 2 * y / base), rtol=0.06)
+    for power in (1.0, 2.0):
+        effect = Interreflection(weight=0.1, reach_mm=5.0, power=power)
+        weight = 0.1 * np.exp(-((2 * np.abs(y) / 5.0) ** power)) * light
+        assert np.allclose(effect.signature(view)[:, 40], weight * (apparent - depth), atol=1e-5)
 
 
 def test_second_spot_pulls_the_column_in_which_it_is_seen(view_of):
@@ -171,8 +181,34 @@ def test_second_spot_pulls_the_column_in_which_it_is_seen(view_of):
     assert np.all(Interreflection(weight=0.3).signature(view)[1][on_slope] == 0.0)
 
 
+def test_locking_follows_the_bent_image_of_a_level_line(view_of):
+    view = view_of("plate")
+    straight = PixelLocking(amplitude_px=0.05, rows=100.0)
+    bent = PixelLocking(amplitude_px=0.05, rows=100.0, smile_rows=0.5)
+    across = view.column_x_mm / np.abs(view.column_x_mm).max()
+    sine, cosine = straight.fields(view)
+    turn = 2 * math.pi * 0.5 * across**2
+    assert np.allclose(bent.fields(view)[0], sine * np.cos(turn) + cosine * np.sin(turn))
+    # half a row at the ends turns the ripple over
+    assert np.allclose(bent.signature(view)[:, 0], -straight.signature(view)[:, 0])
+
+
+def test_blur_averages_what_the_line_s_width_does_on_its_way(view_of):
+    """Spot and way together round a crease by less than the sum of both."""
+    y = np.linspace(-3.0, 3.0, 601)
+    view = view_of("groove", y_mm=y)
+    step_ms = 1e3 * float(np.median(np.diff(view.time_s)))
+    law = FiniteSpot(line_sd_um=100.0).apply(geometric_law(view, None), view)
+    both = MotionBlur(exposure_ms=40 * step_ms).apply(law, view).mean_mm[:, 40]
+    way = 40 * 0.01
+    # E |y + u| over a Gaussian of 0.1 mm and a box of 0.4 mm, at the box's middle on the crease
+    u = np.linspace(-way / 2, way / 2, 4001)
+    spread = np.sqrt(2 / np.pi) * 0.1 * np.exp(-(u**2) / 0.02) + u * erf(u / np.sqrt(0.02))
+    assert np.isclose(220.0 - both.max(), spread.mean(), atol=0.004)
+
+
 def test_strong_reflection_makes_the_reading_jump(view_of):
-    view = view_of("groove", y_mm=np.array([-6.0, -1.0]))
+    view = view_of("groove", y_mm=np.array([6.0, 1.0]))
     effect = Interreflection(weight=0.9, reach_mm=5.0, kind="jump")
     change = effect.signature(view)[:, 40]
     pull = (view.mirror.landed_mm - view.depth_mm)[1, 40]
