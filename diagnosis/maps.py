@@ -1,6 +1,6 @@
 """Full-resolution maps of each recording: mask, score, plain and explained expectation."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,9 +11,18 @@ from diagnosis.locate import Region, departure_mask, free_mask, regions_of, smoo
 from diagnosis.noise import Field, Mask, NoiseModel
 from diagnosis.patch import in_range, place_travel
 from diagnosis.prediction import Prediction, law_of, predict
-from diagnosis.registration import PRIOR_SD, Placement, hits_normal, pose_columns
+from diagnosis.registration import (
+    PRIOR_SD,
+    Placement,
+    hits_normal,
+    move,
+    pose_columns,
+    register,
+)
+from diagnosis.score import CLIP
 from diagnosis.workspace import Model
 from sensors.datasheet import Datasheet
+from sensors.effects.base import Effect, MotionEffect
 from sensors.laser import Laser
 from sensors.recording import Recording, repeated_rows
 from sensors.scene import Scene
@@ -69,37 +78,52 @@ def map_recording(
     """Predict a whole recording piece by piece and mark where it departs."""
     n, m = recording.depth_mm.shape
     rows = max(8, min(n, CHUNK // m))
+    parts = [slice(start, min(start + rows, n)) for start in range(0, n, rows)]
     plain_shift, final_shift = shifts["plain"][number], shifts["final"][number]
-    pieces: dict[str, list[Field]] = {
-        k: [] for k in ("plain", "final", "sd", "lost", "moved", "soft")
-    }
+    effects = model.of(number)
+    names = ("plain", "final", "offset", "sd", "lost", "gone", "soft")
+    pieces: dict[str, list[Field]] = {k: [] for k in names}
     single: dict[str, list[Mask]] = {e.name: [] for e in model.effects}
     whole_travel = View(scene, datasheet, placement.poses, recording.time_s, laser=laser).travel_mm
-    for start in range(0, n, rows):
-        part = slice(start, min(start + rows, n))
-        view = View(
-            scene, datasheet, placement.poses[part], recording.time_s[part], laser=laser,
-            intensity=None if recording.intensity is None else recording.intensity[part],
-            start_time_s=recording.start_time_s,
-        )  # fmt: skip
-        place_travel(view, whole_travel[part])
+
+    def views(poses: Field) -> Iterator[View]:
+        """Look at the recording piece by piece from poses."""
+        for part in parts:
+            view = View(
+                scene, datasheet, poses[part], recording.time_s[part], laser=laser,
+                intensity=None if recording.intensity is None else recording.intensity[part],
+                start_time_s=recording.start_time_s,
+            )  # fmt: skip
+            place_travel(view, whole_travel[part])
+            yield view
+
+    def mean_from(poses: Field, acting: Sequence[Effect]) -> Field:
+        """Expect readings from poses; what moves the sensor is cast, too."""
+        means = []
+        for view in views(poses):
+            there, still = view, []
+            for effect in acting:
+                if isinstance(effect, MotionEffect) and not effect.undrawn(view):
+                    there = effect.moved(there)
+                else:
+                    still.append(effect)
+            means.append(np.broadcast_to(law_of(there, still, noise).mean_mm, view.shape))
+        return np.concatenate(means)
+
+    for view in views(placement.poses):
         columns = pose_columns(
-            view.poses,
-            laser,
-            view.hits.depth_mm,
-            hits_normal(scene, view.hits),
+            view.poses, laser, view.hits.depth_mm, hits_normal(scene, view.hits),
             placement.centre_mm,
-        )
+        )  # fmt: skip
         columns = np.where(np.isfinite(view.depth_mm)[..., None], columns, 0.0) * PRIOR_SD
         plain = np.broadcast_to(law_of(view, (), noise).mean_mm, view.shape)
         soft = edge_softness(view, plain, near_edges(view, plain), lateral_mm)
         before = predict(view, (), noise, softness=soft)
-        effects = model.of(number)
         after = predict(view, effects, noise, softness=soft, level=model.level)
         pieces["plain"].append(before.mean_mm + columns @ plain_shift)
-        final = after.mean_mm + columns @ final_shift
-        pieces["moved"].append(np.where(before.seen, final - pieces["plain"][-1], np.nan))
-        pieces["final"].append(np.where(after.p_missing > 0.5, np.nan, final))
+        pieces["final"].append(after.mean_mm + columns @ final_shift)
+        pieces["offset"].append(after.mean_mm - view.depth_mm)
+        pieces["gone"].append(after.p_missing > 0.5)
         pieces["sd"].append(before.sd_mm)
         pieces["lost"].append(after.p_missing - before.p_missing)
         pieces["soft"].append(soft[1])
@@ -109,29 +133,56 @@ def map_recording(
     whole = {k: np.concatenate(v) for k, v in pieces.items()}
     depth = in_range(recording.depth_mm, datasheet)
     depth[repeated_rows(recording.depth_mm)] = np.nan
-    residual = depth - whole["plain"]
+    # a step to first order leaves edges behind: it is also taken by casting anew
+    plain, final = whole["plain"], whole["final"]
+    steps = [(plain_shift, ())] + ([(final_shift, effects)] if effects else [])
+    casts = [
+        mean_from(move(placement.poses, PRIOR_SD * shift, placement.centre_mm), acting)
+        for shift, acting in steps
+    ]
+    plain = _best(depth, whole["sd"], plain, casts[0])
+    if effects:
+        again = register(
+            scene, recording, laser, valid=np.isfinite(depth), offset_mm=whole["offset"],
+            sd_mm=noise.sd_mm,
+        )  # fmt: skip
+        final = _best(depth, whole["sd"], final, casts[1], mean_from(again.poses, effects))
+    else:
+        final = plain
+    final = np.where(np.isfinite(plain), final, np.nan)
+    residual = depth - plain
     score = smoothed_score(residual, whole["sd"], noise)
-    plain_seen = np.isfinite(whole["plain"])
+    plain_seen = np.isfinite(plain)
     wrong = (np.isfinite(depth) != plain_seen) & (whole["soft"] < 0.01)
     wrong[repeated_rows(recording.depth_mm)] = False
     if model.effects:
-        mask = departure_mask(whole["moved"], whole["lost"], whole["sd"])
+        mask = departure_mask(final - plain, whole["lost"], whole["sd"])
         mask |= _random_losses(model, wrong)
     else:
         mask = free_mask(score, np.isfinite(residual), wrong)
     named = [(name, np.concatenate(parts)) for name, parts in single.items()]
     size = 1e3 * np.where(np.isfinite(residual), residual, 0.0)
-    moved = np.nan_to_num(1e3 * whole["moved"])
+    moved = np.nan_to_num(1e3 * (final - plain))
     shown = moved if np.any(moved) else size
     return RecordingMaps(
         name=recording.name,
         depth_mm=depth.astype(np.float32),
         mask=mask,
         score=score.astype(np.float32),
-        simulated=whole["plain"].astype(np.float32),
-        explained=whole["final"].astype(np.float32),
+        simulated=plain.astype(np.float32),
+        explained=np.where(whole["gone"], np.nan, final).astype(np.float32),
         regions=tuple(regions_of(recording.name, mask, shown, named)),
     )
+
+
+def _best(depth: Field, sd_mm: Field, *means: Field) -> Field:
+    """Choose the expectation that comes nearest; readings far off count as spikes."""
+
+    def cost(mean: Field) -> float:
+        far = np.square((depth - mean) / sd_mm)
+        return float(np.where(np.isfinite(far), np.minimum(far, CLIP**2), CLIP**2).sum())
+
+    return min(means, key=cost)
 
 
 def _one(before: Prediction, alone: Prediction) -> Mask:
