@@ -1,0 +1,60 @@
+"""A mounting error is what recordings in several orientations share, where their faces tell it."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from diagnosis.mounting import mounting_error
+from diagnosis.noise import Field
+from diagnosis.registration import PRIOR_SD, Placement
+
+TURNS_DEG = (0.0, 90.0, 180.0)
+KNOWN = np.array([2e-3] * 3 + [1e-5] * 3 + [1e-4] * 3)
+
+
+def commanded(turn_deg: float) -> Field:
+    poses = np.tile(np.eye(4), (20, 1, 1))
+    turn = Rotation.from_euler("z", turn_deg, degrees=True) * Rotation.from_euler("x", np.pi)
+    poses[:, :3, :3] = turn.as_matrix()
+    poses[:, :3, 3] = [0.0, 0.0, 100.0]
+    poses[:, :3, 3] += np.linspace(-5, 5, 20)[:, None] * poses[0, :3, 1]
+    return poses
+
+
+def placed(poses: Field, shift_mm: Field, sd: Field) -> Placement:
+    """A placement by a shift in the sensor's frame, each of its numbers known to `sd`."""
+    shift = np.zeros(PRIOR_SD.size)
+    shift[:3] = poses[0, :3, :3] @ shift_mm
+    return Placement(
+        shift=shift, centre_mm=np.zeros(3), covariance=np.diag(sd**2), poses=poses
+    )  # fmt: skip
+
+
+def test_a_shared_offset_is_the_mounting_s() -> None:
+    poses = [commanded(t) for t in TURNS_DEG]
+    found = mounting_error(poses, [placed(p, np.array([0.1, 0.0, -0.2]), KNOWN) for p in poses])
+    assert found is not None
+    assert np.isclose(found.effect.x_mm, 0.1, atol=1e-3)
+    assert np.isclose(found.effect.z_mm, -0.2, atol=1e-3)
+    value, low, high = found.intervals["y_mm"]
+    assert low < 0 < high
+
+
+def test_parts_that_lay_elsewhere_each_time_are_none() -> None:
+    poses = [commanded(t) for t in TURNS_DEG]
+    shifts = np.random.default_rng(3).normal(0, 0.1, (3, 3))
+    lay = [placed(p, s, KNOWN) for p, s in zip(poses, shifts, strict=True)]
+    assert mounting_error(poses, lay) is None
+
+
+def test_what_the_part_s_faces_leave_open_is_none() -> None:
+    poses = [commanded(t) for t in TURNS_DEG]
+    open_xy = KNOWN.copy()
+    open_xy[:2] = 1.0  # a flat part lies anywhere along its face
+    offset = np.array([0.3, 0.0, 0.0])
+    assert mounting_error(poses, [placed(p, offset, KNOWN) for p in poses]) is not None
+    assert mounting_error(poses, [placed(p, offset, open_xy) for p in poses]) is None
+
+
+def test_one_orientation_tells_nothing() -> None:
+    poses = [commanded(t) for t in (0.0, 5.0, 10.0)]
+    assert mounting_error(poses, [placed(p, np.array([0.1, 0, 0]), KNOWN) for p in poses]) is None
