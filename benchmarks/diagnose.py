@@ -19,6 +19,7 @@ from scipy import stats
 from benchmarks.relief import VIEWS, datasheet, part, record
 from diagnosis.diagnose import Diagnosis, diagnose
 from diagnosis.heldout import judge
+from diagnosis.locate import departure_mask
 from diagnosis.noise import NoiseModel, calibrate
 from diagnosis.patch import cut
 from diagnosis.prediction import predict
@@ -166,7 +167,7 @@ def at_strength(
 def run_case(
     name: str, effects: Sequence[dict[str, object]], seed: int, withheld: Sequence[str] = ()
 ) -> tuple[Diagnosis, float, list[np.ndarray]]:
-    """Simulate three recordings, diagnose them; return the true change of the mean beside it."""
+    """Simulate and diagnose recordings; return the true change of the mean, inf where lost."""
     scene, sheet = part(name), datasheet(POINTS)
     made = [
         record(
@@ -192,17 +193,23 @@ def run_case(
             for e in (effects, ())
         ]  # fmt: skip
         change = quiet[0].depth_mm - quiet[1].depth_mm
-        truth.append(
-            np.where(np.isfinite(change), np.abs(change), np.inf * np.isnan(quiet[0].depth_mm))
-        )
+        change[np.isnan(quiet[0].depth_mm) & np.isfinite(quiet[1].depth_mm)] = np.inf
+        truth.append(change)
     return result, seconds, truth
 
 
 def iou(result: Diagnosis, truth: Sequence[np.ndarray], noise: NoiseModel) -> float | None:
-    """Overlap of the located points with those truly moved by half the noise or lost."""
-    top = np.quantile(np.concatenate([t[np.isfinite(t)] for t in truth]), 0.98)
-    level = min(0.5 * noise.sd_mm, 0.4 * top) if top > 0 else 0.5 * noise.sd_mm
-    wanted = [np.nan_to_num(t, nan=0.0, posinf=1.0) > level for t in truth]
+    """Overlap of the located points with those truly moved, beyond the placement, or lost."""
+    patches = {p.recording: p for p in (*result.fit_patches, *result.held_patches)}
+    wanted = []
+    for k, change in enumerate(truth):
+        columns, known = patches[k].columns, np.isfinite(change) & ~patches[k].edge
+        ridge = 1e-9 * np.eye(columns.shape[-1])
+        some = columns[known]
+        found = np.linalg.solve(some.T @ some + ridge, some.T @ change[known])
+        left = np.where(np.isfinite(change), change - columns @ found, 0.0)
+        lost = np.isinf(change).astype(float)
+        wanted.append(departure_mask(left, lost, np.full(change.shape, noise.sd_mm)))
     both = sum(int((w & m.mask).sum()) for w, m in zip(wanted, result.maps, strict=True))
     either = sum(int((w | m.mask).sum()) for w, m in zip(wanted, result.maps, strict=True))
     return both / either if either and any(w.any() for w in wanted) else None
