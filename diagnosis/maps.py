@@ -134,21 +134,20 @@ def map_recording(
     depth = in_range(recording.depth_mm, datasheet)
     depth[repeated_rows(recording.depth_mm)] = np.nan
     # a step to first order leaves edges behind: it is also taken by casting anew
-    plain, final = whole["plain"], whole["final"]
-    steps = [(plain_shift, ())] + ([(final_shift, effects)] if effects else [])
-    casts = [
-        mean_from(move(placement.poses, PRIOR_SD * shift, placement.centre_mm), acting)
-        for shift, acting in steps
-    ]
-    plain = _best(depth, whole["sd"], plain, casts[0])
+    there = {
+        name: move(placement.poses, PRIOR_SD * shift, placement.centre_mm)
+        for name, shift in (("plain", plain_shift), ("final", final_shift))
+    }
+    plain = final = _best(depth, whole["sd"], whole["plain"], mean_from(there["plain"], ()))
     if effects:
         again = register(
             scene, recording, laser, valid=np.isfinite(depth), offset_mm=whole["offset"],
             sd_mm=noise.sd_mm,
         )  # fmt: skip
-        final = _best(depth, whole["sd"], final, casts[1], mean_from(again.poses, effects))
-    else:
-        final = plain
+        final = _best(
+            depth, whole["sd"], whole["final"], mean_from(there["final"], effects),
+            mean_from(again.poses, effects),
+        )  # fmt: skip
     final = np.where(np.isfinite(plain), final, np.nan)
     residual = depth - plain
     score = smoothed_score(residual, whole["sd"], noise)

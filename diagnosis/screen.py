@@ -219,11 +219,11 @@ def _family(
         scale *= TOGETHER
     t = float(c_real @ solver @ c_real) / scale
     beta = solver @ c_real
-    size, tolerance = _size(family, readings, beta, t, dof), TOLERANCE
-    if family.at_edges:
-        tolerance = EDGE_TOLERANCE
-        if edges is not None:
-            size, tolerance = edges, LISTED_TOLERANCE
+    if family.at_edges and edges is not None:
+        size, tolerance = edges, LISTED_TOLERANCE
+    else:
+        size = _size(family, readings, beta, t, dof)
+        tolerance = EDGE_TOLERANCE if family.at_edges else TOLERANCE
     finding = Finding(
         channel="mean", name=family.name, words=family.words, frame=family.frame,
         z=float(as_deviate(np.array([t]), dof)[0]), size=size, tolerance=tolerance,

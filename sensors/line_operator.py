@@ -263,10 +263,16 @@ def _intensity_rows(view: View, part: slice) -> IntensityAt | None:
 
     def at(offset_mm: Floats) -> Floats:
         way = np.where(still, 0.0, offset_mm / np.where(still, 1.0, step))
-        row = np.clip(np.arange(n)[part] + way, 0, n - 1)
-        low = np.minimum(row.astype(np.int64), max(n - 2, 0))
-        share = (row - low)[:, None]
-        mixed = (1.0 - share) * bright[low] + share * bright[np.minimum(low + 1, n - 1)]
-        return np.ascontiguousarray(mixed)
+        rows = np.arange(n, dtype=np.float64)[part] + way
+        return np.ascontiguousarray(between_rows(bright, rows))
 
     return at
+
+
+def between_rows(field: Floats, row: Floats) -> Floats:
+    """Values (k, m) at fractional rows (k,) of a field (n, m), linear between neighbours."""
+    n = len(field)
+    row = np.clip(row, 0, n - 1)
+    low = np.minimum(row.astype(np.int64), max(n - 2, 0))
+    share = (row - low)[:, None]
+    return np.asarray((1.0 - share) * field[low] + share * field[np.minimum(low + 1, n - 1)])

@@ -4,12 +4,11 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law, sheet_effects
-from sensors.line_operator import read_line
+from sensors.line_operator import between_rows, read_line
 from sensors.view import View
 
 SHARES = (0.25, 0.9, 2.0, 4.0)
@@ -53,7 +52,7 @@ class MotionBlur(Effect):
     )
 
     def grid(self, view: View) -> tuple[Self, ...]:
-        """Return exposures that last a tenth to nearly all of the time between profiles."""
+        """Return exposures that last a quarter of the time between profiles to four times that."""
         step_s = float(np.median(np.diff(view.time_s))) if len(view.time_s) > 1 else 0.0
         longest = self.parameter("exposure_ms").high
         times = [min(1e3 * share * step_s, longest) for share in SHARES if step_s > 0]
@@ -83,7 +82,8 @@ class MotionBlur(Effect):
         # what the line's width does at one place is averaged on the way, too
         spot = np.nan_to_num(law.mean_mm - view.depth_mm)
         if np.any(spot):
-            change += np.mean([_ahead(spot, s * steps) for s in share[:, 0]], axis=0) - spot
+            rows = np.arange(len(spot)) + share * steps
+            change += np.mean([between_rows(spot, r) for r in rows], axis=0) - spot
         return replace(law, mean_mm=law.mean_mm + change)
 
 
@@ -91,12 +91,3 @@ def _merging_mm(view: View) -> float:
     """How far two levels that were lit one after the other may lie apart to be read as one."""
     listed = (e for e in sheet_effects(view) if e.name == "edge_mixing")
     return 1e-3 * max((float(getattr(e, "merge_um", 0.0)) for e in listed), default=0.0)
-
-
-def _ahead(field: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values (n, m) some rows (n,) further on, between neighbours linearly."""
-    n = len(field)
-    place = np.clip(np.arange(n) + rows, 0, n - 1)
-    low = np.minimum(place.astype(np.int64), n - 2)
-    share = (place - low)[:, None]
-    return np.asarray((1 - share) * field[low] + share * field[low + 1])
