@@ -1,6 +1,6 @@
 """What a case's effect does, seen with other speckle: for the judge."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,7 +167,8 @@ def _noise_of_mean(
 def facts(staged: Staged, secret: Secret, *, draws: int = 4) -> Facts:
     """Scan the held-out pose again with other specimens, with and without the effect."""
     last = secret.recordings - 1
-    on, off = staged.on, staged.off
+    on = staged.on
+    off = followed(staged.off, last, staged.on.device.sheet.exposure_s)
 
     def shots(world: World) -> NDArray[np.float64]:
         casts: Casts = {}
@@ -234,6 +235,24 @@ def facts(staged: Staged, secret: Secret, *, draws: int = 4) -> Facts:
         roughness=float(rough.max()),
         concealed=bool(ks <= 0.05 and rough.max() <= 0.10),
     )
+
+
+def followed(world: World, index: int, exposure_s: float) -> World:
+    """Place the part as the middle of such exposures sees it.
+
+    Profiles are stamped when their exposure begins. A longer exposure lies further on along the
+    travel, the same way for every profile: a shift of the part, which a registration takes up
+    whole, edges too. What is left of it is the blur.
+    """
+    path = world.scans.paths[index]
+    later = 0.5 * (exposure_s - world.device.sheet.exposure_s)
+    if later == 0:
+        return world
+    step = np.eye(4)
+    step[1, 3] = path.direction * path.pitch_mm * path.rate_hz * later
+    misplaced = list(world.scans.misplaced)
+    misplaced[index] = misplaced[index] @ path.start @ step @ np.linalg.inv(path.start)
+    return replace(world, scans=replace(world.scans, misplaced=tuple(misplaced)))
 
 
 def _patches(found: NDArray[np.bool_]) -> NDArray[np.bool_]:

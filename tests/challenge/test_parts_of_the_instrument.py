@@ -7,6 +7,10 @@ import numpy as np
 import pytest
 import trimesh
 
+from challenge.cases.devices import draw_instrument, draw_scans
+from challenge.cases.parts import SHAPES, solid_of
+from challenge.cases.switches import World
+from challenge.cases.truth import followed
 from challenge.instrument.finish import Finish
 from challenge.instrument.frames import Faults
 from challenge.instrument.instrument import Solid
@@ -191,3 +195,21 @@ def test_fixed_rng_fixed_recording(calibrated):
 
     for one, two in zip(scan(), scan(), strict=True):
         np.testing.assert_array_equal(one, two)
+
+
+def test_a_longer_exposure_is_followed_by_the_way_to_its_middle():
+    device = draw_instrument(np.random.default_rng(1))
+    scans = draw_scans(np.random.default_rng(2), device)
+    block = solid_of(SHAPES["terraces"](np.random.default_rng(3)))
+    world = World(
+        device=device, finish=Finish(), solid=block, nominal=block, scans=scans, seed=0
+    )  # fmt: skip
+    path = scans.paths[1]
+    exposure = device.sheet.exposure_s + 4.0 / path.rate_hz
+    scans_on = followed(world, 1, exposure).scans
+    as_seen = np.linalg.inv(scans.misplaced[1] @ path.start) @ scans_on.misplaced[1] @ path.start
+    expected = np.eye(4)
+    expected[1, 3] = 2.0 * path.direction * path.pitch_mm  # half of four profiles
+    np.testing.assert_allclose(as_seen, expected, atol=1e-9)
+    assert scans_on.misplaced[0] is scans.misplaced[0]
+    assert followed(world, 1, device.sheet.exposure_s) is world
