@@ -10,7 +10,7 @@ from diagnosis.calibration import calibrated_noise, nominal_noise, nominal_sd_mm
 from diagnosis.empirical_fit import fit_empirical
 from diagnosis.explain import LEAST_GAIN, explain
 from diagnosis.finding import Finding
-from diagnosis.finish import finish_effects, finish_intervals
+from diagnosis.finish import averaged_grain, finish_effects, finish_intervals
 from diagnosis.found import FoundEffect, commanded_gain, found_effects, plainly_found
 from diagnosis.heldout import Judgement, judge
 from diagnosis.inputs import (
@@ -31,8 +31,9 @@ from diagnosis.patch import Patch, cut, in_range
 from diagnosis.registration import Placement, register
 from diagnosis.select import Selection
 from diagnosis.settle import registered_under, settled
-from diagnosis.workspace import Model
+from diagnosis.workspace import Model, Workspace
 from sensors.datasheet import Datasheet, with_effects
+from sensors.effects.motion_blur import MotionBlur
 from sensors.recording import Recording
 from sensors.scene import Scene
 from sensors.surface import Surface
@@ -174,6 +175,7 @@ def diagnose(
         mounting = mounting_error(
             [r.poses for r in fit_on],
             [placed[r.name].further(moved[k]) for k, r in enumerate(fit_on)],
+            travel_mm=_travelled_mm(ws, model),
         )
         if mounting is not None:
             gain = commanded_gain(
@@ -192,13 +194,15 @@ def diagnose(
     if any(f.name == "empirical" and f.heldout_gain < LEAST_GAIN for f in found):
         model = model.without("empirical")
         found, after = found_effects(ws, model, selection.choices, held_patches, not single)
+    found, beside = averaged_grain(found, beside)
     found = tuple(sorted([*found, *beside], key=lambda f: -f.heldout_gain))
     progress("drawing maps")
     final, shifts = settled(explanation.patches, noise, model, not single)
     maps = [
         map_recording(
-            k, r, placed[r.name], scene, datasheet, laser[r.name], noise, final, shifts, lateral
-        )
+            k, r, placed[r.name], scene, datasheet, laser[r.name], noise, final, shifts, lateral,
+            usual=1.0 if nominal is None else nominal.sd_mm / noise.sd_mm,
+        )  # fmt: skip
         for k, r in enumerate(everything)
     ]
     if verdict == "match":
@@ -229,6 +233,13 @@ def diagnose(
         notes=tuple(notes),
         seed=seed,
     )
+
+
+def _travelled_mm(ws: Workspace, model: Model) -> float:
+    """Half of the longest way during an exposure: where in it a pose is stated isn't known."""
+    blurs = [e for e in model.effects if isinstance(e, MotionBlur)]
+    ways = [np.abs(blur.way(p.view)[0]).max() for blur in blurs for p in ws.patches]
+    return 0.5 * float(max(ways, default=0.0))
 
 
 def _verdict(selection: Selection) -> tuple[str, list[Finding]]:

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.edges import EDGE_COVARIATES
 from diagnosis.found import heldout_gains
 from diagnosis.linear import phase_is_own
 from diagnosis.noise import NoiseModel
@@ -48,11 +47,9 @@ class Explanation:
 def shows(effect: Effect, held: Sequence[Patch], noise: NoiseModel) -> bool:
     """Whether a placement leaves enough of an effect for held-out readings to speak of it.
 
-    What fades with time may be over before the held-out recording begins, and what shows on steps
-    can't show where there are none.
+    What fades with time may be over before the held-out recording begins.
     """
-    local = effect.covariate in EDGE_COVARIATES
-    if local or "mean" not in effect.channels or phase_is_own(effect):
+    if effect.frame != "time" or phase_is_own(effect):
         return True
     squares, count = 0.0, 0
     for patch in held:

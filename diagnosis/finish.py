@@ -7,20 +7,28 @@ out on the part.
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from diagnosis.finding import Finding
+from diagnosis.found import FoundEffect
 from diagnosis.noise import NoiseModel, calibrate
 from diagnosis.patch import Patch
 from diagnosis.workspace import Model, Workspace
 from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.effects.base import Effect
+from sensors.effects.motion_blur import MotionBlur
+from sensors.effects.pixel_locking import PixelLocking
 from sensors.effects.roughness_level import RoughnessLevel
+from sensors.effects.volume_scattering import VolumeScattering
 from sensors.uncertainty import sigma_mm
 
 LEVEL_TOLERANCE = 0.1
 """Least change of the noise's logarithm that is another finish."""
+MOVING_DOUBT = 0.3
+USUAL = 0.1
+LEAST_READINGS = 200
 LAY_TOLERANCE = math.log(1.6)
 SENSORS_OWN = 0.5
 SQUARE_RAD = math.radians(25)
@@ -34,14 +42,20 @@ def level_ratio(ws: Workspace, model: Model) -> float:
     squares = []
     for patch, state in zip(ws.patches, states, strict=True):
         square = patch.view.incidence_rad < SQUARE_RAD
+        # where the model has the noise of a plate, effects on the noise have no say
+        usual = np.abs(state.sd_mm / (model.level * ws.noise.sd_mm) - 1) < USUAL
         pick = patch.fit & state.used & ~patch.edge & square
+        if (pick & usual).sum() > LEAST_READINGS:
+            pick &= usual
         bright = patch.view.intensity
         if bright is not None and pick.any():
             # dark print is noisier whatever its finish
             pick &= bright >= np.nanquantile(bright[pick], BRIGHT)
         squares.append(np.minimum(state.innovations[pick] ** 2, 9.0))
     every = np.concatenate(squares)
-    return float(np.sqrt(every.mean() / 0.995)) * model.level if every.size > 200 else model.level
+    if every.size <= LEAST_READINGS:
+        return model.level
+    return float(np.sqrt(every.mean() / 0.995)) * model.level
 
 
 def finish_effects(
@@ -60,7 +74,7 @@ def finish_effects(
     if nominal_sd_mm > 0:
         size = own.sd_mm * level_ratio(ws, model)
         ratio = math.log(size / nominal_sd_mm)
-        if abs(ratio) > LEVEL_TOLERANCE:
+        if abs(ratio) > LEVEL_TOLERANCE + _plates_doubt(model):
             amplitude = math.sqrt(
                 max(size**2 - white**2, 1e-12) / max(nominal_sd_mm**2 - white**2, 1e-12)
             )
@@ -81,6 +95,11 @@ def finish_effects(
     if nominal is not None:
         lay = _lay(ws, model, nominal)
         if lay is not None:
+            level = next((e for e in effects if isinstance(e, RoughnessLevel)), None)
+            if level is not None and level.amplitude > 1:
+                # the ridges of a lay are what makes it rougher
+                effects = []
+                lay = replace(lay, amplitude=min(level.amplitude, lay.parameter("amplitude").high))
             effects.append(lay)
             findings.append(
                 _finding(
@@ -88,6 +107,21 @@ def finish_effects(
                 )
             )
     return effects, findings
+
+
+def _plates_doubt(model: Model) -> float:
+    """By how much a plate's noise may be unlike the part's for no finish.
+
+    A plate stands within one camera row or two, the part reaches over many; and it has none of the
+    slopes on which a long exposure averages speckle in another way.
+    """
+    doubt = 0.0
+    for effect in model.effects:
+        if isinstance(effect, PixelLocking):
+            doubt += 2 * math.pi * effect.amplitude_px
+        elif isinstance(effect, MotionBlur):
+            doubt += MOVING_DOUBT
+    return doubt
 
 
 def _finding(channel: str, words: str, size: float, strength: float) -> Finding:
@@ -128,7 +162,7 @@ def _lay(ws: Workspace, model: Model, nominal: NoiseModel) -> AnisotropicLay | N
     if float(np.abs(stretch - stretch.mean()).max()) < SENSORS_OWN * abs(float(stretch.mean())):
         return None
     rest = stretch - design @ solved
-    if size < LAY_TOLERANCE or float(np.abs(rest).max()) > 0.4 * size:
+    if size < LAY_TOLERANCE + _plates_doubt(model) or float(np.abs(rest).max()) > 0.4 * size:
         return None
     angle = math.degrees(0.5 * math.atan2(solved[1], solved[0]))
     return AnisotropicLay(ratio=float(np.clip(math.exp(size), 1, 50)), angle_deg=angle)
@@ -157,3 +191,31 @@ def finish_intervals(effect: Effect) -> dict[str, tuple[float, float, float]]:
     if angle is not None:
         out["angle_deg"] = (angle, angle - 15.0, angle + 15.0)
     return out
+
+
+def averaged_grain(
+    found: Sequence[FoundEffect], beside: Sequence[FoundEffect]
+) -> tuple[tuple[FoundEffect, ...], list[FoundEffect]]:
+    """Give a translucent material the fall of its noise: light from many depths averages speckle.
+
+    Returns both lists, without a `roughness_level` that this accounts for.
+    """
+    volume = next((f for f in found if isinstance(f.effect, VolumeScattering)), None)
+    level = next((f for f in beside if isinstance(f.effect, RoughnessLevel)), None)
+    if volume is None or level is None:
+        return tuple(found), list(beside)
+    assert isinstance(level.effect, RoughnessLevel)
+    grain = level.effect.amplitude
+    low, high = (volume.effect.parameter("grain").low, volume.effect.parameter("grain").high)
+    if not low <= grain <= high:
+        return tuple(found), list(beside)
+    both = replace(
+        volume,
+        effect=volume.effect.with_parameters(grain=grain),
+        heldout_gain=volume.heldout_gain + level.heldout_gain,
+        parameters={**volume.parameters, "grain": level.parameters["amplitude"]},
+    )
+    return (
+        tuple(both if f is volume else f for f in found),
+        [f for f in beside if f is not level],
+    )

@@ -74,14 +74,21 @@ def map_recording(
     model: Model,
     shifts: Mapping[str, Mapping[int, Field]],
     lateral_mm: float,
+    *,
+    usual: float = 1.0,
 ) -> RecordingMaps:
-    """Predict a whole recording piece by piece and mark where it departs."""
+    """Predict a whole recording piece by piece and mark where it departs.
+
+    Parameters
+    ----------
+    usual : size of the noise that departures are held against, over the recording's
+    """
     n, m = recording.depth_mm.shape
     rows = max(8, min(n, CHUNK // m))
     parts = [slice(start, min(start + rows, n)) for start in range(0, n, rows)]
     plain_shift, final_shift = shifts["plain"][number], shifts["final"][number]
     effects = model.of(number)
-    names = ("plain", "final", "offset", "sd", "lost", "gone", "soft")
+    names = ("plain", "final", "offset", "sd", "noise", "change", "edge", "lost", "gone", "soft")
     pieces: dict[str, list[Field]] = {k: [] for k in names}
     single: dict[str, list[Mask]] = {e.name: [] for e in model.effects}
     whole_travel = View(scene, datasheet, placement.poses, recording.time_s, laser=laser).travel_mm
@@ -123,6 +130,9 @@ def map_recording(
         pieces["plain"].append(before.mean_mm + columns @ plain_shift)
         pieces["final"].append(after.mean_mm + columns @ final_shift)
         pieces["offset"].append(after.mean_mm - view.depth_mm)
+        pieces["edge"].append(near_edges(view, plain))
+        pieces["change"].append(after.mean_mm - before.mean_mm)
+        pieces["noise"].append(predict(view, (), noise).sd_mm)
         pieces["gone"].append(after.p_missing > 0.5)
         pieces["sd"].append(before.sd_mm)
         pieces["lost"].append(after.p_missing - before.p_missing)
@@ -155,7 +165,9 @@ def map_recording(
     wrong = (np.isfinite(depth) != plain_seen) & (whole["soft"] < 0.01)
     wrong[repeated_rows(recording.depth_mm)] = False
     if model.effects:
-        mask = departure_mask(final - plain, whole["lost"], whole["sd"])
+        # two placements, however near, disagree at every edge
+        change = np.where(whole["edge"], whole["change"], final - plain)
+        mask = departure_mask(change, whole["lost"], usual * whole["noise"])
         mask |= _random_losses(model, wrong)
     else:
         mask = free_mask(score, np.isfinite(residual), wrong)

@@ -36,16 +36,25 @@ class Mounting:
 NAMES = ("yaw_deg", "roll_deg", "pitch_deg", "x_mm", "y_mm", "z_mm")
 
 
-def mounting_error(commanded: Sequence[Field], placements: Sequence[Placement]) -> Mounting | None:
+def mounting_error(
+    commanded: Sequence[Field], placements: Sequence[Placement], *, travel_mm: float = 0.0
+) -> Mounting | None:
     """Find a mounting error that recordings in different orientations share; None without one.
 
     With one recording, or all in one orientation, sensor and part can't be told apart.
+
+    Parameters
+    ----------
+    travel_mm : how far along the travel a reading may lie from its stated pose
     """
     if len(placements) < 2 or _spread_deg(commanded) < 15:
         return None
     errors = np.stack([_in_sensor(p, q) for p, q in zip(commanded, placements, strict=True)])
     weights = np.stack(
-        [np.linalg.inv(_uncertainty(p, q)) for p, q in zip(commanded, placements, strict=True)]
+        [
+            np.linalg.inv(_uncertainty(p, q) + np.diag(travel_mm**2 * (np.arange(6) == 4)))
+            for p, q in zip(commanded, placements, strict=True)
+        ]
     )
     shared = np.linalg.inv(weights.sum(axis=0))
     mean = shared @ np.einsum("kij,kj->i", weights, errors)

@@ -13,6 +13,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from diagnosis.noise import Field, Mask, NoiseModel
+from sensors.beam import as_wide
 from sensors.effects.base import Effect, MotionEffect
 from sensors.law import Law, geometric_law, sheet_effects
 from sensors.perlin import PerlinField
@@ -62,7 +63,7 @@ def law_of(view: View, effects: Sequence[Effect], noise: NoiseModel | None) -> L
     other effects make of it.
     """
     found = {effect.name: effect for effect in effects}
-    own = [found.pop(effect.name, effect) for effect in sheet_effects(view)]
+    own = [found.pop(e.name, e) for e in as_wide(sheet_effects(view), found)]
     true, others = view, []
     for effect in [*own, *found.values()]:
         if isinstance(effect, MotionEffect) and not effect.undrawn(view):

@@ -19,12 +19,15 @@ from diagnosis.prediction import Prediction
 from diagnosis.score import Whitened
 from diagnosis.workspace import block_sums
 from sensors.covariates import COVARIATES
+from sensors.effects.base import Effect
 from sensors.law import sheet_effects
 
 TOLERANCES = {"variance": 0.12, "missing": 0.004, "tails": 0.002}
 """Least departure that is a mismatch: change of the noise (rms over readings), share of them."""
 LISTED_TOLERANCE = 0.15
 """The same for the noise where the sensor's file shapes it over the scan already."""
+MODELLED_TOLERANCE = 0.3
+"""The same beside an effect that was found and shapes the noise: its law is an approximation."""
 LEVELS = {"missing": 0.002, "tails": 0.0007}
 """Least share of readings, lost or spikes, that is a mismatch by itself."""
 LARGEST_EVENT = 12
@@ -40,14 +43,21 @@ def screen_rates(
     states: Sequence[Whitened],
     noise: NoiseModel,
     block: tuple[int, int],
+    accepted: Sequence[Effect] = (),
 ) -> list[Finding]:
-    """Test variance, missing and tails against nothing and against each covariate."""
+    """Test variance, missing and tails against nothing and against each covariate.
+
+    Parameters
+    ----------
+    accepted : effects that the predictions follow, beside those of the sensor's file
+    """
     findings: list[Finding] = []
     shaped = any("variance" in e.channels for e in sheet_effects(patches[0].view))
+    modelled = any("variance" in e.channels for e in accepted)
     for channel in ("variance", "missing", "tails"):
         tolerance = TOLERANCES[channel]
-        if channel == "variance" and shaped:
-            tolerance = LISTED_TOLERANCE
+        if channel == "variance" and (shaped or modelled):
+            tolerance = MODELLED_TOLERANCE if modelled else LISTED_TOLERANCE
         values, masks, floor = _numbers(channel, patches, predictions, states, noise)
         if sum(int(m.sum()) for m in masks) < 200:
             continue

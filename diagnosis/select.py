@@ -34,6 +34,8 @@ SCREENED_READINGS = 180_000
 NOT_SEARCHED = {"pose_error", "empirical", "roughness_level", "anisotropic_lay"}
 LAST_RESORT = {"form_error", "column_offset"}
 """Flexible shapes: chosen only where no more specific effect does nearly as well."""
+KIN = ({"finite_spot", "edge_mixing", "motion_blur"}, {"volume_scattering", "incidence_bias"})
+"""Approximations of one and the same thing: a second of them would mend the first's remainder."""
 Progress = Callable[[str], None]
 
 
@@ -73,7 +75,9 @@ def screen(
         ws.patches, predictions, ws.noise, accepted=model.effects, withheld=withheld
     )
     mean = screen_mean(ws.patches, states, families, ws.noise, rng)
-    rates = screen_rates(ws.patches, predictions, states, ws.noise, ws.block)
+    rates = screen_rates(
+        ws.patches, predictions, states, ws.noise, ws.block, model.effects
+    )
     findings = sorted([*mean.findings, *rates], key=lambda f: -f.z)
     return Screening(findings=tuple(findings), threshold=mean.threshold)
 
@@ -124,20 +128,23 @@ def _best(
 ) -> tuple[Model, Choice] | None:
     channels = {f.channel for f in findings}
     edges = any(f.family.at_edges if f.family else f.channel == "missing" for f in findings)
+    waiting: set[str] = set()
     if "mean" in channels:
         # a misfit of the mean looks like spikes and like noise: those wait until it is explained
-        channels -= {"variance", "tails", "correlation"}
+        waiting = {"variance", "tails", "correlation"}
     elif "tails" in channels:
         channels.add("mean")
     predictions = ws.predict(model)
     states = ws.states(predictions)
     quick: list[tuple[float, str]] = []
     for name, kind in CATALOGUE.items():
+        only = channels & set(kind.channels)
         if (
             name in NOT_SEARCHED | withheld
             or name in model.names()
-            or not channels & set(kind.channels)
-            or (kind.covariate in EDGE_COVARIATES and not edges)
+            or any(name in kin and kin & set(model.names()) for kin in KIN)
+            or not only - waiting
+            or (kind.covariate in EDGE_COVARIATES and not edges and only <= {"mean", "missing"})
         ):
             continue
         fitted = fit_effect(kind, ws, model, predictions, states, polish=False)

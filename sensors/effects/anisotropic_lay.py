@@ -29,7 +29,7 @@ class AnisotropicLay(Effect):
         "The noise runs in stripes on the part, {ratio:.1f} times longer along {angle_deg:.0f}° "
         "(from the part's x towards its y) than across: lay of the surface."
     )
-    channels: ClassVar = ("correlation",)
+    channels: ClassVar = ("correlation", "variance")
     frame: ClassVar = "part"
     covariate: ClassVar = "part_x"
     rivals: ClassVar = ("column_offset", "roughness_level")
@@ -52,10 +52,22 @@ class AnisotropicLay(Effect):
         grid=(0.0, 45.0, 90.0, 135.0),
     )
 
+    amplitude: float = parameter(
+        "factor on the speckle: the lay's own ridges add to it",
+        low=1.0,
+        high=20.0,
+        typical=1.0,
+    )
+
     def changed(self, law: Law, view: View) -> Law:
-        """Stretch the speckle along the lay as the middle profile's sensor sees it."""
+        """Stretch the speckle along the lay as the middle profile's sensor sees it; raise it."""
         angle = math.radians(self.angle_deg)
         along = np.array([math.cos(angle), math.sin(angle), 0.0])
         seen = view.poses[len(view.poses) // 2, :3, :3].T @ along
         turned = math.atan2(seen[1], seen[0])
-        return replace(law, lay_ratio=law.lay_ratio * self.ratio, lay_angle_rad=turned)
+        return replace(
+            law,
+            lay_ratio=law.lay_ratio * self.ratio,
+            lay_angle_rad=turned,
+            speckle_gain=law.speckle_gain * self.amplitude,
+        )

@@ -1,15 +1,19 @@
 """The sensor moves during the exposure: a box average along the travel and a shift."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law, sheet_effects
-from sensors.line_operator import between_rows, read_line
-from sensors.view import View
+from sensors.line_operator import STEEPEST, between_rows, read_line
+from sensors.view import Reason, View
+
+Floats = NDArray[np.float64]
 
 SHARES = (0.25, 0.9, 2.0, 4.0)
 EXPOSURES = 8
@@ -18,22 +22,30 @@ EXPOSURES = 8
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MotionBlur(Effect):
-    """Mean over the way travelled during the exposure, which starts at the commanded pose."""
+    """Mean over the way travelled during the exposure.
+
+    The light of every instant counts as much as it is bright, and speckle makes it flicker: on a
+    slope along the travel, whose depth changes on the way, the reading scatters for it.
+    """
 
     name: ClassVar = "motion_blur"
     summary: ClassVar = (
         "The sensor travels during the exposure: edges are blurred along the travel and "
         "everything lags by half the way."
     )
-    equation: ClassVar = "z_m = mean of z(y + v t), t from 0 to the exposure time"
+    equation: ClassVar = (
+        "z_m = mean of z(y + v t), t from 0 to t_exp; σ² = σ0² + (f v t_exp ∂z/∂y)² / 12"
+    )
     source: ClassVar = (
-        "Box average over the exposure; shift v·t_exp/2, bias (v·t_exp)²/24 · ∂²z/∂y² beyond it"
+        "Box average over the exposure; shift v·t_exp/2, bias (v·t_exp)²/24 · ∂²z/∂y² beyond it; "
+        "variance of a mean of N depths, even over v·t_exp ∂z/∂y, with random weights of relative "
+        "scatter f √N"
     )
     statement: ClassVar = (
         "The sensor moves on during an exposure of {exposure_ms:.2f} ms: edges are blurred along "
-        "the travel and shifted by half the way."
+        "the travel{shifted}."
     )
-    channels: ClassVar = ("mean",)
+    channels: ClassVar = ("mean", "variance")
     frame: ClassVar = "travel"
     covariate: ClassVar = "curvature_y"
     rivals: ClassVar = ("finite_spot", "travel_ripple", "pose_error")
@@ -50,41 +62,85 @@ class MotionBlur(Effect):
         null=0.0,
         sheet="exposure_s",
     )
+    flicker: float = parameter(
+        "relative scatter f of the brightness over a whole exposure",
+        low=0.0,
+        high=1.0,
+        typical=0.2,
+    )
+    stamped: str = parameter(
+        "where in the exposure the stated pose is",
+        typical="start",
+        choices=("start", "middle"),
+    )
 
     def grid(self, view: View) -> tuple[Self, ...]:
-        """Return exposures that last a quarter of the time between profiles to four times that."""
+        """Return exposures that last a quarter of the time between profiles to four times that.
+
+        Where a recording was registered its poses are those of the exposures' middle.
+        """
         step_s = float(np.median(np.diff(view.time_s))) if len(view.time_s) > 1 else 0.0
         longest = self.parameter("exposure_ms").high
         times = [min(1e3 * share * step_s, longest) for share in SHARES if step_s > 0]
-        return tuple(self.with_parameters(exposure_ms=t) for t in times)
+        return tuple(self.with_parameters(exposure_ms=t, stamped="middle") for t in times)
+
+    def words(self) -> dict[str, str]:
+        """Say what becomes of the place."""
+        return {"shifted": " and shifted by half the way" if self.stamped == "start" else ""}
 
     def changed(self, law: Law, view: View) -> Law:
-        """Add the difference between the exposure's mean and its start."""
+        """Add the difference between the exposure's mean and the stated pose, and the scatter."""
+        if len(view.poses) < 2:
+            return law
+        way, steps = self.way(view)
+        scatter = np.abs(self.flicker * way)[:, None] * np.nan_to_num(view.slope_y) / math.sqrt(12)
+        if np.ptp(way) <= 1e-9 * np.max(np.abs(way)):
+            way = way[:1]
+        share = (np.arange(EXPOSURES) + 0.5)[:, None] / EXPOSURES
+        if self.stamped == "middle":
+            share -= 0.5
+        seen = view.datasheet.triangulation_angle_deg is not None
+        line = read_line(
+            view, share * way, [1.0] * EXPOSURES, visible=seen, merge_mm=_merging_mm(view)
+        )
+        lit = np.isfinite(line.depth_mm)
+        mean = line.depth_mm + self._widened(law, view, share * steps, line.depth_mm, way)
+        # what the camera sees during a part of the exposure it reads
+        hidden = law.reason == Reason.HIDDEN_FROM_CAMERA
+        return replace(
+            law,
+            mean_mm=np.where(lit & (np.isfinite(law.mean_mm) | hidden), mean, law.mean_mm),
+            reason=np.where(lit & hidden, np.uint8(Reason.VALID), law.reason),
+            white_sd_mm=np.hypot(law.white_sd_mm, scatter),
+        )
+
+    @staticmethod
+    def _widened(law: Law, view: View, ahead: Floats, read_mm: Floats, way: Floats) -> Floats:
+        """Average on the way what other effects do at one place, on the level that is read."""
+        spot = law.mean_mm - view.depth_mm
+        if view.datasheet.triangulation_angle_deg is not None:
+            spot = np.where(view.visible, spot, np.nan)  # else another level's light is read
+        total, count = np.zeros(view.shape), np.zeros(view.shape)
+        if np.any(np.nan_to_num(spot)):
+            near = STEEPEST * float(np.abs(way).max()) / 2
+            for rows in np.arange(len(spot)) + ahead:
+                here, level = between_rows(spot, rows), between_rows(view.depth_mm, rows)
+                own = np.isfinite(here) & (np.abs(level - read_mm) <= near)
+                total += np.where(own, here, 0.0)
+                count += own
+        return total / np.maximum(count, 1)
+
+    def way(self, view: View) -> tuple[Floats, Floats]:
+        """Return the way during each profile's exposure, (n,) mm and (n,) in profiles."""
         exposure_ms = self.exposure_ms
         if exposure_ms is None:
             exposure_ms = 1e3 * view.datasheet.require("exposure_s")
-        if len(view.poses) < 2:
-            return law
         step_s = np.diff(view.time_s)
         step_s = np.concatenate([step_s, step_s[-1:]])
         steps = np.divide(
             exposure_ms * 1e-3, step_s, out=np.zeros_like(step_s), where=step_s > 0
         )
-        way = view.travel_step_mm * steps
-        if np.ptp(way) <= 1e-9 * np.max(np.abs(way)):
-            way = way[:1]
-        share = (np.arange(EXPOSURES) + 0.5)[:, None] / EXPOSURES
-        seen = view.datasheet.triangulation_angle_deg is not None
-        line = read_line(
-            view, share * way, [1.0] * EXPOSURES, visible=seen, merge_mm=_merging_mm(view)
-        )
-        change = np.where(np.isfinite(line.depth_mm), line.depth_mm - view.depth_mm, 0.0)
-        # what the line's width does at one place is averaged on the way, too
-        spot = np.nan_to_num(law.mean_mm - view.depth_mm)
-        if np.any(spot):
-            rows = np.arange(len(spot)) + share * steps
-            change += np.mean([between_rows(spot, r) for r in rows], axis=0) - spot
-        return replace(law, mean_mm=law.mean_mm + change)
+        return view.travel_step_mm * steps, steps
 
 
 def _merging_mm(view: View) -> float:

@@ -1,7 +1,7 @@
 """Readings lean towards the camera's pixel rows: an error periodic in range."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sensors.camera import depth_per_row, row_of_depth
 from sensors.effects.base import AdditiveEffect
 from sensors.effects.parameter import parameter
+from sensors.law import Law
 from sensors.view import View
 
 Floats = NDArray[np.float64]
@@ -17,6 +18,8 @@ Floats = NDArray[np.float64]
 
 ROUNDING = (0.0, -0.5, 0.5)
 """Rows by which the stated number may be off where a grid looks for the effect."""
+LEAST_SLOPE = 0.2
+"""Of the curve from true to located row: what higher harmonics leave where the sine has none."""
 BENDS = (0.0, -0.3, 0.3, -0.6, 0.6, -1.0, 1.0)
 """Smiles, in rows, that a grid looks for."""
 
@@ -31,8 +34,8 @@ class PixelLocking(AdditiveEffect):
         "fine ripple in range."
     )
     equation: ClassVar = (
-        "δv = A sin(2π v + φ) rows, δz = δv dz/dv; centre of gravity of a spot of σ rows: A = "
-        "exp(-2π²σ²)/π"
+        "δv = A sin(2π v + φ) rows, δz = δv dz/dv, σ = σ0 |1 + 2π A cos(2π v + φ)|; centre of "
+        "gravity of a spot of σ rows: A = exp(-2π²σ²)/π"
     )
     source: ClassVar = (
         "Fourier series of a centre of gravity over whole pixels: Alexander and Ng, Opt. Eng. 30 "
@@ -41,7 +44,7 @@ class PixelLocking(AdditiveEffect):
     statement: ClassVar = (
         "The depth ripples with the camera's pixel rows, by {amplitude_px:.3f} of a row."
     )
-    channels: ClassVar = ("mean",)
+    channels: ClassVar = ("mean", "variance")
     frame: ClassVar = "sensor"
     covariate: ClassVar = "camera_row"
     rivals: ClassVar = ("stage_vibration", "travel_ripple")
@@ -88,8 +91,23 @@ class PixelLocking(AdditiveEffect):
         typical=0.0,
     )
 
+    def changed(self, law: Law, view: View) -> Law:
+        """Add the ripple; noise of the row passes through the same curve, by its slope."""
+        law = AdditiveEffect.changed(self, law, view)
+        _, turn = self._turn(view)
+        slope = 1 + 2 * math.pi * self.amplitude_px * np.cos(turn + self.phase_rad)
+        gain = np.nan_to_num(np.maximum(np.abs(slope), LEAST_SLOPE), nan=1.0)
+        return replace(
+            law, white_sd_mm=law.white_sd_mm * gain, speckle_gain=law.speckle_gain * gain
+        )
+
     def fields(self, view: View) -> tuple[Floats, ...]:
         """Return sine and cosine of the row, each times the depth of one row."""
+        height, turn = self._turn(view)
+        return height * np.sin(turn), height * np.cos(turn)
+
+    def _turn(self, view: View) -> tuple[Floats, Floats]:
+        """Depth of a row (mm) and 2π times the row where each point is imaged, (n, m)."""
         sheet = view.datasheet
         rows = sheet.require("camera_rows") if self.rows is None else self.rows
         row = row_of_depth(view.depth_mm, sheet, rows)
@@ -97,9 +115,7 @@ class PixelLocking(AdditiveEffect):
             across = view.column_x_mm / max(float(np.abs(view.column_x_mm).max()), 1e-9)
             along = 2 * row / rows - 1
             row = row + self.smile_rows * across**2 + self.keystone_rows * across * along
-        turn = 2 * math.pi * row
-        height = depth_per_row(view.depth_mm, sheet, rows)
-        return height * np.sin(turn), height * np.cos(turn)
+        return depth_per_row(view.depth_mm, sheet, rows), np.asarray(2 * math.pi * row)
 
     def grid(self, view: View) -> tuple["PixelLocking", ...]:
         """Return bends beside the rows that are stated, to the rounding; else half cycles."""

@@ -16,24 +16,33 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class VolumeScattering(Effect):
-    """Readings sink by the mean depth from which light returns, less on oblique surfaces."""
+    """Readings sink by the mean depth from which light seems to return.
+
+    The laser is refracted at the surface and travels d on average. Seen back through the surface,
+    the part of its way along the normal looks shorter by n: a unit of way is displaced by
+
+        q = (l + (cos β - cos βt) N) / n,   sin βt = sin β / n
+
+    with l the laser's direction and N the outward normal. What lies off the laser's plane the
+    camera reads deeper or less deep: slopes along the travel sink by different amounts.
+    """
 
     name: ClassVar = "volume_scattering"
     summary: ClassVar = (
         "Plastics, wax or ceramics let the light in: readings lie below the surface, by an amount"
         " that depends on angle and wall thickness."
     )
-    equation: ClassVar = "d (1 - exp(-t/d)) cos βt, sin βt = sin β / n"
+    equation: ClassVar = "d (1 - exp(-t/d)) (q_z + q_y z / b), q = (l + (cos β - cos βt) N) / n"
     source: ClassVar = (
-        "Exponential free path in a slab of thickness t behind the point, ray refracted by "
-        "Snell's law; 10 to 300 µm reported for plastics and marble (Godin et al., Proc. SPIE "
-        "4298 (2001))"
+        "Exponential free path in a slab of thickness t behind the point, Snell's law on the way "
+        "in, apparent depth (paraxial) on the way out, triangulated by a camera at b; 10 to 300 µm "
+        "reported for plastics and marble (Godin et al., Proc. SPIE 4298 (2001))"
     )
     statement: ClassVar = (
-        "The material is translucent: readings lie about {depth_um:.0f} µm below the surface, "
-        "less on oblique or thin walls."
+        "The material is translucent: light returns from about {depth_um:.0f} µm of way below the "
+        "surface, by an amount that depends on the slope and on thin walls."
     )
-    channels: ClassVar = ("mean",)
+    channels: ClassVar = ("mean", "variance")
     frame: ClassVar = "sensor"
     covariate: ClassVar = "incidence"
     rivals: ClassVar = ("incidence_bias", "pose_error")
@@ -51,6 +60,12 @@ class VolumeScattering(Effect):
         linear=True,
         grid=(20.0, 80.0, 300.0),
     )
+    grain: float = parameter(
+        "factor on the speckle: light from many depths averages it",
+        low=0.05,
+        high=1.0,
+        typical=1.0,
+    )
     index: float = parameter(
         "refractive index n",
         low=1.0,
@@ -63,12 +78,21 @@ class VolumeScattering(Effect):
         return (1e-3 * self._sinking(view),)
 
     def changed(self, law: Law, view: View) -> Law:
-        """Add the sinking to the mean."""
-        return replace(law, mean_mm=law.mean_mm + 1e-3 * self.depth_um * self._sinking(view))
+        """Add the sinking to the mean, and average the speckle."""
+        return replace(
+            law,
+            mean_mm=law.mean_mm + 1e-3 * self.depth_um * self._sinking(view),
+            speckle_gain=law.speckle_gain * self.grain,
+        )
 
     def _sinking(self, view: View) -> Floats:
-        sine = np.sin(view.incidence_rad) / self.index
         free = self.depth_um * 1e-3
         thick = np.where(np.isfinite(view.thickness_mm), view.thickness_mm, np.inf)
         filled = -np.expm1(-thick / free) if free > 0 else np.ones(view.shape)
-        return np.asarray(filled * np.sqrt(1.0 - np.square(sine)))
+        cosine = view.cos_incidence
+        bent = cosine - np.sqrt(1.0 - (1.0 - np.square(cosine)) / self.index**2)
+        sunk = view.ray[:, 2] + bent * view.normal[..., 2]
+        if view.datasheet.triangulation_angle_deg is not None:
+            aside = view.ray[:, 1] + bent * view.normal[..., 1]
+            sunk = sunk + aside * view.depth_mm / view.datasheet.camera_offset_mm
+        return np.asarray(filled * sunk / self.index)

@@ -222,20 +222,37 @@ def test_flats_have_no_facing_wall(view_of):
     assert np.all(Interreflection(weight=0.5).signature(view) == 0.0)
 
 
-def test_light_sinks_by_the_free_path(view_of):
+def test_light_sinks_by_the_free_path_as_it_seems(view_of):
     for thickness, depth_um in ((20.0, 80.0), (0.1, 80.0), (0.05, 300.0)):
         view = view_of("plate", solid={"thickness": thickness})
         assert np.allclose(view.thickness_mm, thickness, atol=1e-5)
-        sunk = VolumeScattering(depth_um=depth_um).signature(view)
+        middle = np.argmin(np.abs(view.column_x_mm))
+        sunk = VolumeScattering(depth_um=depth_um, index=1.5).signature(view)[:, middle]
         d = depth_um * 1e-3
-        assert np.allclose(sunk, d * (1 - math.exp(-thickness / d)), rtol=1e-3)
-
-
-def test_light_sinks_less_on_slopes(view_of):
+        # hit squarely: apparent depth
+        assert np.allclose(sunk, d * (1 - math.exp(-thickness / d)) / 1.5, rtol=2e-3)
+    # without refraction light goes on along the ray
     view = view_of("plate", solid={"tilt_y_deg": 40.0})
+    straight = VolumeScattering(depth_um=80.0, index=1.0).signature(view)
+    assert np.allclose(straight, 0.080 * view.ray[:, 2], rtol=1e-6)
+
+
+@pytest.mark.parametrize("tilt_deg", [-40.0, -15.0, 15.0, 40.0])
+def test_sunken_light_is_triangulated_as_snell_bends_it(view_of, tilt_deg):
+    view = view_of("plate", solid={"tilt_y_deg": tilt_deg})
     sunk = VolumeScattering(depth_um=80.0, index=1.5).signature(view)
-    sine = math.sin(math.radians(40.0)) / 1.5
-    assert np.allclose(sunk, 0.080 * math.sqrt(1 - sine**2), rtol=1e-6)
+    middle = np.argmin(np.abs(view.column_x_mm))
+    normal = view.normal[0, middle]
+    beta = math.acos(-normal[2])
+    inside = math.asin(math.sin(beta) / 1.5)
+    # along the inward normal and along the surface: the way's normal part looks shorter by n
+    deep, aside = math.cos(inside) / 1.5, math.sin(inside)
+    tangent = np.array([0.0, math.copysign(math.cos(beta), -normal[1]), 0.0])
+    tangent[2] = math.sin(beta)
+    place = -deep * normal + aside * np.array([0.0, -tangent[1], tangent[2]])
+    depth = view.depth_mm[:, middle]
+    read = place[2] + place[1] * depth / view.datasheet.camera_offset_mm
+    assert np.allclose(sunk[:, middle], 0.080 * read, rtol=5e-3)
 
 
 def test_thick_basis_is_the_effect(view_of):
