@@ -107,6 +107,23 @@ def test_locking_repeats_with_the_rows(view_of):
     assert abs(crossings - 2 * np.ptp(row)) <= 1
 
 
+def test_noise_passes_through_a_locked_row(view_of):
+    """A row scattered by δ is located at v + δ + A sin 2π(v + δ): its spread is the slope's."""
+    view = view_of("plate", solid={"tilt_x_deg": 5.0}, sheet={"camera_rows": 512})
+    effect = PixelLocking(amplitude_px=0.05, phase_rad=0.3)
+    plain = dataclasses.replace(geometric_law(view, None), white_sd_mm=0.002)
+    law = effect.apply(plain, view)
+    row = row_of_depth(view.depth_mm, view.datasheet, 512)
+    delta = 1e-4
+
+    def located(v):
+        return v + 0.05 * np.sin(2 * np.pi * v + 0.3)
+
+    slope = (located(row + delta) - located(row - delta)) / (2 * delta)
+    assert np.allclose(law.white_sd_mm, 0.002 * slope, rtol=1e-5)
+    assert np.allclose(law.speckle_gain, slope, rtol=1e-5)
+
+
 def test_locking_of_a_centre_of_gravity(view_of):
     """Amplitude e^(-2π²σ²)/π px for a centre of gravity over whole pixels, spot width σ."""
     edges = np.arange(-30, 32) - 0.5

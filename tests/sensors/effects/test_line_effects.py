@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
+from sensors.beam import as_wide
 from sensors.effects.camera_occlusion import CameraOcclusion
 from sensors.effects.edge_mixing import EdgeMixing
 from sensors.effects.finite_spot import FiniteSpot
 from sensors.effects.motion_blur import MotionBlur
 from sensors.effects.reflectance_edge import ReflectanceEdge
-from sensors.law import geometric_law
+from sensors.law import geometric_law, plain_law
 from sensors.line_operator import SUB_LINES, gaussian_weights, read_line, sub_lines
 from sensors.reflectance import Patch, ReflectanceMap
 from sensors.view import Reason
@@ -198,3 +199,64 @@ def test_blur_of_a_curve(view_of):
 def test_no_blur_at_rest(view_of):
     view = view_of("step", y_mm=np.full(5, 9.99))
     assert np.all(MotionBlur(exposure_ms=20.0).signature(view) == 0.0)
+
+
+def test_blur_around_its_middle_leaves_a_slope_in_place(view_of):
+    y = np.arange(20) * 0.05
+    view = view_of("plate", solid={"tilt_y_deg": 30.0}, y_mm=y)
+    change = MotionBlur(exposure_ms=20.0, stamped="middle").signature(view)
+    assert np.allclose(change, 0.0, atol=1e-9)
+
+
+def test_blur_of_a_slope_scatters_as_its_light_flickers(view_of):
+    """Mean of N depths, even over s w, with random weights: variance (f s w)²/12, f = C/√N."""
+    count, contrast = 40, 0.5
+    rng = np.random.default_rng(1)
+    weights = rng.gamma(1 / contrast**2, contrast**2, (20_000, count))
+    depths = (np.arange(count) + 0.5) / count - 0.5
+    drawn = (weights @ depths / weights.sum(axis=1)).std()
+    flicker = contrast / math.sqrt(count)
+    view = view_of("plate", solid={"tilt_y_deg": 30.0}, y_mm=np.arange(20) * 0.05)
+    law = MotionBlur(exposure_ms=20.0, flicker=flicker).apply(geometric_law(view, None), view)
+    bare = geometric_law(view, None).white_sd_mm
+    added = np.sqrt(np.square(law.white_sd_mm) - bare**2)
+    reach = 0.1 * math.tan(math.radians(30.0))
+    assert np.allclose(added, flicker * reach / math.sqrt(12))
+    assert np.isclose(added.mean(), drawn * reach, rtol=0.03)
+    flat = view_of("plate", y_mm=np.arange(20) * 0.05)
+    still = MotionBlur(exposure_ms=20.0).apply(geometric_law(flat, None), flat)
+    assert np.allclose(still.white_sd_mm, bare)
+
+
+def test_a_part_of_the_exposure_that_the_camera_sees_is_read(view_of):
+    """Beside a step, shadows shrink by what the blur looks past their border; depths stay."""
+    y = np.linspace(-19, -13, 121)
+    sheet = {"effects": ({"name": "camera_occlusion", "triangulation_angle_deg": 30.0},)}
+    view = view_of("step", y_mm=y, sheet=sheet)
+    dark = plain_law(view, None)
+    blurred = MotionBlur(exposure_ms=80.0, stamped="middle").apply(dark, view)
+    before, after = ~np.isfinite(dark.mean_mm), ~np.isfinite(blurred.mean_mm)
+    assert np.all(before | ~after)
+    # 80 ms at 5 mm/s: the last of eight instants looks 7/16 of 0.4 mm ahead
+    gained = (before & ~after).sum(axis=0) * 0.05
+    beside = before.any(axis=0)
+    assert np.allclose(gained[beside], 0.175, atol=0.051)
+    lit = np.isfinite(blurred.mean_mm)
+    assert np.all((blurred.reason == Reason.VALID) == lit)
+    assert np.allclose(blurred.mean_mm[lit], np.nanmax(dark.mean_mm), atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["finite_spot", "edge_mixing"])
+def test_a_line_wider_than_listed_is_so_for_all(name):
+    listed = (
+        CameraOcclusion(line_sd_um=40.0), FiniteSpot(line_sd_um=60.0), EdgeMixing(line_sd_um=40.0),
+        MotionBlur(exposure_ms=1.0),
+    )  # fmt: skip
+    found = {e.name: e for e in listed if e.name == name}
+    wider = {name: found[name].with_parameters(line_sd_um=2 * found[name].line_sd_um)}
+    widths = [getattr(e, "line_sd_um", None) for e in as_wide(listed, wider)]
+    own = [e.name == name for e in listed]
+    # the found one stands in for itself elsewhere
+    expected = [w if o else 2 * w for w, o in zip((40.0, 60.0, 40.0), own, strict=False)]
+    assert widths == [*expected, None]
+    assert as_wide(listed, {}) == list(listed)
