@@ -3,10 +3,11 @@
 import argparse
 import importlib
 import os
-import signal
 import sys
 from collections.abc import Sequence
 from typing import Any, Final, NoReturn
+
+from pipeline.stop import heard, stoppable
 
 COMMANDS: Final = {
     "generate": "make a labelled dataset from a recipe",
@@ -25,13 +26,8 @@ examples:
   flawforge diagnose a.h5 b.h5 c.h5 --part part.stl --sensor sensor.yaml --out diagnosis
   flawforge COMMAND --help      what a command does, with its options
 """
-
-
+STOPPED: Final = {"SIGINT": "interrupted", "SIGTERM": "terminated"}
 GO_ON: Final = "what is finished stays; the same command goes on from there"
-
-
-class Terminated(BaseException):
-    """SIGTERM came: leave in good order."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -47,7 +43,18 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     0: done. 1: done in part, or a check failed. 2: bad input. 130, 143: interrupted, terminated.
     """
-    words = list(sys.argv[1:] if argv is None else argv)
+    with stoppable():
+        try:
+            return _main(list(sys.argv[1:] if argv is None else argv))
+        except BaseException:
+            stop = heard()
+            if stop is None:
+                raise
+            print(f"flawforge: {STOPPED[stop.name]}; {GO_ON}", file=sys.stderr)
+            return 128 + stop
+
+
+def _main(words: Sequence[str]) -> int:
     parser = Parser(
         prog="flawforge",
         description="Labelled laser-profilometer scans of flawed CAD parts, and a diagnosis of"
@@ -89,10 +96,6 @@ def _module(name: str) -> Any:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    def terminate(number: int, frame: object) -> None:
-        raise Terminated
-
-    before = signal.signal(signal.SIGTERM, terminate)
     try:
         code: int = _module(arguments.command).run(arguments)
         return code
@@ -104,14 +107,6 @@ def _run(arguments: argparse.Namespace) -> int:
             raise
         print(f"flawforge: {_line(error)}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        print(f"flawforge: interrupted; {GO_ON}", file=sys.stderr)
-        return 130
-    except Terminated:
-        print(f"flawforge: terminated; {GO_ON}", file=sys.stderr)
-        return 143
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def _is_users(error: Exception) -> bool:
