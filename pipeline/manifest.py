@@ -16,6 +16,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
+import numpy as np
+
 from pipeline.folder import write_whole
 from pipeline.scan import CLASS_NAMES
 from pipeline.shards import sync
@@ -164,7 +166,11 @@ class _Table:
         import pyarrow as pa
 
         if self._rows:
-            self._parquet.write_table(pa.Table.from_pylist(self._rows, schema=self._schema))
+            columns = [
+                _column([row[field.name] for row in self._rows], field.type)
+                for field in self._schema
+            ]
+            self._parquet.write_table(pa.Table.from_arrays(columns, schema=self._schema))
             self._csv.writerows(self._rows)
             self._rows.clear()
 
@@ -189,3 +195,19 @@ class _Table:
                 continue
             sync(aside)
             os.replace(aside, self._stem.with_suffix(f".{end}"))
+
+
+def _column(values: list[Any], kind: Any) -> Any:
+    """Return an Arrow array of text or numbers; `pyarrow.array` would load pandas to make it."""
+    import pyarrow as pa
+
+    there = np.array([value is not None for value in values], dtype=np.bool_)
+    known = None if there.all() else pa.py_buffer(np.packbits(there, bitorder="little"))
+    if kind == pa.string():
+        texts = [b"" if value is None else value.encode() for value in values]
+        ends = np.cumsum([0, *(len(text) for text in texts)], dtype=np.int32)
+        buffers = [pa.py_buffer(ends), pa.py_buffer(b"".join(texts))]
+    else:
+        numbers = np.array([0 if value is None else value for value in values])
+        buffers = [pa.py_buffer(numbers.astype(kind.to_pandas_dtype()))]
+    return pa.Array.from_buffers(kind, len(values), [known, *buffers])
