@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.mending import halfedges
+from pipeline.parts.cell_error import all_rise, measure
 
 Points = NDArray[np.float64]
 Sheet = Callable[[Points, Points], tuple[Points, Points]]
@@ -130,60 +131,13 @@ def _error(
     shape = (len(cells), _SAMPLES, _SAMPLES)
     grid_a = np.broadcast_to(a[:, :, None], shape).ravel()
     grid_b = np.broadcast_to(b[:, None, :], shape).ravel()
-    error = np.zeros(len(cells))
-    bend = np.zeros((2, len(cells)))
-    length = np.zeros((2, len(cells)))
+    error, bend, length = np.zeros(len(cells)), np.zeros((2, len(cells))), np.zeros((2, len(cells)))
     for points in sheet(grid_a, grid_b):
-        cloud = points.reshape(*shape, 3)
-        along_a, along_b = np.gradient(cloud, axis=1), np.gradient(cloud, axis=2)
-        normal = np.cross(along_a, along_b)
-        size = np.linalg.norm(normal, axis=-1, keepdims=True)
-        normal = np.divide(normal, size, where=size > 0.0, out=np.zeros_like(normal))
-        gap = np.abs(np.einsum("cijk,cijk->cij", cloud - _two_triangles(cloud, share), normal))
-        error = np.maximum(error, gap.max(axis=(1, 2)))
-        chord_a = cloud[:, :1] + share[:, None, None] * (cloud[:, -1:] - cloud[:, :1])
-        chord_b = cloud[:, :, :1] + share[:, None] * (cloud[:, :, -1:] - cloud[:, :, :1])
-        for k, chord in ((0, chord_a), (1, chord_b)):
-            off = np.abs(np.einsum("cijk,cijk->cij", cloud - chord, normal))
-            bend[k] = np.maximum(bend[k], off.max(axis=(1, 2)))
-        length[0] = np.linalg.norm(np.diff(cloud, axis=1), axis=-1).sum(axis=1).max(axis=1)
-        length[1] = np.linalg.norm(np.diff(cloud, axis=2), axis=-1).sum(axis=2).max(axis=1)
+        measure(np.ascontiguousarray(points).reshape(*shape, 3), error, bend, length)
     across = bend[0] > bend[1]
     across = np.where(length[0] > _SLIMMEST * length[1], True, across)
     across = np.where(length[1] > _SLIMMEST * length[0], False, across)
     return error, across
-
-
-def _two_triangles(cloud: Points, share: NDArray[np.float64]) -> Points:
-    """Interpolate in the cell's triangles, split as `_rising` says, at the sample points."""
-    p00, p10 = cloud[:, 0, 0], cloud[:, -1, 0]
-    p01, p11 = cloud[:, 0, -1], cloud[:, -1, -1]
-    s, t = share[:, None, None], share[None, :, None]
-    p00, p10, p01, p11 = (p[:, None, None, :] for p in (p00, p10, p01, p11))
-    rising = np.where(
-        s >= t, p00 + s * (p10 - p00) + t * (p11 - p10), p00 + t * (p01 - p00) + s * (p11 - p01)
-    )
-    falling = np.where(
-        s + t <= 1.0,
-        p00 + s * (p10 - p00) + t * (p01 - p00),
-        p11 + (1.0 - s) * (p01 - p11) + (1.0 - t) * (p10 - p11),
-    )
-    short = _rising(cloud[:, 0, 0], cloud[:, -1, 0], cloud[:, 0, -1], cloud[:, -1, -1])
-    return np.where(short[:, None, None, None], rising, falling)
-
-
-def _rising(p00: Points, p10: Points, p01: Points, p11: Points) -> NDArray[np.bool_]:
-    """Whether the diagonal from p00 to p11 gives the better worst triangle."""
-    rising = np.minimum(_quality(p00, p10, p11), _quality(p00, p11, p01))
-    falling = np.minimum(_quality(p00, p10, p01), _quality(p10, p11, p01))
-    return np.asarray(rising >= falling * (1.0 - 1e-6))
-
-
-def _quality(p: Points, q: Points, r: Points) -> NDArray[np.float64]:
-    """Area over the square of the longest edge."""
-    area = np.linalg.norm(np.cross(q - p, r - p), axis=1)
-    longest = np.max([np.sum((x - y) ** 2, axis=1) for x, y in ((p, q), (q, r), (r, p))], axis=0)
-    return np.asarray(area / longest)
 
 
 def _vertices(
@@ -239,7 +193,7 @@ def _triangles(
     p00, p01 = edges[0][0][plain], edges[0][1][plain]
     p10, p11 = edges[1][0][plain], edges[1][1][plain]
     outer, _ = sheet(_square(lattice[:, 0]), _square(lattice[:, 1]))
-    short = _rising(outer[p00], outer[p10], outer[p01], outer[p11])
+    short = all_rise(outer[p00], outer[p10], outer[p01], outer[p11])
     one = np.where(short[:, None], np.stack([p00, p10, p11], 1), np.stack([p00, p10, p01], 1))
     two = np.where(short[:, None], np.stack([p00, p11, p01], 1), np.stack([p10, p11, p01], 1))
     fans = cells[~plain]
