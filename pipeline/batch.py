@@ -204,7 +204,10 @@ def _make_shards(
             event("shard", {"shard": shard.name, "scans": shard.scans, "kept": True})
         else:
             todo.append(shard)
-    cost = {shard.name: sum(triangles[work.part.name] for work in shard.work) for shard in todo}
+    cost = {
+        shard.name: sum(triangles[work.part.name] * (work.last - work.first) for work in shard.work)
+        for shard in todo
+    }
     todo.sort(key=lambda shard: cost[shard.name], reverse=True)
     for name, scans in backend.results(make_shard, ((place, shard) for shard in todo)):
         event("shard", {"shard": name, "scans": scans, "kept": False})
