@@ -1,13 +1,14 @@
 """Being asked to stop by a signal: at once where that can be, and never lost.
 
 An exception out of a signal's handler is not enough. Raised within `__del__`, a weak reference's
-callback or a function that compiled code calls, it is printed and forgotten: so the wish is
-repeated until it is heard. Raised while a compiled module loads, it becomes another error or a
+callback or a function that compiled code calls, it is printed and forgotten: so it isn't printed,
+and the wish is repeated until it is heard. Raised while a compiled module loads, it becomes another error or a
 crash: so it waits until none loads. And it is no `KeyboardInterrupt`: where one of those passed
 through the `exec` of a string, `python -m` ends by the signal, whatever exit code was chosen.
 """
 
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -30,6 +31,13 @@ def stoppable() -> Iterator[None]:
     global _wish
     _wish = None
     before = {number: signal.getsignal(number) for number in (*SIGNALS, signal.SIGALRM)}
+    printed = sys.unraisablehook
+
+    def unheard(forgotten: Any) -> None:
+        if not issubclass(forgotten.exc_type, Stopped):
+            printed(forgotten)
+
+    sys.unraisablehook = unheard
     try:
         for number, handler in before.items():
             if handler is not signal.SIG_IGN:
@@ -40,6 +48,7 @@ def stoppable() -> Iterator[None]:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number, handler in before.items():
             signal.signal(number, handler)
+        sys.unraisablehook = printed
 
 
 def heard() -> signal.Signals | None:

@@ -141,3 +141,25 @@ def test_an_error_without_a_wish_stays_an_error(tmp_path, monkeypatch):
     monkeypatch.setattr(generate_command, "run", run)
     with pytest.raises(SystemError):
         main(["generate", "recipe.yaml", "--out", str(tmp_path)])
+
+
+class Fails:
+    """Raises what isn't a wish to stop."""
+
+    def __del__(self) -> None:
+        raise ValueError("told")
+
+
+def test_a_wish_that_was_swallowed_prints_nothing_and_other_errors_do(monkeypatch):
+    told: list[type[BaseException]] = []
+
+    def hook(found):
+        told.append(found.exc_type)
+
+    monkeypatch.setattr(sys, "unraisablehook", hook)
+    with stoppable():
+        Swallows(signal.SIGTERM)
+        assert told == []
+        Fails()
+        assert told == [ValueError]
+    assert sys.unraisablehook is hook
