@@ -4,7 +4,7 @@ An exception out of a signal's handler is not enough. Raised within `__del__`, a
 callback or a function that compiled code calls, it is printed and forgotten: so it isn't printed,
 and the wish is repeated until it is heard. Raised while a compiled module loads, it becomes another
 error or a crash: so it waits until none loads. And it is no `KeyboardInterrupt`: where one of those
-passed through the `exec` of a string, `python -m` ends by the signal, whatever exit code was chosen.
+passed the `exec` of a string, `python -m` ends by the signal, whatever exit code is chosen.
 """
 
 import signal
