@@ -24,7 +24,7 @@ from diagnosis.noise import NoiseModel, calibrate
 from diagnosis.patch import cut
 from diagnosis.prediction import predict
 from diagnosis.registration import register
-from diagnosis.score import placements, whitened
+from diagnosis.score import CLIP, placements, whitened
 from diagnosis.workspace import Model, Workspace
 from sensors.effects import effect_of
 from sensors.laser import Laser
@@ -127,9 +127,11 @@ def strength(ws: Workspace, effect: dict[str, object]) -> float:
     for patch, plain, state in zip(ws.patches, base, raw, strict=True):
         other = predict(patch.view, (thing,), ws.noise, softness=patch.softness)
         both = plain.seen & other.seen
+        # where a level changes, one reading may be off by millimetres and still counts as one
+        most = CLIP * plain.sd_mm
         change = np.where(both, np.nan_to_num(other.mean_mm) - np.nan_to_num(plain.mean_mm), 0.0)
         signals.append(
-            replace(state, innovations=state.whiten(np.clip(change, -0.3, 0.3)), kept={})
+            replace(state, innovations=state.whiten(np.clip(change, -most, most)), kept={})
         )
         p, q = other.p_missing, plain.p_missing
         nats += float((p * np.log(p / q) + (1 - p) * np.log((1 - p) / (1 - q)))[plain.seen].sum())

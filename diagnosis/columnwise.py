@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from diagnosis.noise import Field, Mask
 from diagnosis.patch import Patch
@@ -36,14 +37,24 @@ class Columns:
 
     def offsets(self) -> tuple[Field, float]:
         """Offsets shrunk by their own noise, (k,) mm, and the nats they gain."""
-        half, dof = _half(self.gram)
-        along = half.T @ self.right
-        free = half @ along
-        scatter = float((half**2).sum() / max(dof, 1))
-        true = max(float(np.mean(free**2)) - scatter, 1e-3 * scatter)
-        shrunk = np.linalg.solve(self.gram + np.eye(len(free)) / true, self.right)
+        true = self._variance()
+        shrunk = np.linalg.solve(self.gram + np.eye(len(self.right)) / true, self.right)
         gain = float(shrunk @ self.right - 0.5 * shrunk @ self.gram @ shrunk)
         return shrunk, gain
+
+    def _variance(self) -> float:
+        """Most likely variance (mm²) of the offsets: along axis k, right ~ N(0, g + g² t)."""
+        values, vectors = np.linalg.eigh(self.gram)
+        kept = values > 1e-6 * values.max()
+        values, power = values[kept], (vectors.T @ self.right)[kept] ** 2 / values[kept]
+
+        def cost(log_variance: float) -> float:
+            grown = np.exp(log_variance) * values
+            return float((np.log1p(grown) - power * grown / (1 + grown)).sum())
+
+        middle = -float(np.log(values.mean()))
+        found = minimize_scalar(cost, bounds=(middle - 7, middle + 14), method="bounded")
+        return float(np.exp(found.x))
 
 
 def column_equations(

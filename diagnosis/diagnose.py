@@ -23,6 +23,7 @@ from diagnosis.inputs import (
     tiles,
     without_speckle,
 )
+from diagnosis.leftover import held_findings
 from diagnosis.locate import Region
 from diagnosis.maps import RecordingMaps, map_recording
 from diagnosis.mounting import mounting_error
@@ -146,7 +147,11 @@ def diagnose(
     plain_held = [p for p in patches if p.scored.any()]
     selection, model, ws = explanation.selection, explanation.model, explanation.ws
     held_patches = explanation.held
-    verdict, left = _verdict(selection)
+    last = held_findings(
+        selection.last.significant(), explanation.patches, ws, model, least_gain=LEAST_GAIN,
+        rng=rng,
+    )  # fmt: skip
+    verdict, left = _verdict(selection, last)
     progress("judging on held-out readings")
     plain_noise = noise
     beside: list[FoundEffect] = []
@@ -242,13 +247,10 @@ def _travelled_mm(ws: Workspace, model: Model) -> float:
     return 0.5 * float(max(ways, default=0.0))
 
 
-def _verdict(selection: Selection) -> tuple[str, list[Finding]]:
-    """Judge what the findings before and after the explanation amount to."""
-    first, last = selection.first.significant(), selection.last.significant()
-    if not first:
-        return "match", []
+def _verdict(selection: Selection, last: list[Finding]) -> tuple[str, list[Finding]]:
+    """Judge what the findings that are left after the explanation amount to."""
     if not selection.choices:
-        return "unexplained", last or first
+        return ("unexplained" if last else "match"), last
     explained = sum(c.gain for c in selection.choices)
     rest = max((f.gain for f in last), default=0.0)
     bent = any(f.channel == "mean" and f.size > STILL_BENT for f in last)

@@ -11,7 +11,7 @@ import numpy as np
 
 from diagnosis.found import heldout_gains
 from diagnosis.linear import phase_is_own
-from diagnosis.noise import NoiseModel
+from diagnosis.noise import Mask, NoiseModel
 from diagnosis.patch import Patch
 from diagnosis.prediction import predict
 from diagnosis.select import Progress, Selection, drop_idle, refit_linear, screen, select
@@ -22,6 +22,8 @@ LEAST_GAIN = 5e-4
 """Nats per held-out reading below which an effect is of no use: 0.03 of the noise."""
 LEAST_SHOWN = 0.05
 """Rms departure, in deviations, below which held-out readings can't speak of an effect."""
+LEAST_UNSHOWN = 0.1
+"""The same on the fitted readings, below which their word alone isn't enough."""
 TRIALS = 3
 
 
@@ -44,23 +46,32 @@ class Explanation:
         return [p for p in self.patches if p.scored.any()]
 
 
-def shows(effect: Effect, held: Sequence[Patch], noise: NoiseModel) -> bool:
-    """Whether a placement leaves enough of an effect for held-out readings to speak of it.
+def shows(effect: Effect, patches: Sequence[Patch], noise: NoiseModel) -> bool:
+    """Whether held-out readings can speak of an effect, or the fitted ones have shown it too little.
 
     What fades with time may be over before the held-out recording begins.
     """
     if effect.frame != "time" or phase_is_own(effect):
         return True
+    held = left_by_placement(effect, patches, [p.scored for p in patches], noise)
+    fitted = left_by_placement(effect, patches, [p.fit for p in patches], noise)
+    return held > LEAST_SHOWN or fitted < LEAST_UNSHOWN
+
+
+def left_by_placement(
+    effect: Effect, patches: Sequence[Patch], masks: Sequence[Mask], noise: NoiseModel
+) -> float:
+    """Rms of what an effect does to the mean beyond a placement, in units of the noise."""
     squares, count = 0.0, 0
-    for patch in held:
+    for patch, mask in zip(patches, masks, strict=True):
         plain, with_it = (predict(patch.view, e, noise) for e in ((), (effect,)))
-        pick = patch.scored & plain.seen & with_it.seen & ~patch.edge
+        pick = mask & plain.seen & with_it.seen & ~patch.edge
         change = ((with_it.mean_mm - plain.mean_mm) / plain.sd_mm)[pick]
         columns = patch.columns[pick] / plain.sd_mm[pick][:, None]
         ridge = np.eye(columns.shape[1])
         left = change - columns @ np.linalg.solve(columns.T @ columns + ridge, columns.T @ change)
         squares, count = squares + float(left @ left), count + left.size
-    return bool(squares > LEAST_SHOWN**2 * count)
+    return float(np.sqrt(squares / max(count, 1)))
 
 
 def explain(
@@ -96,7 +107,7 @@ def explain(
         held = [p for p in patches if p.scored.any()]
         gains, _ = heldout_gains(ws, model, held, share_own)
         idle = {e.name for e in model.effects if gains[e.name] < LEAST_GAIN}
-        unseen = {e.name for e in model.effects if e.name in idle and not shows(e, held, noise)}
+        unseen = {e.name for e in model.effects if e.name in idle and not shows(e, patches, noise)}
         if unseen:
             notes.append(f"{', '.join(sorted(unseen))}: the held-out readings can't show it")
             idle -= unseen

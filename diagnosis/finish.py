@@ -5,6 +5,7 @@ surface's file): a factor on its size, a factor on its peaks, a direction along 
 out on the part.
 """
 
+import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -24,12 +25,15 @@ from sensors.effects.roughness_level import RoughnessLevel
 from sensors.effects.volume_scattering import VolumeScattering
 from sensors.uncertainty import sigma_mm
 
-LEVEL_TOLERANCE = 0.1
-"""Least change of the noise's logarithm that is another finish."""
+LEVEL_TOLERANCE = 0.07
+"""Least change of the noise's logarithm against a plate's; sealed nulls have 0.035 at most."""
+CLAIMED_TOLERANCE = 0.1
+"""The same against a size that is only claimed."""
 MOVING_DOUBT = 0.3
 USUAL = 0.1
 LEAST_READINGS = 200
-LAY_TOLERANCE = math.log(1.6)
+LAY_TOLERANCE = math.log(1.3)
+"""Least stretch of the noise on the part; sealed nulls have 0.07 at most."""
 SENSORS_OWN = 0.5
 SQUARE_RAD = math.radians(25)
 BRIGHT = 0.6
@@ -74,7 +78,8 @@ def finish_effects(
     if nominal_sd_mm > 0:
         size = own.sd_mm * level_ratio(ws, model)
         ratio = math.log(size / nominal_sd_mm)
-        if abs(ratio) > LEVEL_TOLERANCE + _plates_doubt(model):
+        tolerance = CLAIMED_TOLERANCE if nominal is None else LEVEL_TOLERANCE
+        if abs(ratio) > tolerance + _plates_doubt(model):
             amplitude = math.sqrt(
                 max(size**2 - white**2, 1e-12) / max(nominal_sd_mm**2 - white**2, 1e-12)
             )
@@ -93,10 +98,11 @@ def finish_effects(
                 _finding("variance", "level of the noise", abs(math.expm1(ratio)), ratio)
             )
     if nominal is not None:
-        lay = _lay(ws, model, nominal)
+        level = next((e for e in effects if isinstance(e, RoughnessLevel)), None)
+        rougher = level is not None and level.amplitude > 1
+        lay = _lay(ws, model, nominal, rougher=rougher)
         if lay is not None:
-            level = next((e for e in effects if isinstance(e, RoughnessLevel)), None)
-            if level is not None and level.amplitude > 1:
+            if level is not None and rougher:
                 # the ridges of a lay are what makes it rougher
                 effects = []
                 lay = replace(lay, amplitude=min(level.amplitude, lay.parameter("amplitude").high))
@@ -132,11 +138,18 @@ def _finding(channel: str, words: str, size: float, strength: float) -> Finding:
     )  # fmt: skip
 
 
-def _lay(ws: Workspace, model: Model, nominal: NoiseModel) -> AnisotropicLay | None:
-    """Find a direction on the part along which the noise is drawn out."""
+def _lay(
+    ws: Workspace, model: Model, nominal: NoiseModel, *, rougher: bool
+) -> AnisotropicLay | None:
+    """Find a direction on the part along which the noise is drawn out.
+
+    Parameters
+    ----------
+    rougher : whether the noise is larger than a plate's, as ridges make it
+    """
     even = _stretch(nominal)
     states = ws.states(ws.predict(model))
-    rows, seen = [], []
+    on_part, on_sensor = [], []
     for number in sorted({p.recording for p in ws.patches}):
         members = [
             (p, s) for p, s in zip(ws.patches, states, strict=True) if p.recording == number
@@ -150,34 +163,58 @@ def _lay(ws: Workspace, model: Model, nominal: NoiseModel) -> AnisotropicLay | N
             fields, masks, pitch_mm=(nominal.pitch_x_mm, nominal.pitch_y_mm), missing_share=0.0,
             from_reference=False,
         )  # fmt: skip
-        heading = _heading(patches)
-        rows.append([math.cos(2 * heading), math.sin(2 * heading)])
-        seen.append(_stretch(own) - even)
-    if not rows:
+        stretch = _stretch(own) - even
+        line, travel = _axes(patches[0])
+        mirrored = (travel / line).imag < 0
+        on_sensor.append(stretch)
+        on_part.append((stretch.conjugate() if mirrored else stretch) * line**2)
+    if not on_part:
         return None
-    design, stretch = np.array(rows), np.array(seen)
-    solved, *_ = np.linalg.lstsq(design, stretch, rcond=0.1)
-    size = float(np.hypot(*solved))
-    # the same stretch in every recording is the sensor's, not the part's
-    if float(np.abs(stretch - stretch.mean()).max()) < SENSORS_OWN * abs(float(stretch.mean())):
+    mean = complex(np.mean(on_part))
+    size, misfit = abs(mean), _misfit(on_part)
+    tolerance = LAY_TOLERANCE + _plates_doubt(model)
+    alike, own = _misfit(on_sensor) < misfit + SENSORS_OWN * size, complex(np.mean(on_sensor))
+    if alike and abs(own.real) > abs(own.imag):
+        # along its own axes a sensor draws any rougher surface out; ridges do so by far
+        if not rougher:
+            return None
+        tolerance *= 2
+    if size < tolerance or misfit > 0.4 * size:
         return None
-    rest = stretch - design @ solved
-    if size < LAY_TOLERANCE + _plates_doubt(model) or float(np.abs(rest).max()) > 0.4 * size:
-        return None
-    angle = math.degrees(0.5 * math.atan2(solved[1], solved[0]))
+    angle = math.degrees(0.5 * cmath.phase(mean))
     return AnisotropicLay(ratio=float(np.clip(math.exp(size), 1, 50)), angle_deg=angle)
 
 
-def _stretch(noise: NoiseModel) -> float:
-    """Logarithm of the correlation length along the line over that along the travel, in mm."""
-    y, x = noise.correlation_length_px()
-    return math.log(max(x * noise.pitch_x_mm, 1e-9) / max(y * noise.pitch_y_mm, 1e-9))
+def _misfit(values: Sequence[complex]) -> float:
+    """Largest distance from the mean."""
+    return float(np.abs(np.array(values) - np.mean(values)).max())
 
 
-def _heading(patches: Sequence[Patch]) -> float:
-    """Angle of the laser line on the part, from the part's x towards its y."""
-    along = patches[0].view.poses[0, :3, 0]
-    return math.atan2(along[1], along[0])
+def _stretch(noise: NoiseModel) -> complex:
+    """How noise is drawn out: its size is ln(longest / shortest correlation length).
+
+    Its phase is twice the direction, from the line towards the travel. Correlation lengths along
+    four directions θ follow ln L = c + Re(s e^(-2iθ)) / 2.
+    """
+    ly, lx = noise.lags
+    design, lengths = [], []
+    for down, right in ((0, 1), (1, 1), (1, 0), (1, -1)):
+        reach = min(ly if down else lx, lx if right else ly)
+        k = np.arange(-reach, reach + 1)
+        step = complex(right * noise.pitch_x_mm, down * noise.pitch_y_mm)
+        along = noise.acf[ly + k * down, lx + k * right]
+        lengths.append(math.log(abs(step) * float(np.clip(along, 0, None).sum())))
+        turned = (step / abs(step)) ** 2
+        design.append([1.0, 0.5 * turned.real, 0.5 * turned.imag])
+    _, real, imaginary = np.linalg.lstsq(np.array(design), np.array(lengths), rcond=None)[0]
+    return complex(real, imaginary)
+
+
+def _axes(patch: Patch) -> tuple[complex, complex]:
+    """Directions of laser line and travel on the part, from its x towards its y."""
+    poses = patch.view.poses
+    line, travel = poses[0, :2, 0], poses[-1, :2, 3] - poses[0, :2, 3]
+    return tuple(complex(*v) / max(abs(complex(*v)), 1e-9) for v in (line, travel))
 
 
 def finish_intervals(effect: Effect) -> dict[str, tuple[float, float, float]]:

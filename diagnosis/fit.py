@@ -64,7 +64,7 @@ def _grid(kind: type[Effect], ws: Workspace, states: Sequence[Whitened]) -> tupl
         count = min(ws.patches[0].shape[1], 64)
         return (effect.with_parameters(values_um=(0.0,) * count),)
     if effect.name == "form_error":
-        return (effect.with_parameters(coefficients_um=(0.0,) * 14),)
+        return tuple(effect.with_parameters(coefficients_um=(0.0,) * n) for n in (5, 14))
     longest = max(ws.patches, key=lambda p: p.shape[0])
     if effect.name in ("stage_vibration", "travel_ripple"):
         return _peaks(effect, ws, states)
@@ -118,7 +118,7 @@ def _fit_linear(
         fitted = solve_linear(point, ws, states, masks)
         if fitted is None:
             return None
-        gains.append((fitted.gain, point))
+        gains.append((fitted.gain - fitted.free, point))
     best = max(gains, key=lambda g: g[0])
     names = [p.name for p in best[1].searched(linear=False) if _moves(p.name, best[1])]
     result = solve_linear(best[1], ws, states, masks)

@@ -50,30 +50,19 @@ def mounting_error(
     if len(placements) < 2 or _spread_deg(commanded) < 15:
         return None
     errors = np.stack([_in_sensor(p, q) for p, q in zip(commanded, placements, strict=True)])
-    weights = np.stack(
-        [
-            np.linalg.inv(_uncertainty(p, q) + np.diag(travel_mm**2 * (np.arange(6) == 4)))
-            for p, q in zip(commanded, placements, strict=True)
-        ]
-    )
-    shared = np.linalg.inv(weights.sum(axis=0))
-    mean = shared @ np.einsum("kij,kj->i", weights, errors)
-    rest = errors - mean
-    dof = 6 * (len(errors) - 1)
-    scale = max(float(np.einsum("ki,kij,kj->", rest, weights, rest)) / dof, 1.0)
-    statistic = float(mean @ np.linalg.solve(shared, mean)) / 6 / scale
-    tail = float(stats.f.sf(statistic, 6, dof))
-    sd = np.sqrt(scale * np.diag(shared))
+    covariances = np.stack([_uncertainty(p, q) for p, q in zip(commanded, placements, strict=True)])
+    covariances[:, 4, 4] += travel_mm**2
+    mean, shared, dof = _agreed(errors, covariances)
+    tail = float(stats.f.sf(mean @ np.linalg.solve(shared, mean) / 6, 6, dof))
+    # how a part lies differs from time to time, in some directions more than in others
+    mean, shared, dof = _agreed(errors, covariances + np.diag(errors.var(axis=0, ddof=1)))
     reach = float(stats.t.ppf(0.975, dof))
-    certain = np.abs(mean) > reach * sd
-    large = np.abs(mean) > LEAST
-    if tail > LEVEL or not (large & certain).any():
+    sd = np.sqrt(np.diag(shared))
+    certain = _certain(shared * reach**2, mean)
+    if tail > LEVEL or not (np.abs(certain) > LEAST).any():
         return None
-    values = {n: float(v) for n, v, ok in zip(NAMES, mean, certain, strict=True) if ok}
     bounds = {p.name: (p.low, p.high) for p in PoseError.parameters()}
-    values = {n: float(np.clip(v, *bounds[n])) for n, v in values.items()}
-    if not values:
-        return None
+    values = {n: float(np.clip(v, *bounds[n])) for n, v in zip(NAMES, certain, strict=True) if v}
     effect = PoseError.none().with_parameters(values)
     return Mounting(
         effect=effect,
@@ -83,6 +72,40 @@ def mounting_error(
         },
         z=float(stats.norm.isf(max(tail, 1e-300))),
     )
+
+
+def _agreed(errors: Field, covariances: Field) -> tuple[Field, Field, int]:
+    """Mean (6,) of the errors, its covariance by their scatter, and its degrees of freedom."""
+    weights = np.linalg.inv(covariances)
+    shared = np.linalg.inv(weights.sum(axis=0))
+    mean = shared @ np.einsum("kij,kj->i", weights, errors)
+    rest = errors - mean
+    dof = 6 * (len(errors) - 1)
+    scale = max(float(np.einsum("ki,kij,kj->", rest, weights, rest)) / dof, 1.0)
+    return mean, scale * shared, dof
+
+
+def _certain(bounds: Field, mean: Field) -> Field:
+    """Return the mean (6,) with what isn't certain at zero, the rest solved anew for that.
+
+    Parameters
+    ----------
+    bounds : (6, 6), covariance of the mean, scaled so that its root is the interval's half width
+    """
+    weight = np.linalg.inv(bounds)
+    right = weight @ mean
+    kept = np.arange(mean.size)
+    while kept.size:
+        inverse = np.linalg.inv(weight[np.ix_(kept, kept)])
+        solved = inverse @ right[kept]
+        share = np.abs(solved) / np.sqrt(np.diag(inverse))
+        if share.min() > 1:
+            break
+        kept = np.delete(kept, share.argmin())
+    out = np.zeros(mean.size)
+    if kept.size:
+        out[kept] = solved
+    return out
 
 
 def _in_sensor(commanded: Field, placement: Placement) -> Field:

@@ -30,6 +30,7 @@ class RandomDropout(Effect):
         high=0.9,
         typical=0.01,
         null=0.0,
+        grid=(0.002, 0.01, 0.05),
     )
     patch_mm: float = parameter(
         "size of the patches in which they are missing; 0: single points",

@@ -52,6 +52,7 @@ class SpecularDropout(Effect):
         high=1.0,
         typical=0.9,
         null=0.0,
+        grid=(0.1, 0.9),
     )
     lobe_deg: float = parameter(
         "width m of the gloss lobe, as an angle of microfacets",
