@@ -37,24 +37,25 @@ class Columns:
 
     def offsets(self) -> tuple[Field, float]:
         """Offsets shrunk by their own noise, (k,) mm, and the nats they gain."""
-        true = self._variance()
+        true = likely_variance(self.gram, self.right)
         shrunk = np.linalg.solve(self.gram + np.eye(len(self.right)) / true, self.right)
         gain = float(shrunk @ self.right - 0.5 * shrunk @ self.gram @ shrunk)
         return shrunk, gain
 
-    def _variance(self) -> float:
-        """Most likely variance (mm²) of the offsets: along axis k, right ~ N(0, g + g² t)."""
-        values, vectors = np.linalg.eigh(self.gram)
-        kept = values > 1e-6 * values.max()
-        values, power = values[kept], (vectors.T @ self.right)[kept] ** 2 / values[kept]
 
-        def cost(log_variance: float) -> float:
-            grown = np.exp(log_variance) * values
-            return float((np.log1p(grown) - power * grown / (1 + grown)).sum())
+def likely_variance(gram: Field, right: Field) -> float:
+    """Most likely variance of coefficients: along an axis of `gram` g, right ~ N(0, g + g² t)."""
+    values, vectors = np.linalg.eigh(gram)
+    kept = values > 1e-6 * values.max()
+    values, power = values[kept], (vectors.T @ right)[kept] ** 2 / values[kept]
 
-        middle = -float(np.log(values.mean()))
-        found = minimize_scalar(cost, bounds=(middle - 7, middle + 14), method="bounded")
-        return float(np.exp(found.x))
+    def cost(log_variance: float) -> float:
+        grown = np.exp(log_variance) * values
+        return float((np.log1p(grown) - power * grown / (1 + grown)).sum())
+
+    middle = -float(np.log(values.mean()))
+    found = minimize_scalar(cost, bounds=(middle - 7, middle + 14), method="bounded")
+    return float(np.exp(found.x))
 
 
 def column_equations(

@@ -1,7 +1,7 @@
 """Explanation: selection, placing anew under what was chosen, and the word of held-out readings.
 
-What gains nothing on held-out readings is no explanation: it is dropped, and the selection goes on
-without that name.
+What gains nothing on held-out readings is no explanation: it is dropped with what was chosen after
+it, and the selection goes on without that name.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -20,11 +20,13 @@ from sensors.effects.base import Effect
 
 LEAST_GAIN = 5e-4
 """Nats per held-out reading below which an effect is of no use: 0.03 of the noise."""
+LEAST_SHARE = 0.03
+"""Share of the largest effect's gain below which another one mends what its law leaves."""
 LEAST_SHOWN = 0.05
 """Rms departure, in deviations, below which held-out readings can't speak of an effect."""
 LEAST_UNSHOWN = 0.1
 """The same on the fitted readings, below which their word alone isn't enough."""
-TRIALS = 3
+TRIALS = 4
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -47,7 +49,7 @@ class Explanation:
 
 
 def shows(effect: Effect, patches: Sequence[Patch], noise: NoiseModel) -> bool:
-    """Whether held-out readings can speak of an effect, or the fitted ones have shown it too little.
+    """Whether held-out readings can speak of an effect, or fitted ones have hardly shown it.
 
     What fades with time may be over before the held-out recording begins.
     """
@@ -106,7 +108,8 @@ def explain(
         model, kept = drop_idle(ws, refit_linear(ws, model), selection.choices, rng)
         held = [p for p in patches if p.scored.any()]
         gains, _ = heldout_gains(ws, model, held, share_own)
-        idle = {e.name for e in model.effects if gains[e.name] < LEAST_GAIN}
+        least = max(LEAST_GAIN, LEAST_SHARE * max(gains.values()))
+        idle = {e.name for e in model.effects if gains[e.name] < least}
         unseen = {e.name for e in model.effects if e.name in idle and not shows(e, patches, noise)}
         if unseen:
             notes.append(f"{', '.join(sorted(unseen))}: the held-out readings can't show it")
@@ -114,13 +117,20 @@ def explain(
         if not idle:
             selection = replace(selection, model=model, choices=kept)
             break
+        dropped = set(idle)
+        denied = [c.name for c in kept if gains[c.name] < LEAST_GAIN and c.name in idle]
+        if denied and trial < TRIALS - 1:
+            # what joined after an effect that doesn't hold may have mended its remainder
+            order = [c.name for c in kept]
+            dropped = set(order[order.index(denied[0]) :])
+            idle = {denied[0]}
         notes.append(f"{', '.join(sorted(idle))}: fitted, but of no use on held-out readings")
         banned |= idle
-        for name in idle:
+        for name in dropped:
             model = model.without(name)
         model = refit_linear(ws, model)
         selection = replace(
-            selection, model=model, choices=tuple(c for c in kept if c.name not in idle)
+            selection, model=model, choices=tuple(c for c in kept if c.name not in dropped)
         )
         if trial == TRIALS - 1:
             selection = replace(selection, last=screen(ws, model, rng, banned))

@@ -173,8 +173,9 @@ def _lay(
     mean = complex(np.mean(on_part))
     size, misfit = abs(mean), _misfit(on_part)
     tolerance = LAY_TOLERANCE + _plates_doubt(model)
-    alike, own = _misfit(on_sensor) < misfit + SENSORS_OWN * size, complex(np.mean(on_sensor))
-    if alike and abs(own.real) > abs(own.imag):
+    alike = _misfit(on_sensor) < misfit + SENSORS_OWN * size
+    drawn = complex(np.mean(on_sensor))
+    if alike and abs(drawn.real) > abs(drawn.imag):
         # along its own axes a sensor draws any rougher surface out; ridges do so by far
         if not rougher:
             return None
@@ -214,7 +215,8 @@ def _axes(patch: Patch) -> tuple[complex, complex]:
     """Directions of laser line and travel on the part, from its x towards its y."""
     poses = patch.view.poses
     line, travel = poses[0, :2, 0], poses[-1, :2, 3] - poses[0, :2, 3]
-    return tuple(complex(*v) / max(abs(complex(*v)), 1e-9) for v in (line, travel))
+    one, two = (complex(*v) / max(abs(complex(*v)), 1e-9) for v in (line, travel))
+    return one, two
 
 
 def finish_intervals(effect: Effect) -> dict[str, tuple[float, float, float]]:

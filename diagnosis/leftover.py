@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from diagnosis.families import Family, free_families, mean_signature
 from diagnosis.finding import Finding
@@ -98,7 +99,7 @@ def _gains(family: Family, fitted: Readings, held: Readings, ws: Workspace) -> F
     if solved is None or asked is None:
         return None
     fields = solved[0]
-    gram = np.asarray(sum((b.T @ b for b in fields.values())), dtype=np.float64)
+    gram = np.asarray(sum(b.T @ b for b in fields.values()), dtype=np.float64)
     right = np.asarray(sum(b.T @ first.of(r)[0] for r, b in fields.items()), dtype=np.float64)
     weak = (LARGEST_SD * ws.noise.sd_mm) ** -2 if family.effect is None else 1e-9 * np.trace(gram)
     beta = np.linalg.solve(gram + weak * np.eye(right.size), right)
@@ -111,8 +112,10 @@ def _gains(family: Family, fitted: Readings, held: Readings, ws: Workspace) -> F
     return np.concatenate(gains)
 
 
-def _numbers(readings: Readings, members: Iterable[int], block: tuple[int, int]) -> Field:
-    """Number of the block of each reading of one recording."""
+def _numbers(
+    readings: Readings, members: Iterable[int], block: tuple[int, int]
+) -> NDArray[np.int64]:
+    """Return the number of the block of each reading of one recording."""
     numbers, so_far = [], 0
     for k in members:
         own = block_numbers(readings.patches[k].shape, block) + so_far

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from diagnosis.columnwise import column_equations
+from diagnosis.columnwise import column_equations, likely_variance
 from diagnosis.noise import Field, Mask
 from diagnosis.score import CLIP, Whitened
 from diagnosis.workspace import Workspace
@@ -227,7 +227,10 @@ def _coefficients(
     if phase_is_own(effect):
         return {r: _solve(*normal) for r, normal in normals.items()}
     gram, right, raw = (np.asarray(sum(n[k] for n in normals.values())) for k in range(3))
-    if not effect.sinusoid:
+    if any(p.linear and p.kind == "list" for p in effect.parameters()):
+        # many alike: what the placement can imitate is no larger than the others
+        gram = gram + np.eye(right.size) / likely_variance(gram, right)
+    elif not effect.sinusoid:
         gram = gram + np.diag(_precision(effect))
     return dict.fromkeys(rows, _solve(gram, right, raw))
 

@@ -29,7 +29,7 @@ DRAWS = 48
 TOLERANCE = 0.07
 """A departure of the mean below this share of the noise is no mismatch, however significant.
 
-A calibrated instrument isn't better than that: of 120 sealed nulls one is 0.068 off, the others 0.055 at most.
+A calibrated instrument isn't better: of 120 sealed nulls one was 0.068 off.
 """
 ROW_TOLERANCE = 0.1
 """The same for single profiles."""

@@ -192,7 +192,7 @@ def block_sums(field: Field, block: tuple[int, int]) -> Field:
 
 
 def block_numbers(shape: tuple[int, int], block: tuple[int, int]) -> NDArray[np.int64]:
-    """Number of the block that each point of a grid is in, (n, m), in the order of `block_sums`."""
+    """Return the number of each point's block, (n, m), in the order of `block_sums`."""
     rows, columns = (np.arange(n) // b for n, b in zip(shape, block, strict=True))
     return np.asarray(rows[:, None] * (columns[-1] + 1) + columns[None, :])
 
