@@ -127,8 +127,8 @@ def strength(ws: Workspace, effect: dict[str, object]) -> float:
     for patch, plain, state in zip(ws.patches, base, raw, strict=True):
         other = predict(patch.view, (thing,), ws.noise, softness=patch.softness)
         both = plain.seen & other.seen
-        # where a level changes, one reading may be off by millimetres and still counts as one
-        most = CLIP * plain.sd_mm
+        # at an edge one reading may be off by millimetres and still counts as one
+        most = np.where(patch.edge, CLIP * plain.sd_mm, 0.3)
         change = np.where(both, np.nan_to_num(other.mean_mm) - np.nan_to_num(plain.mean_mm), 0.0)
         signals.append(
             replace(state, innovations=state.whiten(np.clip(change, -most, most)), kept={})

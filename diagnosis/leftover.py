@@ -18,6 +18,8 @@ from diagnosis.patch import Patch
 from diagnosis.screen import Readings
 from diagnosis.workspace import Model, Workspace, block_numbers, bootstrap_interval
 
+CERTAIN, BENT = 10.0, 0.4
+"""Strength, and size in units of the noise, of a departure that needs no second witness."""
 LARGEST_SD = 5.0
 """Departure, in units of the noise, to which free-form coefficients are shrunk."""
 
@@ -33,14 +35,19 @@ def held_findings(
 ) -> list[Finding]:
     """Return the findings without those in the mean that held-out readings deny.
 
-    What belongs to one recording, its rows or its time can't be asked and stays.
+    What belongs to one recording, its rows or its time can't be asked and stays. So does what the
+    fitted recordings show beyond all doubt: it may be each recording's own.
 
     Parameters
     ----------
     patches : all, those with readings held out among them
     least_gain : nats per held-out reading that a finding must gain
     """
-    asked = [f for f in findings if f.channel == "mean" and f.family is not None]
+    asked = [
+        f
+        for f in findings
+        if f.channel == "mean" and f.family is not None and not (f.z > CERTAIN and f.size > BENT)
+    ]
     if not asked:
         return list(findings)
     fitted = _readings([p for p in patches if p.fit.any()], ws, model, rng)

@@ -58,3 +58,12 @@ def test_what_the_part_s_faces_leave_open_is_none() -> None:
 def test_one_orientation_tells_nothing() -> None:
     poses = [commanded(t) for t in (0.0, 5.0, 10.0)]
     assert mounting_error(poses, [placed(p, np.array([0.1, 0, 0]), KNOWN) for p in poses]) is None
+
+
+def test_what_scatters_is_left_at_zero() -> None:
+    poses = [commanded(t) for t in TURNS_DEG]
+    shifts = [np.array([0.3, 0.0, z]) for z in (0.12, -0.03, 0.06)]
+    found = mounting_error(poses, [placed(p, s, KNOWN) for p, s in zip(poses, shifts, strict=True)])
+    assert found is not None
+    assert found.effect.z_mm == 0
+    assert np.isclose(found.effect.x_mm, 0.3, atol=0.02)
