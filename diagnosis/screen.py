@@ -344,7 +344,7 @@ def _size(family: Family, readings: Readings, beta: Field, statistic: float, dof
     for fields, patch, state, pick in zip(
         family.fields, readings.patches, readings.states, readings.picks, strict=True
     ):
-        if fields is None:
+        if fields is None or not pick.any():
             continue
         sd = state.sd_mm[pick]
         fitted = sum(b * f[pick] for b, f in zip(beta, fields, strict=True)) / sd
