@@ -47,6 +47,8 @@ def likely_variance(gram: Field, right: Field) -> float:
     """Most likely variance of coefficients: along an axis of `gram` g, right ~ N(0, g + g² t)."""
     values, vectors = np.linalg.eigh(gram)
     kept = values > 1e-6 * values.max()
+    if not kept.any():
+        return 1.0  # nothing was measured: any variance leaves the coefficients at zero
     values, power = values[kept], (vectors.T @ right)[kept] ** 2 / values[kept]
 
     def cost(log_variance: float) -> float:

@@ -100,6 +100,7 @@ def diagnose(
     """
     if not recordings:
         raise RecipeError("no recording to diagnose")
+    withheld = frozenset(withheld)
     check_names([*recordings, *holdout])
     scene = Scene(vertices_mm, faces)
     rng = np.random.default_rng(seed)
@@ -148,9 +149,8 @@ def diagnose(
     selection, model, ws = explanation.selection, explanation.model, explanation.ws
     held_patches = explanation.held
     last = held_findings(
-        selection.last.significant(), explanation.patches, ws, model, least_gain=LEAST_GAIN,
-        rng=rng,
-    )  # fmt: skip
+        selection.last.significant(), held_patches, ws, model, least_gain=LEAST_GAIN, rng=rng
+    )
     verdict, left = _verdict(selection, last)
     progress("judging on held-out readings")
     plain_noise = noise
@@ -160,7 +160,7 @@ def diagnose(
         # what is left of the mean would pass for noise
         claimed = nominal_sd_mm(nominal, surface, ws.patches[0].view)
         finishes, finish_findings = finish_effects(ws, model, noise, nominal, claimed)
-        finishes = [e for e in finishes if e.name not in set(withheld)]
+        finishes = [e for e in finishes if e.name not in withheld]
         if not finishes:
             strange += finish_findings
         else:
@@ -174,7 +174,7 @@ def diagnose(
             if len(finishes) > 1:
                 gains["roughness_level"] = min(plain - level, plain - whole)
             beside += [plainly_found(e, gains[e.name], finish_intervals(e)) for e in finishes]
-    if "pose_error" not in set(withheld):
+    if "pose_error" not in withheld:
         # what the model takes for physics is no misplacement
         moved = ws.placements(model)
         mounting = mounting_error(
@@ -199,7 +199,7 @@ def diagnose(
     if any(f.name == "empirical" and f.heldout_gain < LEAST_GAIN for f in found):
         model = model.without("empirical")
         found, after = found_effects(ws, model, selection.choices, held_patches, not single)
-    found, beside = averaged_grain(found, beside)
+    found, beside = averaged_grain(found, beside, withheld)
     found = tuple(sorted([*found, *beside], key=lambda f: -f.heldout_gain))
     progress("drawing maps")
     final, shifts = settled(explanation.patches, noise, model, not single)

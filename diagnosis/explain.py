@@ -66,6 +66,8 @@ def left_by_placement(
     """Rms of what an effect does to the mean beyond a placement, in units of the noise."""
     squares, count = 0.0, 0
     for patch, mask in zip(patches, masks, strict=True):
+        if not mask.any():
+            continue
         plain, with_it = (predict(patch.view, e, noise) for e in ((), (effect,)))
         pick = mask & plain.seen & with_it.seen & ~patch.edge
         change = ((with_it.mean_mm - plain.mean_mm) / plain.sd_mm)[pick]
@@ -118,10 +120,10 @@ def explain(
             selection = replace(selection, model=model, choices=kept)
             break
         dropped = set(idle)
-        denied = [c.name for c in kept if gains[c.name] < LEAST_GAIN and c.name in idle]
+        order = [c.name for c in kept]
+        denied = [name for name in order if name in idle and gains[name] < LEAST_GAIN]
         if denied and trial < TRIALS - 1:
             # what joined after an effect that doesn't hold may have mended its remainder
-            order = [c.name for c in kept]
             dropped = set(order[order.index(denied[0]) :])
             idle = {denied[0]}
         notes.append(f"{', '.join(sorted(idle))}: fitted, but of no use on held-out readings")

@@ -7,7 +7,7 @@ out on the part.
 
 import cmath
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -36,6 +36,10 @@ LAY_TOLERANCE = math.log(1.3)
 """Least stretch of the noise on the part; sealed nulls have 0.07 at most."""
 SENSORS_OWN = 0.5
 SQUARE_RAD = math.radians(25)
+AVERAGED = (
+    " Light from within a translucent material averages speckle, too: to tell them apart, spray the"
+    " part matt and record again."
+)
 BRIGHT = 0.6
 """Share of the readings hit squarely that are darker than those whose noise is compared."""
 
@@ -233,18 +237,28 @@ def finish_intervals(effect: Effect) -> dict[str, tuple[float, float, float]]:
 
 
 def averaged_grain(
-    found: Sequence[FoundEffect], beside: Sequence[FoundEffect]
+    found: Sequence[FoundEffect], beside: Sequence[FoundEffect], withheld: Collection[str]
 ) -> tuple[tuple[FoundEffect, ...], list[FoundEffect]]:
     """Give a translucent material the fall of its noise: light from many depths averages speckle.
 
-    Returns both lists, without a `roughness_level` that this accounts for.
+    Returns both lists, without a `roughness_level` that this accounts for; one that may be such
+    a fall by itself has the material as its rival.
     """
     volume = next((f for f in found if isinstance(f.effect, VolumeScattering)), None)
     level = next((f for f in beside if isinstance(f.effect, RoughnessLevel)), None)
-    if volume is None or level is None:
+    if level is None:
         return tuple(found), list(beside)
     assert isinstance(level.effect, RoughnessLevel)
     grain = level.effect.amplitude
+    if volume is None:
+        if grain >= 1 or VolumeScattering.name in withheld:
+            return tuple(found), list(beside)
+        either = replace(
+            level,
+            statement=level.statement + AVERAGED,
+            alternatives=((VolumeScattering.name, level.heldout_gain),),
+        )
+        return tuple(found), [either if f is level else f for f in beside]
     low, high = (volume.effect.parameter("grain").low, volume.effect.parameter("grain").high)
     if not low <= grain <= high:
         return tuple(found), list(beside)

@@ -112,19 +112,18 @@ def _fit_linear(
     masks: Sequence[Mask],
     polish: bool,
 ) -> Fitted | None:
-    best: tuple[float, Effect] | None = None
-    gains: list[tuple[float, Effect]] = []
+    solved: list[tuple[Fitted, Effect]] = []
     for point in points:
         fitted = solve_linear(point, ws, states, masks)
         if fitted is None:
             return None
-        gains.append((fitted.gain - fitted.free, point))
-    best = max(gains, key=lambda g: g[0])
-    names = [p.name for p in best[1].searched(linear=False) if _moves(p.name, best[1])]
-    result = solve_linear(best[1], ws, states, masks)
-    if result is None or not polish or not names:
-        return result
-    return _polish_linear(best[1], names, ws, states, masks, result)
+        solved.append((fitted, point))
+    # a point with more numbers must gain what they cost
+    best, point = max(solved, key=lambda s: s[0].gain - s[0].free)
+    names = [p.name for p in point.searched(linear=False) if _moves(p.name, point)]
+    if not polish or not names:
+        return best
+    return _polish_linear(point, names, ws, states, masks, best)
 
 
 def _moves(name: str, effect: Effect) -> bool:

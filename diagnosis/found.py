@@ -19,7 +19,6 @@ from diagnosis.workspace import Model, Workspace
 from sensors.covariates import COVARIATES
 from sensors.datasheet import Datasheet
 from sensors.effects.base import Effect
-from sensors.effects.roughness_level import RoughnessLevel
 from sensors.laser import Laser
 from sensors.recording import Recording
 from sensors.scene import Scene
@@ -111,29 +110,18 @@ def heldout_gains(
 def plainly_found(
     effect: Effect, gain: float, parameters: dict[str, tuple[float, float, float]]
 ) -> FoundEffect:
-    """Report an effect that was measured by itself.
-
-    Noise that is too small has two causes that only another material tells apart.
-    """
+    """Report an effect that was measured by itself."""
     covariate = COVARIATES[effect.covariate]
-    statement = effect.describe()
-    rivals: tuple[tuple[str, float], ...] = ()
-    if isinstance(effect, RoughnessLevel) and effect.amplitude < 1:
-        rivals = (("volume_scattering", gain),)
-        statement += (
-            " Light from within a translucent material averages speckle, too: to tell them apart, "
-            "spray the part matt and record again."
-        )
     return FoundEffect(
         name=effect.name,
         effect=effect,
-        statement=statement,
+        statement=effect.describe(),
         parameters=parameters,
         heldout_gain=gain,
         covariate=covariate.words,
         covariate_key=covariate.name,
         frame=effect.frame,
-        alternatives=rivals,
+        alternatives=(),
         separating=effect.separating,
     )
 

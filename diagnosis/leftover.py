@@ -5,18 +5,18 @@ solved on the readings that were fitted, beyond the placement, and asked of the 
 whitened residual and p what is predicted for it, the gain is the sum of p u - p²/2.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from diagnosis.families import Family, free_families, mean_signature
 from diagnosis.finding import Finding
 from diagnosis.noise import Field
 from diagnosis.patch import Patch
+from diagnosis.prediction import Prediction
 from diagnosis.screen import Readings
-from diagnosis.workspace import Model, Workspace, block_numbers, bootstrap_interval
+from diagnosis.workspace import Model, Workspace, block_sums, bootstrap_interval
 
 CERTAIN, BENT = 10.0, 0.4
 """Strength, and size in units of the noise, of a departure that needs no second witness."""
@@ -26,7 +26,7 @@ LARGEST_SD = 5.0
 
 def held_findings(
     findings: Sequence[Finding],
-    patches: Sequence[Patch],
+    held: Sequence[Patch],
     ws: Workspace,
     model: Model,
     *,
@@ -40,7 +40,8 @@ def held_findings(
 
     Parameters
     ----------
-    patches : all, those with readings held out among them
+    held : patches with readings that nothing was fitted to
+    ws : of the patches that were fitted
     least_gain : nats per held-out reading that a finding must gain
     """
     asked = [
@@ -50,37 +51,43 @@ def held_findings(
     ]
     if not asked:
         return list(findings)
-    fitted = _readings([p for p in patches if p.fit.any()], ws, model, rng)
-    held = _readings([replace(p, fit=p.scored, kept={}) for p in patches if p.scored.any()],
-                     ws, model, rng)  # fmt: skip
-    both = [*fitted.patches, *held.patches]
+    judging = [replace(p, fit=p.scored, kept={}) for p in held]
+    both = [*ws.patches, *judging]
+    base = replace(ws, patches=tuple(both)).predict(model)
+    count = len(ws.patches)
+    fitted = _readings(ws.patches, base[:count], ws, rng)
+    readings = _readings(judging, base[count:], ws, rng)
+    sides = {True: (fitted, readings)}
+    sides[False] = (fitted.away_from_edges(), readings.away_from_edges())
     free = {f.name: f for f in free_families(both)}
+    least = least_gain * sum(int(k.sum()) for k in readings.picks)
     denied = set()
     for finding in asked:
-        family = _on(finding, free, both, ws, model)
-        if family is None:
-            continue
-        blocks = _gains(family, fitted, held, ws)
+        family = _on(finding, free, both, base, ws, model)
+        blocks = None if family is None else _gains(family, *sides[family.at_edges], ws)
         if blocks is None:
             continue
         low, _ = bootstrap_interval(blocks, rng)
-        count = sum(int(k.sum()) for k in held.picks)
-        if low <= 0 or float(blocks.sum()) < least_gain * count:
+        if low <= 0 or float(blocks.sum()) < least:
             denied.add(id(finding))
     return [f for f in findings if id(f) not in denied]
 
 
 def _readings(
-    patches: Sequence[Patch], ws: Workspace, model: Model, rng: np.random.Generator
+    patches: Sequence[Patch],
+    predictions: Sequence[Prediction],
+    ws: Workspace,
+    rng: np.random.Generator,
 ) -> Readings:
-    own = replace(ws, patches=tuple(patches))
-    return Readings.build(patches, own.states(own.predict(model)), ws.noise, rng, 0)
+    states = replace(ws, patches=tuple(patches)).states(predictions)
+    return Readings.build(patches, states, ws.noise, rng, 0)
 
 
 def _on(
     finding: Finding,
     free: dict[str, Family],
     patches: Sequence[Patch],
+    base: Sequence[Prediction],
     ws: Workspace,
     model: Model,
 ) -> Family | None:
@@ -90,7 +97,6 @@ def _on(
     if effect is None:
         family = free.get(finding.name)
         return None if family is None or any(f is None for f in family.fields) else family
-    base = replace(ws, patches=tuple(patches)).predict(model)
     fields = mean_signature(effect, patches, base, ws.noise, model.effects)
     return None if fields is None else replace(finding.family, fields=tuple(fields))
 
@@ -98,34 +104,22 @@ def _on(
 def _gains(family: Family, fitted: Readings, held: Readings, ws: Workspace) -> Field | None:
     """Nats that each block of the readings held out gains by what the others say."""
     count = len(fitted.patches)
-    first, second = (
-        r if family.at_edges else r.away_from_edges() for r in (fitted, held)
-    )
-    solved = first.projected(replace(family, fields=family.fields[:count]))
-    asked = second.projected(replace(family, fields=family.fields[count:]))
+    solved = fitted.projected(replace(family, fields=family.fields[:count]))
+    asked = held.projected(replace(family, fields=family.fields[count:]))
     if solved is None or asked is None:
         return None
     fields = solved[0]
     gram = np.asarray(sum(b.T @ b for b in fields.values()), dtype=np.float64)
-    right = np.asarray(sum(b.T @ first.of(r)[0] for r, b in fields.items()), dtype=np.float64)
+    right = np.asarray(sum(b.T @ fitted.of(r)[0] for r, b in fields.items()), dtype=np.float64)
     weak = (LARGEST_SD * ws.noise.sd_mm) ** -2 if family.effect is None else 1e-9 * np.trace(gram)
     beta = np.linalg.solve(gram + weak * np.eye(right.size), right)
-    gains = []
+    sums = []
     for recording, block in asked[0].items():
         predicted = block @ beta
-        gain = predicted * second.of(recording)[0] - 0.5 * predicted**2
-        numbers = _numbers(second, second.own[recording], ws.block)
-        gains.append(np.bincount(numbers, gain))
-    return np.concatenate(gains)
-
-
-def _numbers(
-    readings: Readings, members: Iterable[int], block: tuple[int, int]
-) -> NDArray[np.int64]:
-    """Return the number of the block of each reading of one recording."""
-    numbers, so_far = [], 0
-    for k in members:
-        own = block_numbers(readings.patches[k].shape, block) + so_far
-        numbers.append(own[readings.picks[k]])
-        so_far = int(own.max()) + 1
-    return np.concatenate(numbers)
+        gain = predicted * held.of(recording)[0] - 0.5 * predicted**2
+        for k in held.own[recording]:
+            own, gain = np.split(gain, [int(held.picks[k].sum())])
+            grid = np.zeros(held.patches[k].shape)
+            grid[held.picks[k]] = own
+            sums.append(block_sums(grid, ws.block))
+    return np.concatenate(sums)

@@ -237,12 +237,9 @@ def _coefficients(
 
 def _precision(effect: Effect) -> Field:
     """Inverse variance of each coefficient before anything is measured: half its bounds."""
-    scales: list[float] = []
-    for p in effect.parameters():
-        if p.linear:
-            count = len(getattr(effect, p.name)) if p.kind == "list" else 1
-            scales += [0.5 * max(abs(p.low), abs(p.high))] * count
-    return 1.0 / np.square(scales)
+    return np.array(
+        [(0.5 * max(abs(p.low), abs(p.high))) ** -2 for p in effect.parameters() if p.linear]
+    )
 
 
 def _with(

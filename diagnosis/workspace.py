@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from diagnosis.edges import EDGE_COVARIATES
 from diagnosis.noise import Field, Mask, NoiseModel
@@ -189,12 +188,6 @@ def block_sums(field: Field, block: tuple[int, int]) -> Field:
     """Sum over blocks of a grid, (blocks,)."""
     rows = np.add.reduceat(field, np.arange(0, field.shape[0], block[0]), axis=0)
     return np.asarray(np.add.reduceat(rows, np.arange(0, field.shape[1], block[1]), axis=1).ravel())
-
-
-def block_numbers(shape: tuple[int, int], block: tuple[int, int]) -> NDArray[np.int64]:
-    """Return the number of each point's block, (n, m), in the order of `block_sums`."""
-    rows, columns = (np.arange(n) // b for n, b in zip(shape, block, strict=True))
-    return np.asarray(rows[:, None] * (columns[-1] + 1) + columns[None, :])
 
 
 def bootstrap_interval(

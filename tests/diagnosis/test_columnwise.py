@@ -21,3 +21,7 @@ def test_nothing_is_nothing() -> None:
     rng = np.random.default_rng(3)
     gram = 1e6 * np.eye(400)
     assert likely_variance(gram, 1e3 * rng.standard_normal(400)) < 0.2e-6
+
+
+def test_what_was_not_measured_has_a_finite_variance() -> None:
+    assert np.isfinite(likely_variance(np.zeros((5, 5)), np.zeros(5)))

@@ -10,6 +10,7 @@ from benchmarks.relief import SPECKLE, datasheet, poses, record, solid
 from diagnosis.diagnose import diagnose
 from diagnosis.finish import _stretch
 from diagnosis.noise import calibrate
+from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.recording import Recording
 
 
@@ -56,7 +57,8 @@ def test_a_lay_between_the_axes_keeps_its_angle_on_the_part() -> None:
         plate.vertices_mm, plate.faces, sheet, references=[scan(7, 0.0, []), scan(8, 90.0, [])],
     )  # fmt: skip
     found = next(e for e in result.effects if e.name == "anisotropic_lay")
-    off = (found.effect.angle_deg - 50.0 + 90) % 180 - 90  # type: ignore[attr-defined]
+    assert isinstance(found.effect, AnisotropicLay)
+    off = (found.effect.angle_deg - 50.0 + 90) % 180 - 90
     assert abs(off) < 15
     # seen from above, the travel is mirrored: the angle on the part isn't the one in the scan
     line, travel = poses(3)[0, :2, 0], poses(3)[0, :2, 1]
