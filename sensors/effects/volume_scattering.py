@@ -24,7 +24,9 @@ class VolumeScattering(Effect):
         q = (l + (cos β - cos βt) N) / n,   sin βt = sin β / n
 
     with l the laser's direction and N the outward normal. What lies off the laser's plane the
-    camera reads deeper or less deep: slopes along the travel sink by different amounts.
+    camera reads deeper or less deep: slopes along the travel sink by different amounts. What lies
+    aside in that plane is seen by another column: a slope p_x along the line is read where light
+    came in beside it, e = q_x - q_z tan a off the column's line at the angle a.
     """
 
     name: ClassVar = "volume_scattering"
@@ -32,7 +34,10 @@ class VolumeScattering(Effect):
         "Plastics, wax or ceramics let the light in: readings lie below the surface, by an amount"
         " that depends on angle and wall thickness."
     )
-    equation: ClassVar = "d (1 - exp(-t/d)) (q_z + q_y z / b), q = (l + (cos β - cos βt) N) / n"
+    equation: ClassVar = (
+        "d (1 - exp(-t/d)) (q_z + q_y z / b - e p_x / (1 - p_x tan a)), "
+        "q = (l + (cos β - cos βt) N) / n, e = q_x - q_z tan a"
+    )
     source: ClassVar = (
         "Exponential free path in a slab of thickness t behind the point, Snell's law on the way "
         "in, apparent depth (paraxial) on the way out, triangulated by a camera at b; 10 to 300 µm "
@@ -92,7 +97,24 @@ class VolumeScattering(Effect):
         cosine = view.cos_incidence
         bent = cosine - np.sqrt(1.0 - (1.0 - np.square(cosine)) / self.index**2)
         sunk = view.ray[:, 2] + bent * view.normal[..., 2]
+        # the ray itself keeps to its column
+        beside = bent * (view.normal[..., 0] - view.laser.slope_x * view.normal[..., 2])
+        sunk = sunk - beside * _slope_between_columns(view)
         if view.datasheet.triangulation_angle_deg is not None:
             aside = view.ray[:, 1] + bent * view.normal[..., 1]
             sunk = sunk + aside * view.depth_mm / view.datasheet.camera_offset_mm
         return np.asarray(filled * sunk / self.index)
+
+
+def _slope_between_columns(view: View) -> Floats:
+    """Return the change of depth with the way off a column's line, (n, m), sensor frame.
+
+    The smallest of the facet's and those to the neighbours, none where they differ in sign: light
+    comes in on the facet that is hit only where that is wider than a pixel.
+    """
+    slope, line, depth = view.slope_x, view.laser.slope_x, view.depth_mm
+    pitch = np.diff(view.laser.x_mm) + np.diff(line) * 0.5 * (depth[:, 1:] + depth[:, :-1])
+    between = np.pad(np.diff(depth, axis=1) / pitch, ((0, 0), (1, 1)), constant_values=np.nan)
+    three = (slope / (1.0 - slope * line), between[:, 1:], between[:, :-1])
+    least, most = np.fmin.reduce(three), np.fmax.reduce(three)
+    return np.asarray(np.where(least > 0, least, np.minimum(most, 0.0)))

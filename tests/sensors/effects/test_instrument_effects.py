@@ -272,6 +272,27 @@ def test_sunken_light_is_triangulated_as_snell_bends_it(view_of, tilt_deg):
     assert np.allclose(sunk[:, middle], 0.080 * read, rtol=5e-3)
 
 
+@pytest.mark.parametrize("columns", ["even_x", "even_angle"])
+@pytest.mark.parametrize("tilt_deg", [-40.0, -15.0, 15.0, 40.0])
+def test_a_column_reads_light_that_came_in_beside_it(view_of, tilt_deg, columns):
+    view = view_of("plate", solid={"tilt_x_deg": tilt_deg}, sheet={"columns": columns})
+    way, index = 0.080, 1.5
+    sunk = VolumeScattering(depth_um=1e3 * way, index=index).signature(view)[0]
+    # shift every ray's own image, then find what the columns see of the shifted plane
+    normal, ray = view.normal[0], view.ray
+    cosine = -np.sum(normal * ray, axis=1)
+    inside = np.sqrt(1 - (1 - cosine**2) / index**2)
+    image = view.sensor_mm[0] + way * (ray + (cosine - inside)[:, None] * normal) / index
+    base = view.datasheet.camera_offset_mm
+    read = image[:, 2] + image[:, 1] * image[:, 2] / base
+    fan = columns == "even_angle"
+    column = image[:, 0] / image[:, 2] if fan else image[:, 0]
+    seen = np.interp(view.laser.slope_x if fan else view.laser.x_mm, column, read)
+    middle = slice(20, -20)
+    assert np.allclose(seen[middle] - view.depth_mm[0][middle], sunk[middle], atol=3e-4)
+    assert np.abs(sunk[middle]).max() > 0.05
+
+
 def test_thick_basis_is_the_effect(view_of):
     view = view_of("plate")
     effect = VolumeScattering(depth_um=80.0)
