@@ -9,12 +9,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.edges import EDGE_COVARIATES
 from diagnosis.found import heldout_gains
 from diagnosis.linear import phase_is_own
 from diagnosis.noise import Mask, NoiseModel
 from diagnosis.patch import Patch
 from diagnosis.prediction import predict
-from diagnosis.select import Progress, Selection, drop_idle, refit_linear, screen, select
+from diagnosis.select import (
+    SEARCHED_READINGS,
+    Progress,
+    Selection,
+    drop_idle,
+    refit,
+    refit_linear,
+    screen,
+    select,
+)
 from diagnosis.workspace import Model, Workspace
 from sensors.effects.base import Effect
 
@@ -107,6 +117,9 @@ def explain(
         progress("registering again under the model")
         patches = place_again(model, patches)
         ws = Workspace.build([p for p in patches if p.fit.any()], noise)
+        if any(e.covariate in EDGE_COVARIATES for e in model.effects):
+            # where edges are and what they do were settled by turns
+            model = refit(ws.thin(SEARCHED_READINGS), model)
         model, kept = drop_idle(ws, refit_linear(ws, model), selection.choices, rng)
         held = [p for p in patches if p.scored.any()]
         gains, _ = heldout_gains(ws, model, held, share_own)

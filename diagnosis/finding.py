@@ -9,6 +9,8 @@ from diagnosis.families import Family
 from diagnosis.noise import Field
 
 LEVEL = 1e-3
+SUSPECT = 0.6
+"""Share of its tolerance from which a departure at edges or of the noise is worth a fit."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -54,6 +56,20 @@ class Screening:
     def significant(self) -> list[Finding]:
         """Return the findings beyond chance and tolerance."""
         return [f for f in self.findings if f.z > self.threshold and f.matters]
+
+    def suspect(self) -> list[Finding]:
+        """Return findings beyond chance that a maker's approximate law may account for, or not.
+
+        Edges and the noise have wide tolerances: what such a law leaves is a fault of its own,
+        unless an effect gains far more than mending that would.
+        """
+        return [
+            f
+            for f in self.findings
+            if f.z > self.threshold
+            and f.size > SUSPECT * f.tolerance
+            and (f.channel == "variance" or (f.family is not None and f.family.at_edges))
+        ]
 
 
 def as_deviate(chi_square: Field, dof: float) -> Field:

@@ -7,6 +7,7 @@ Pereyra 1973). What acts on variance, tails or missing returns is searched on th
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import minimize
@@ -17,10 +18,16 @@ from diagnosis.prediction import Prediction, starting
 from diagnosis.rowwise import row_powers
 from diagnosis.score import Whitened
 from diagnosis.workspace import Model, Workspace
+from sensors.creases import concave_creases, filled_mm
 from sensors.effects.base import Effect
+from sensors.effects.form_error import FormError
 from sensors.typed_yaml import RecipeError
 
 MAX_GRID = 600
+RADII_MM = (0.4, 0.8, 1.6, 3.2, 6.4)
+FINER = (0.65, 0.75, 0.87, 1.15, 1.33, 1.5)
+CORNER_COSTS = 5.0
+"""Nats that a fillet in a corner must gain."""
 SEARCHES = 45
 PEAKS = 4
 LEAST_CYCLES = 1.2
@@ -54,8 +61,47 @@ def fit_effect(
     if not points:
         return None
     if linear_count(points[0], ws) > 0:
-        return _fit_linear(points, ws, model, states, masks, polish)
-    return _fit_searched(points, ws, model, masks, polish)
+        found = _fit_linear(points, ws, model, states, masks, polish)
+    else:
+        found = _fit_searched(points, ws, model, masks, polish)
+    if kind is FormError and start is None:
+        filled = _fit_fillets(ws, model, masks, polish)
+        both = [f for f in (found, filled) if f is not None]
+        found = max(both, key=lambda f: f.gain - f.free, default=None)
+    return found
+
+
+def _fit_fillets(
+    ws: Workspace, model: Model, masks: Sequence[Mask], polish: bool
+) -> Fitted | None:
+    """Fit one radius to the concave corners that are the better for it.
+
+    Their readings are apart: what one radius gains is told for each corner by itself.
+    """
+    corners = len(concave_creases(ws.patches[0].view.scene).turn_rad)
+    if corners == 0:
+        return None
+    still = ws.placements(model)
+    base = ws.log_densities(model, placements=still)
+
+    def fit(radius_mm: float) -> tuple[Fitted, float]:
+        everywhere = FormError(coefficients_um=(), fillet_mm=radius_mm)
+        densities = ws.log_densities(model.with_effect(everywhere), placements=still)
+        gains = np.zeros(corners + 1)
+        for patch, mask, after, before in zip(ws.patches, masks, densities, base, strict=True):
+            _, crease = filled_mm(patch.view, radius_mm)
+            gains += np.bincount(crease[mask] + 1, (after - before)[mask], minlength=corners + 1)
+        better = np.flatnonzero(gains[1:] > CORNER_COSTS)
+        which = () if better.size == corners else tuple(float(c) for c in better)
+        effect = replace(everywhere, fillet_mm=radius_mm if better.size else 0.0, corners=which)
+        gain = float(gains[1:][better].sum())
+        return Fitted(effect=effect, own={}, gain=gain, free=1 + better.size), radius_mm
+
+    tried = [fit(r) for r in RADII_MM]
+    best, middle = max(tried, key=lambda t: t[0].gain - t[0].free)
+    if polish and not best.effect.is_null:
+        tried += [fit(middle * s) for s in FINER]
+    return max((f for f, _ in tried), key=lambda f: f.gain - f.free)
 
 
 def _grid(kind: type[Effect], ws: Workspace, states: Sequence[Whitened]) -> tuple[Effect, ...]:

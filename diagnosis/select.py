@@ -29,6 +29,8 @@ IDLE = 8.0
 """Nats below which a further effect isn't worth its name."""
 LEAST_SHARE = 0.015
 """A further effect that gains less than this share of those before mends their remainder."""
+SUSPECT_GAIN = 0.01
+"""Nats per reading that an effect must gain where findings are within their tolerance."""
 SEARCHED_READINGS = 80_000
 SCREENED_READINGS = 180_000
 NOT_SEARCHED = {"pose_error", "empirical", "roughness_level", "anisotropic_lay"}
@@ -105,10 +107,16 @@ def select(
         model, choices, first = start.model, list(start.choices), start.first
         last = screen(ws.thin(SCREENED_READINGS), model, rng, withheld)
     few = ws.thin(SEARCHED_READINGS)
-    while len(choices) < MOST and last.significant():
-        progress(f"explaining: {last.significant()[0].name}")
-        step = _best(few, model, last.significant(), rng, withheld)
-        if step is None or step[1].gain < LEAST_SHARE * sum(c.gain for c in choices):
+    while len(choices) < MOST:
+        step = None
+        for findings, each in ((last.significant(), 0.0), (last.suspect(), SUSPECT_GAIN)):
+            if findings and step is None:
+                progress(f"explaining: {findings[0].name}")
+                step = _best(few, model, findings, rng, withheld)
+                least = max(LEAST_SHARE * sum(c.gain for c in choices), each * few.count())
+                if step is not None and step[1].gain < least:
+                    step = None
+        if step is None:
             break
         model, choice = step
         choices.append(choice)
@@ -162,9 +170,15 @@ def _best(
             continue
         trial = ws.levelled(model.with_effect(fitted.effect, fitted.own))
         candidates[name] = (trial, crossfitted(ws, model, CATALOGUE[name], fitted, base))
-    if not candidates:
+    # what gains most may owe that to few blocks and lose in others
+    sure = [
+        name
+        for name, (_, blocks) in candidates.items()
+        if float(blocks.sum()) >= 4 and bootstrap_interval(blocks, rng)[0] > 0
+    ]
+    if not sure:
         return None
-    order = sorted(candidates, key=lambda n: -float(candidates[n][1].sum()))
+    order = sorted(sure, key=lambda n: -float(candidates[n][1].sum()))
     best = order[0]
     # a flexible shape gives way to a specific effect that does nearly as well
     if best in LAST_RESORT:
@@ -174,10 +188,7 @@ def _best(
                 best = name
                 break
     trial, blocks = candidates[best]
-    low, _ = bootstrap_interval(blocks, rng)
     gain = float(blocks.sum())
-    if low <= 0 or gain < 4:
-        return None
     rivals = []
     for name in order:
         if name == best:

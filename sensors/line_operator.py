@@ -43,6 +43,7 @@ class Line:
     depth_mm : the reading; NaN where no light reaches the camera
     spot_mm : plain mean over the sub-lines of the centre's peak: no camera, no brightness
     even_mm : the same with κ η cot θ, which differs where the line is cut
+    spread_mm : standard deviation of the depths that `depth_mm` is the mean of
     light : share of the line's light that reaches the camera, 0 to 1
     whole : where every sub-line is seen and belongs to one peak
     """
@@ -50,6 +51,7 @@ class Line:
     depth_mm: Floats
     spot_mm: Floats
     even_mm: Floats
+    spread_mm: Floats
     light: Floats
     whole: NDArray[np.bool_]
 
@@ -165,7 +167,7 @@ def _read_rows(
 ) -> Line:
     n, _ = view.shape
     middle = offsets.mean(axis=1)
-    sums = np.zeros((8, *view.shape))
+    sums = np.zeros((10, *view.shape))
     whole = view.valid.copy()
     one = np.ones((1, 1))
     for side in (middle >= 0, middle < 0):
@@ -208,7 +210,7 @@ def _add(
     weight: Floats,
     bright: Floats,
 ) -> None:
-    """Add one sub-line to the sums: own light, own depth, far light, far depth, ..."""
+    """Add one sub-line to the sums that `_located` names."""
     n, m = depth.shape
     for i in range(n):
         steepest = STEEPEST * gap[i]
@@ -233,24 +235,32 @@ def _add(
             if not light > 0.0:
                 continue
             k = 0 if here else 2
+            read = z * (1.0 + lean[i])
             sums[k, i, j] += light
-            sums[k + 1, i, j] += light * z * (1.0 + lean[i])
+            sums[k + 1, i, j] += light * read
+            sums[8 + k // 2, i, j] += light * read * read
 
 
 def _located(sums: Floats, whole: NDArray[np.bool_], merge_mm: float | None) -> Line:
-    own_light, own_sum, far_light, far_sum, spot_light, spot_sum, even_sum, total = sums
+    own_light, own_sum, far_light, far_sum, spot_light, spot_sum, even_sum, total = sums[:8]
+    own_square, far_square = sums[8:]
     with np.errstate(divide="ignore", invalid="ignore"):
         own = own_sum / own_light
         spot, even = spot_sum / spot_light, even_sum / spot_light
         light = own_light / total
-        depth = own
+        depth, square = own, own_square / own_light
         if merge_mm is not None:
             far = far_sum / far_light
             both = (own_sum + far_sum) / (own_light + far_light)
-            brighter = np.where(far_light > own_light, far, own)
-            depth = np.where(np.abs(own - far) <= merge_mm, both, brighter)
+            squares = far_square / far_light, (own_square + far_square) / (own_light + far_light)
+            merged, farther = np.abs(own - far) <= merge_mm, far_light > own_light
+            depth = np.where(merged, both, np.where(farther, far, own))
+            square = np.where(merged, squares[1], np.where(farther, squares[0], square))
             light = (own_light + far_light) / total
-    return Line(depth_mm=depth, spot_mm=spot, even_mm=even, light=light, whole=whole)
+        spread = np.sqrt(np.maximum(square - depth**2, 0.0))
+    return Line(
+        depth_mm=depth, spot_mm=spot, even_mm=even, spread_mm=spread, light=light, whole=whole
+    )
 
 
 def _intensity_rows(view: View, part: slice) -> IntensityAt | None:

@@ -1,14 +1,16 @@
-"""The part itself departs smoothly from its CAD model."""
+"""The part itself departs from its CAD model: smoothly, or by fillets in concave corners."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sensors.creases import filled_mm
 from sensors.effects.base import AdditiveEffect
 from sensors.effects.parameter import parameter
+from sensors.law import Law
 from sensors.view import View
 
 Floats = NDArray[np.float64]
@@ -25,22 +27,25 @@ def orders(count: int) -> list[tuple[int, int]]:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FormError(AdditiveEffect):
-    """Low orders of a cosine series over the part's two longest sides, along the normal."""
+    """Low orders of a cosine series over the part's two longest sides, along the normal.
+
+    Beside them, or without them, a radius in every concave corner that the model has sharp.
+    """
 
     name: ClassVar = "form_error"
     summary: ClassVar = (
-        "The part is warped: its surface departs smoothly from the model and takes that along "
-        "when it moves."
+        "The part is warped, or its concave corners are rounded: its surface departs from the "
+        "model and takes that along when it moves."
     )
-    equation: ClassVar = "h = Σ c_ij cos(iπu) cos(jπv), outwards; δz = h / (n·d)"
+    equation: ClassVar = (
+        "h = Σ c_ij cos(iπu) cos(jπv), outwards; δz = h / (n·d); a fillet of radius r fills "
+        "corners up to t = r tan(τ/2) from the crease"
+    )
     source: ClassVar = (
         "Cosine series of low order over the bounding box; 10 to 500 µm; last resort from a "
-        "single pose"
+        "single pose. Fillets: plane geometry, τ between the faces' normals"
     )
-    statement: ClassVar = (
-        "The part departs smoothly from its model, by {coefficients_um:.0f} µm in the largest of "
-        "its waves."
-    )
+    statement: ClassVar = "The part departs from its model: {form}."
     channels: ClassVar = ("mean",)
     frame: ClassVar = "part"
     covariate: ClassVar = "part_x"
@@ -60,6 +65,41 @@ class FormError(AdditiveEffect):
         linear=True,
         kind="list",
     )
+    fillet_mm: float = parameter(
+        "radius r of concave corners that are sharp in the model",
+        unit="mm",
+        low=0.0,
+        high=50.0,
+        typical=0.0,
+        null=0.0,
+    )
+
+    corners: tuple[float, ...] = parameter(
+        "numbers of the concave creases that are rounded, see `sensors.creases`; empty: all",
+        low=0.0,
+        high=1e9,
+        typical=(),
+        kind="list",
+    )
+
+    def words(self) -> dict[str, str]:
+        """Say what its form is."""
+        parts = []
+        if any(self.coefficients_um):
+            largest = max(map(abs, self.coefficients_um))
+            parts.append(f"smoothly, by {largest:.0f} µm in the largest of its waves")
+        if self.fillet_mm > 0:
+            which = f"{len(self.corners)} of its" if self.corners else "its"
+            parts.append(f"{which} concave corners are rounded, to {self.fillet_mm:.2g} mm")
+        return {"form": "; ".join(parts)}
+
+    def changed(self, law: Law, view: View) -> Law:
+        """Add the waves; a fillet brings the surface nearer."""
+        law = AdditiveEffect.changed(self, law, view)
+        if self.fillet_mm == 0:
+            return law
+        filled, _ = filled_mm(view, self.fillet_mm, self.corners)
+        return replace(law, mean_mm=law.mean_mm - filled)
 
     def fields(self, view: View) -> tuple[Floats, ...]:
         """Return each wave's change of depth; a facet seen edge-on counts as 80°."""

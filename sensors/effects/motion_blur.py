@@ -24,8 +24,8 @@ EXPOSURES = 8
 class MotionBlur(Effect):
     """Mean over the way travelled during the exposure.
 
-    The light of every instant counts as much as it is bright, and speckle makes it flicker: on a
-    slope along the travel, whose depth changes on the way, the reading scatters for it.
+    The light of every instant counts as much as it is bright, and speckle makes it flicker: where
+    the depth changes on the way, the reading scatters for it.
     """
 
     name: ClassVar = "motion_blur"
@@ -34,12 +34,12 @@ class MotionBlur(Effect):
         "everything lags by half the way."
     )
     equation: ClassVar = (
-        "z_m = mean of z(y + v t), t from 0 to t_exp; σ² = σ0² + (f v t_exp ∂z/∂y)² / 12"
+        "z_m = mean of z(y + v t), t from 0 to t_exp; σ² = σ0² + f² var of z(y + v t)"
     )
     source: ClassVar = (
         "Box average over the exposure; shift v·t_exp/2, bias (v·t_exp)²/24 · ∂²z/∂y² beyond it; "
-        "variance of a mean of N depths, even over v·t_exp ∂z/∂y, with random weights of relative "
-        "scatter f √N"
+        "variance of a mean of N depths with random weights of relative scatter f √N; "
+        "f v·t_exp ∂z/∂y / √12 on a slope"
     )
     statement: ClassVar = (
         "The sensor moves on during an exposure of {exposure_ms:.2f} ms: edges are blurred along "
@@ -93,7 +93,6 @@ class MotionBlur(Effect):
         if len(view.poses) < 2:
             return law
         way, steps = self.way(view)
-        scatter = np.abs(self.flicker * way)[:, None] * np.nan_to_num(view.slope_y) / math.sqrt(12)
         if np.ptp(way) <= 1e-9 * np.max(np.abs(way)):
             way = way[:1]
         share = (np.arange(EXPOSURES) + 0.5)[:, None] / EXPOSURES
@@ -105,13 +104,15 @@ class MotionBlur(Effect):
         )
         lit = np.isfinite(line.depth_mm)
         mean = line.depth_mm + self._widened(law, view, share * steps, line.depth_mm, way)
+        # the midpoints of N equal parts spread less than the whole way
+        spread = np.nan_to_num(line.spread_mm) / math.sqrt(1 - EXPOSURES**-2)
         # what the camera sees during a part of the exposure it reads
         hidden = law.reason == Reason.HIDDEN_FROM_CAMERA
         return replace(
             law,
             mean_mm=np.where(lit & (np.isfinite(law.mean_mm) | hidden), mean, law.mean_mm),
             reason=np.where(lit & hidden, np.uint8(Reason.VALID), law.reason),
-            white_sd_mm=np.hypot(law.white_sd_mm, scatter),
+            white_sd_mm=np.hypot(law.white_sd_mm, self.flicker * spread),
         )
 
     @staticmethod

@@ -1,0 +1,131 @@
+"""Concave creases of a part, and what a fillet in them would change."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from sensors.scene import Scene
+from sensors.view import View
+
+Floats = NDArray[np.float64]
+
+SHARPEST_RAD = np.radians(15.0)
+"""Least turn of the surface at a crease; facets of a curved face turn less."""
+SAMPLES = 4
+"""Points along a crease for each reach of the fillet in it."""
+OWN_FACE = 0.02
+"""How far a point may lie off a crease's face, over its distance from the crease."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Creases:
+    """Edges at which two faces meet in a concave corner, part frame.
+
+    Attributes
+    ----------
+    start_mm, end_mm : (k, 3)
+    normals : (k, 2, 3) of the two faces, outwards
+    turn_rad : (k,) angle between them
+    """
+
+    start_mm: Floats
+    end_mm: Floats
+    normals: Floats
+    turn_rad: Floats
+
+
+@lru_cache(maxsize=4)
+def concave_creases(scene: Scene) -> Creases:
+    """Find the concave creases of a part."""
+    mesh = trimesh.Trimesh(scene.vertices_mm, scene.faces, process=False)
+    sharp = ~mesh.face_adjacency_convex & (mesh.face_adjacency_angles > SHARPEST_RAD)
+    ends = scene.vertices_mm[mesh.face_adjacency_edges[sharp]]
+    return Creases(
+        start_mm=ends[:, 0],
+        end_mm=ends[:, 1],
+        normals=scene.normals[mesh.face_adjacency[sharp]],
+        turn_rad=mesh.face_adjacency_angles[sharp],
+    )
+
+
+def filled_mm(
+    view: View, radius_mm: float, corners: Collection[float] = ()
+) -> tuple[Floats, NDArray[np.int64]]:
+    """Tell how much shorter the laser's way is where concave corners hold a fillet.
+
+    The fillet touches both faces at t = r tan(τ/2) from the crease, τ the angle between their
+    normals. In the plane across the crease the ray meets its arc of radius r about C before the
+    face, by the first root of |P - λ u - C|² = r². Rays at a crease's ends are taken as if it
+    went on.
+
+    Parameters
+    ----------
+    corners : numbers of the creases that hold one; all where empty
+
+    Returns
+    -------
+    filled : (n, m) mm, NaN without a return
+    crease : (n, m) number of the crease whose fillet is met, -1 elsewhere
+    """
+    creases = concave_creases(view.scene)
+    filled = np.where(view.valid, 0.0, np.nan)
+    crease = np.full(view.shape, -1)
+    if radius_mm <= 0 or len(creases.turn_rad) == 0:
+        return filled, crease
+    reach = radius_mm * np.tan(creases.turn_rad / 2)
+    near = _nearest(creases, reach, view.part_mm[view.valid])
+    pick = np.flatnonzero(near >= 0)
+    index = np.flatnonzero(view.valid)[pick]
+    own = near[pick]
+    point = view.part_mm.reshape(-1, 3)[index]
+    normal = view.scene.normals[view.triangle.ravel()[index]]
+    row, column = np.unravel_index(index, view.shape)
+    line = np.stack(
+        [view.laser.slope_x, np.zeros_like(view.laser.slope_x), np.ones_like(view.laser.slope_x)],
+        axis=-1,
+    )
+    ray = np.einsum("kij,kj->ki", view.poses[row, :3, :3], line[column])
+    along = creases.end_mm[own] - creases.start_mm[own]
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    way = point - creases.start_mm[own]
+    way -= np.sum(way * along, axis=1, keepdims=True) * along
+    distance = np.linalg.norm(way, axis=1)
+    on_face = (
+        (np.einsum("kij,kj->ki", creases.normals[own], normal).max(axis=1) > 1 - OWN_FACE)
+        & (np.abs(np.sum(way * normal, axis=1)) <= OWN_FACE * distance + 1e-6)
+        & (distance < reach[own])
+    )
+    outwards = way / np.maximum(distance, 1e-12)[:, None]
+    across, down = np.sum(ray * outwards, axis=1), np.sum(ray * normal, axis=1)
+    left = distance - reach[own]
+    ahead = left * across - radius_mm * down
+    square = across**2 + down**2
+    root = ahead**2 - square * left**2
+    hit = on_face & (ahead > 0) & (root >= 0)
+    if corners:
+        hit &= np.isin(own, np.array(list(corners), dtype=np.int64))
+    rise = np.where(hit, (ahead - np.sqrt(np.maximum(root, 0.0))) / square, 0.0)
+    filled.ravel()[index] = rise
+    crease.ravel()[index[hit]] = own[hit]
+    return filled, crease
+
+
+def _nearest(creases: Creases, reach: Floats, points_mm: Floats) -> NDArray[np.int64]:
+    """Return the number of the crease nearest to each point; -1 beyond its fillet's reach."""
+    farthest = float(reach.max())
+    length = np.linalg.norm(creases.end_mm - creases.start_mm, axis=1)
+    counts = np.ceil(SAMPLES * length / farthest).astype(np.int64) + 1
+    owner = np.repeat(np.arange(len(counts)), counts)
+    first = np.cumsum(counts) - counts
+    share = (np.arange(len(owner)) - first[owner]) / np.maximum(counts[owner] - 1, 1)
+    share = share[:, None]
+    samples = (1 - share) * creases.start_mm[owner] + share * creases.end_mm[owner]
+    # half a step aside from the nearest sample at most
+    bound = farthest * np.hypot(1.0, 0.5 / SAMPLES)
+    away, which = cKDTree(samples).query(points_mm, distance_upper_bound=bound)
+    return np.where(np.isfinite(away), owner[np.minimum(which, len(owner) - 1)], -1)

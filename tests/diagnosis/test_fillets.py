@@ -1,0 +1,89 @@
+"""Fillets that the model lacks are found in the corners that have them, and in no other."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.relief import Floats, datasheet, poses, record, solid
+from diagnosis.diagnose import diagnose
+from sensors.creases import concave_creases, filled_mm
+from sensors.effects.form_error import FormError
+from sensors.laser import Laser
+from sensors.scene import Scene
+from sensors.view import View
+
+TURN = math.radians(50)
+AT_MM = 10.0
+
+
+def trough(left_mm: float, right_mm: float) -> Scene:
+    """Build a floor between two slopes, the corners rounded to these radii."""
+
+    def height(x: Floats, y: Floats) -> Floats:
+        out = np.maximum(np.abs(x) - AT_MM, 0.0) * math.tan(TURN)
+        for side, radius in ((-1, left_mm), (1, right_mm)):
+            if radius > 0:
+                way = side * x - AT_MM + radius * math.tan(TURN / 2)
+                arc = (way > 0) & (way < radius * math.sin(TURN))
+                out[arc] = radius - np.sqrt(radius**2 - way[arc] ** 2)
+        return out
+
+    sharp = left_mm == right_mm == 0
+    fine = [] if sharp else np.arange(-4.0, 4.0, 0.02)
+    x = np.unique(np.concatenate([np.linspace(-26, 26, 14), [-AT_MM, AT_MM],
+                                  np.add.outer([-AT_MM, AT_MM], fine).ravel()]))  # fmt: skip
+    return solid(height, x, np.linspace(-26, 26, 14))
+
+
+@pytest.mark.parametrize("tilt_deg", [(0.0, 0.0), (6.0, 9.0), (-5.0, -12.0)])
+def test_a_fillet_is_met_before_the_face(tilt_deg: tuple[float, float]) -> None:
+    square = tilt_deg == (0.0, 0.0)
+    sheet = replace(datasheet(240), columns="even_x" if square else "even_angle")
+    laser = Laser.from_datasheet(sheet)
+    place, time = poses(8, tilt_deg=tilt_deg), np.arange(8) / sheet.profile_rate_hz
+    plain = View(trough(0, 0), sheet, place, time, laser=laser)
+    true = View(trough(1.5, 1.5), sheet, place, time, laser=laser)
+    filled, crease = filled_mm(plain, 1.5)
+    change = plain.depth_mm - true.depth_mm
+    assert change.max() > 0.1
+    assert np.allclose(filled, change, atol=1e-3)
+    assert np.array_equal(crease >= 0, filled > 0)
+    if square:  # the arc's height over the floor
+        reach = 1.5 * math.tan(TURN / 2)
+        left = np.clip(reach - (AT_MM - np.abs(plain.part_mm[..., 0])), 0, reach)
+        floor = np.abs(plain.part_mm[..., 0]) < AT_MM
+        assert np.allclose(filled[floor], (1.5 - np.sqrt(1.5**2 - left**2))[floor], atol=1e-9)
+
+
+def test_a_part_without_corners_holds_no_fillet() -> None:
+    sides = np.linspace(-20, 20, 5)
+    hill = solid(lambda x, y: -np.abs(x), sides, sides)
+    assert len(concave_creases(hill).turn_rad) == 0
+    sheet = datasheet(40)
+    view = View(hill, sheet, poses(4), np.arange(4.0), laser=Laser.from_datasheet(sheet))
+    change = FormError(coefficients_um=(), fillet_mm=2.0).signature(view)
+    assert np.all(change[view.valid] == 0.0)
+
+
+def test_one_rounded_corner_is_named_and_measured() -> None:
+    model, made, sheet = trough(0, 0), trough(0, 4.0), datasheet(160)
+    scans = [
+        record(made, sheet, [], name=name, seed=seed, profiles=80, **placing)
+        for seed, (name, placing) in enumerate(
+            {
+                "a": {"tilt_deg": (4.0, 3.0)},
+                "b": {"heading_deg": 180.0, "tilt_deg": (-5.0, 6.0)},
+                "c": {"shift_mm": (1.5, 0.0, 1.0), "tilt_deg": (2.0, -4.0)},
+            }.items()
+        )
+    ]
+    result = diagnose(scans, model.vertices_mm, model.faces, sheet)
+    assert result.verdict == "explained"
+    (found,) = result.effects
+    assert isinstance(found.effect, FormError)
+    assert found.effect.fillet_mm == pytest.approx(4.0, rel=0.1)
+    start = concave_creases(model).start_mm
+    assert {round(start[int(c), 0]) for c in found.effect.corners} == {AT_MM}
+    assert "corners are rounded" in found.statement
