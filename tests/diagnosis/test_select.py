@@ -1,0 +1,85 @@
+"""What competes to be chosen, and what a departure within its tolerance must gain."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.diagnose import bench_workspace
+from diagnosis import select
+from diagnosis.families import effect_families, free_families
+from diagnosis.finding import SUSPECT, Finding, Screening
+from diagnosis.linear import Fitted
+from diagnosis.workspace import Model, Workspace
+
+
+@pytest.fixture(scope="module")
+def ws() -> Workspace:
+    return bench_workspace("steps")
+
+
+def finding(channel: str, size: float, family: Any = None, z: float = 20.0) -> Finding:
+    return Finding(
+        channel=channel, name=f"{channel} {size}", words="", frame="sensor", z=z, size=size,
+        tolerance=1.0, gain=1.0, coefficients=np.zeros(1), family=family,
+    )  # fmt: skip
+
+
+def test_suspect_is_what_a_coarse_law_may_hide(ws: Workspace) -> None:
+    model = Model()
+    families = free_families(ws.patches) + effect_families(ws.patches, ws.predict(model), ws.noise)
+    at_edge = next(f for f in families if f.at_edges)
+    smooth = next(f for f in families if not f.at_edges)
+    hidden = [finding("variance", 0.8), finding("mean", 0.8, at_edge)]
+    passed = [
+        finding("variance", 0.9 * SUSPECT),
+        finding("variance", 0.8, z=3.0),
+        finding("mean", 0.8, smooth),
+    ]
+    screening = Screening(findings=(*hidden, *passed), threshold=5.0)
+    assert screening.suspect() == hidden
+    assert screening.significant() == []
+
+
+@pytest.mark.parametrize(("share", "chosen"), [(0.5, ()), (2.0, ("line_bow",))])
+def test_a_suspect_must_gain_much(
+    ws: Workspace, monkeypatch: pytest.MonkeyPatch, share: float, chosen: tuple[str, ...]
+) -> None:
+    screenings = [Screening(findings=(finding("variance", 0.8),), threshold=5.0)]
+    nothing = Screening(findings=(), threshold=5.0)
+    bow = select.CATALOGUE["line_bow"].example()
+
+    def best(few: Workspace, model: Model, *rest: object) -> tuple[Model, select.Choice]:
+        gain = share * select.SUSPECT_GAIN * few.count()
+        blocks = np.full(10, gain / 10)
+        choice = select.Choice(name="line_bow", gain=gain, blocks=blocks, alternatives=())
+        return model.with_effect(bow), choice
+
+    monkeypatch.setattr(
+        select, "screen", lambda *rest: screenings.pop() if screenings else nothing
+    )
+    monkeypatch.setattr(select, "_best", best)
+    selection = select.select(ws, np.random.default_rng(0))
+    assert tuple(c.name for c in selection.choices) == chosen
+
+
+def test_what_is_not_sure_blocks_no_other(
+    ws: Workspace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one_block, every_block = np.full(60, -1.0), np.full(60, 1.0)
+    one_block[7] = 300.0
+    gains = {"line_bow": one_block, "range_scale": every_block}
+
+    def fit(kind: Any, *rest: object, **more: object) -> Fitted | None:
+        if kind.name not in gains:
+            return None
+        return Fitted(effect=kind.example(), own={}, gain=gains[kind.name].sum(), free=1)
+
+    monkeypatch.setattr(select, "fit_effect", fit)
+    monkeypatch.setattr(select, "crossfitted", lambda ws, model, kind, *rest: gains[kind.name])
+    step = select._best(
+        ws, Model(), [finding("mean", 2.0)], np.random.default_rng(0), withheld=set()
+    )
+    assert step is not None
+    assert step[1].name == "range_scale"
+    assert step[1].alternatives == ()
