@@ -78,7 +78,9 @@ def _fit_fillets(
 
     Their readings are apart: what one radius gains is told for each corner by itself.
     """
-    corners = len(concave_creases(ws.patches[0].view.scene).turn_rad)
+    creases = concave_creases(ws.patches[0].view.scene)
+    middles = 0.5 * (creases.start_mm + creases.end_mm)
+    corners = len(middles)
     if corners == 0:
         return None
     still = ws.placements(model)
@@ -92,8 +94,8 @@ def _fit_fillets(
             _, crease = filled_mm(patch.view, radius_mm)
             gains += np.bincount(crease[mask] + 1, (after - before)[mask], minlength=corners + 1)
         better = np.flatnonzero(gains[1:] > CORNER_COSTS)
-        which = () if better.size == corners else tuple(float(c) for c in better)
-        effect = replace(everywhere, fillet_mm=radius_mm if better.size else 0.0, corners=which)
+        which = tuple(float(v) for v in middles[better].ravel())
+        effect = replace(everywhere, fillet_mm=radius_mm if better.size else 0.0, corners_mm=which)
         gain = float(gains[1:][better].sum())
         return Fitted(effect=effect, own={}, gain=gain, free=1 + better.size), radius_mm
 

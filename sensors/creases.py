@@ -1,12 +1,11 @@
 """Concave creases of a part, and what a fillet in them would change."""
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from sensors.scene import Scene
@@ -14,10 +13,12 @@ from sensors.view import View
 
 Floats = NDArray[np.float64]
 
-SHARPEST_RAD = np.radians(15.0)
-"""Least turn of the surface at a crease; facets of a curved face turn less."""
+LEAST_TURN, MOST_TURN = np.radians([15.0, 150.0])
+"""Turn of the surface at a crease; facets of a curved face turn less, slits more."""
 SAMPLES = 4
 """Points along a crease for each reach of the fillet in it."""
+BESIDE_MM = 0.02
+"""How far a point that names a crease may lie off its line."""
 OWN_FACE = 0.02
 """How far a point may lie off a crease's face, over its distance from the crease."""
 
@@ -43,18 +44,21 @@ class Creases:
 def concave_creases(scene: Scene) -> Creases:
     """Find the concave creases of a part."""
     mesh = trimesh.Trimesh(scene.vertices_mm, scene.faces, process=False)
-    sharp = ~mesh.face_adjacency_convex & (mesh.face_adjacency_angles > SHARPEST_RAD)
-    ends = scene.vertices_mm[mesh.face_adjacency_edges[sharp]]
+    turn = mesh.face_adjacency_angles
+    sharp = ~mesh.face_adjacency_convex & (turn > LEAST_TURN) & (turn < MOST_TURN)
+    ends = scene.vertices_mm[mesh.face_adjacency_edges]
+    sharp &= np.any(ends[:, 0] != ends[:, 1], axis=1)
+    ends = ends[sharp]
     return Creases(
         start_mm=ends[:, 0],
         end_mm=ends[:, 1],
         normals=scene.normals[mesh.face_adjacency[sharp]],
-        turn_rad=mesh.face_adjacency_angles[sharp],
+        turn_rad=turn[sharp],
     )
 
 
 def filled_mm(
-    view: View, radius_mm: float, corners: Collection[float] = ()
+    view: View, radius_mm: float, corners_mm: ArrayLike = ()
 ) -> tuple[Floats, NDArray[np.int64]]:
     """Tell how much shorter the laser's way is where concave corners hold a fillet.
 
@@ -65,7 +69,7 @@ def filled_mm(
 
     Parameters
     ----------
-    corners : numbers of the creases that hold one; all where empty
+    corners_mm : (3 k,) points on the creases that hold one, part frame; all do where empty
 
     Returns
     -------
@@ -107,12 +111,30 @@ def filled_mm(
     square = across**2 + down**2
     root = ahead**2 - square * left**2
     hit = on_face & (ahead > 0) & (root >= 0)
-    if corners:
-        hit &= np.isin(own, np.array(list(corners), dtype=np.int64))
+    hit &= _through(creases, np.asarray(corners_mm, dtype=np.float64).reshape(-1, 3))[own]
     rise = np.where(hit, (ahead - np.sqrt(np.maximum(root, 0.0))) / square, 0.0)
     filled.ravel()[index] = rise
     crease.ravel()[index[hit]] = own[hit]
     return filled, crease
+
+
+def _through(creases: Creases, points_mm: Floats) -> NDArray[np.bool_]:
+    """Tell which creases run through one of some points (k, 3); all do where there is none.
+
+    What was cut off a crease's end still belongs to it, up to the length that is left.
+    """
+    if len(points_mm) == 0:
+        return np.ones(len(creases.turn_rad), dtype=bool)
+    along = creases.end_mm - creases.start_mm
+    length = np.linalg.norm(along, axis=1)
+    along /= length[:, None]
+    found = np.zeros(len(length), dtype=bool)
+    for point in points_mm:
+        way = point - creases.start_mm
+        place = np.sum(way * along, axis=1)
+        beside = np.linalg.norm(way - place[:, None] * along, axis=1)
+        found |= (beside < BESIDE_MM) & (place > -length) & (place < 2 * length)
+    return found
 
 
 def _nearest(creases: Creases, reach: Floats, points_mm: Floats) -> NDArray[np.int64]:

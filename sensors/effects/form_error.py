@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.creases import filled_mm
-from sensors.effects.base import AdditiveEffect
+from sensors.effects.base import AdditiveEffect, Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
+from sensors.typed_yaml import RecipeError
 from sensors.view import View
 
 Floats = NDArray[np.float64]
@@ -66,7 +67,8 @@ class FormError(AdditiveEffect):
         kind="list",
     )
     fillet_mm: float = parameter(
-        "radius r of concave corners that are sharp in the model",
+        "radius r of concave corners that are sharp in the model; no waves beside it with "
+        "`coefficients_um: []`",
         unit="mm",
         low=0.0,
         high=50.0,
@@ -74,13 +76,21 @@ class FormError(AdditiveEffect):
         null=0.0,
     )
 
-    corners: tuple[float, ...] = parameter(
-        "numbers of the concave creases that are rounded, see `sensors.creases`; empty: all",
-        low=0.0,
-        high=1e9,
+    corners_mm: tuple[float, ...] = parameter(
+        "points x, y, z of the part, one on each concave crease that is rounded; empty: on all",
+        unit="mm",
+        low=-1e5,
+        high=1e5,
         typical=(),
         kind="list",
     )
+
+    def __post_init__(self) -> None:
+        Effect.__post_init__(self)
+        if len(self.corners_mm) % 3:
+            raise RecipeError(
+                "corners_mm of effect form_error", value=self.corners_mm, allowed="x, y, z of each"
+            )
 
     def words(self) -> dict[str, str]:
         """Say what its form is."""
@@ -89,8 +99,8 @@ class FormError(AdditiveEffect):
             largest = max(map(abs, self.coefficients_um))
             parts.append(f"smoothly, by {largest:.0f} µm in the largest of its waves")
         if self.fillet_mm > 0:
-            which = f"{len(self.corners)} of its" if self.corners else "its"
-            parts.append(f"{which} concave corners are rounded, to {self.fillet_mm:.2g} mm")
+            where = f", in {len(self.corners_mm) // 3} places" if self.corners_mm else ""
+            parts.append(f"concave corners are rounded to {self.fillet_mm:.2g} mm{where}")
         return {"form": "; ".join(parts)}
 
     def changed(self, law: Law, view: View) -> Law:
@@ -98,7 +108,7 @@ class FormError(AdditiveEffect):
         law = AdditiveEffect.changed(self, law, view)
         if self.fillet_mm == 0:
             return law
-        filled, _ = filled_mm(view, self.fillet_mm, self.corners)
+        filled, _ = filled_mm(view, self.fillet_mm, self.corners_mm)
         return replace(law, mean_mm=law.mean_mm - filled)
 
     def fields(self, view: View) -> tuple[Floats, ...]:

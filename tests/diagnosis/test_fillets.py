@@ -12,6 +12,7 @@ from sensors.creases import concave_creases, filled_mm
 from sensors.effects.form_error import FormError
 from sensors.laser import Laser
 from sensors.scene import Scene
+from sensors.typed_yaml import RecipeError
 from sensors.view import View
 
 TURN = math.radians(50)
@@ -57,6 +58,20 @@ def test_a_fillet_is_met_before_the_face(tilt_deg: tuple[float, float]) -> None:
         assert np.allclose(filled[floor], (1.5 - np.sqrt(1.5**2 - left**2))[floor], atol=1e-9)
 
 
+def test_a_corner_is_named_by_a_point_on_it() -> None:
+    sheet, model = datasheet(160), trough(0, 0)
+    view = View(model, sheet, poses(40), np.arange(40) / 200.0, laser=Laser.from_datasheet(sheet))
+    x = view.part_mm[..., 0]
+    creases = concave_creases(model)
+    right = creases.start_mm[:, 0] > 0
+    points = 0.5 * (creases.start_mm + creases.end_mm)[right]
+    everywhere, _ = filled_mm(view, 2.0)
+    there, crease = filled_mm(view, 2.0, points)
+    assert np.array_equal(there, np.where(x > 0, everywhere, 0.0))
+    assert set(np.unique(crease[x > 0])) <= {-1, *np.flatnonzero(right)}
+    assert not np.any(filled_mm(view, 2.0, points + [0.0, 0.0, 1.0])[0])
+
+
 def test_a_part_without_corners_holds_no_fillet() -> None:
     sides = np.linspace(-20, 20, 5)
     hill = solid(lambda x, y: -np.abs(x), sides, sides)
@@ -65,6 +80,11 @@ def test_a_part_without_corners_holds_no_fillet() -> None:
     view = View(hill, sheet, poses(4), np.arange(4.0), laser=Laser.from_datasheet(sheet))
     change = FormError(coefficients_um=(), fillet_mm=2.0).signature(view)
     assert np.all(change[view.valid] == 0.0)
+
+
+def test_half_a_place_is_refused() -> None:
+    with pytest.raises(RecipeError, match="corners_mm of effect form_error.*x, y, z of each"):
+        FormError(fillet_mm=1.0, corners_mm=(1.0, 2.0))
 
 
 def test_one_rounded_corner_is_named_and_measured() -> None:
@@ -84,6 +104,7 @@ def test_one_rounded_corner_is_named_and_measured() -> None:
     (found,) = result.effects
     assert isinstance(found.effect, FormError)
     assert found.effect.fillet_mm == pytest.approx(4.0, rel=0.1)
-    start = concave_creases(model).start_mm
-    assert {round(start[int(c), 0]) for c in found.effect.corners} == {AT_MM}
+    corners = np.reshape(found.effect.corners_mm, (-1, 3))
+    assert len(corners) > 0
+    assert np.allclose(corners[:, [0, 2]], [AT_MM, 0.0])
     assert "corners are rounded" in found.statement
