@@ -78,15 +78,14 @@ def _fit_fillets(
 
     Their readings are apart: what one radius gains is told for each corner by itself.
     """
-    creases = concave_creases(ws.patches[0].view.scene)
-    middles = 0.5 * (creases.start_mm + creases.end_mm)
+    middles = concave_creases(ws.patches[0].view.scene).middle_mm
     corners = len(middles)
     if corners == 0:
         return None
     still = ws.placements(model)
     base = ws.log_densities(model, placements=still)
 
-    def fit(radius_mm: float) -> tuple[Fitted, float]:
+    def fit(radius_mm: float) -> Fitted:
         everywhere = FormError(coefficients_um=(), fillet_mm=radius_mm)
         densities = ws.log_densities(model.with_effect(everywhere), placements=still)
         gains = np.zeros(corners + 1)
@@ -97,13 +96,13 @@ def _fit_fillets(
         which = tuple(float(v) for v in middles[better].ravel())
         effect = replace(everywhere, fillet_mm=radius_mm if better.size else 0.0, corners_mm=which)
         gain = float(gains[1:][better].sum())
-        return Fitted(effect=effect, own={}, gain=gain, free=1 + better.size), radius_mm
+        return Fitted(effect=effect, own={}, gain=gain, free=1 + better.size)
 
-    tried = [fit(r) for r in RADII_MM]
-    best, middle = max(tried, key=lambda t: t[0].gain - t[0].free)
-    if polish and not best.effect.is_null:
-        tried += [fit(middle * s) for s in FINER]
-    return max((f for f, _ in tried), key=lambda f: f.gain - f.free)
+    tried = {r: fit(r) for r in RADII_MM}
+    best = max(tried, key=lambda r: tried[r].gain - tried[r].free)
+    if polish and not tried[best].effect.is_null:
+        tried |= {best * s: fit(best * s) for s in FINER}
+    return max(tried.values(), key=lambda f: f.gain - f.free)
 
 
 def _grid(kind: type[Effect], ws: Workspace, states: Sequence[Whitened]) -> tuple[Effect, ...]:

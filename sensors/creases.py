@@ -39,6 +39,21 @@ class Creases:
     normals: Floats
     turn_rad: Floats
 
+    @property
+    def length_mm(self) -> Floats:
+        """Length of each, (k,)."""
+        return np.asarray(np.linalg.norm(self.end_mm - self.start_mm, axis=1))
+
+    @property
+    def along(self) -> Floats:
+        """Unit direction of each, (k, 3)."""
+        return np.asarray((self.end_mm - self.start_mm) / self.length_mm[:, None])
+
+    @property
+    def middle_mm(self) -> Floats:
+        """Middle of each, (k, 3): a point that names it."""
+        return 0.5 * (self.start_mm + self.end_mm)
+
 
 @lru_cache(maxsize=4)
 def concave_creases(scene: Scene) -> Creases:
@@ -89,13 +104,9 @@ def filled_mm(
     point = view.part_mm.reshape(-1, 3)[index]
     normal = view.scene.normals[view.triangle.ravel()[index]]
     row, column = np.unravel_index(index, view.shape)
-    line = np.stack(
-        [view.laser.slope_x, np.zeros_like(view.laser.slope_x), np.ones_like(view.laser.slope_x)],
-        axis=-1,
-    )
-    ray = np.einsum("kij,kj->ki", view.poses[row, :3, :3], line[column])
-    along = creases.end_mm[own] - creases.start_mm[own]
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    # as long as the depth rises by a millimetre
+    ray = np.einsum("kij,kj->ki", view.poses[row, :3, :3], (view.ray / view.ray[:, 2:])[column])
+    along = creases.along[own]
     way = point - creases.start_mm[own]
     way -= np.sum(way * along, axis=1, keepdims=True) * along
     distance = np.linalg.norm(way, axis=1)
@@ -125,9 +136,7 @@ def _through(creases: Creases, points_mm: Floats) -> NDArray[np.bool_]:
     """
     if len(points_mm) == 0:
         return np.ones(len(creases.turn_rad), dtype=bool)
-    along = creases.end_mm - creases.start_mm
-    length = np.linalg.norm(along, axis=1)
-    along /= length[:, None]
+    along, length = creases.along, creases.length_mm
     found = np.zeros(len(length), dtype=bool)
     for point in points_mm:
         way = point - creases.start_mm
@@ -140,8 +149,7 @@ def _through(creases: Creases, points_mm: Floats) -> NDArray[np.bool_]:
 def _nearest(creases: Creases, reach: Floats, points_mm: Floats) -> NDArray[np.int64]:
     """Return the number of the crease nearest to each point; -1 beyond its fillet's reach."""
     farthest = float(reach.max())
-    length = np.linalg.norm(creases.end_mm - creases.start_mm, axis=1)
-    counts = np.ceil(SAMPLES * length / farthest).astype(np.int64) + 1
+    counts = np.ceil(SAMPLES * creases.length_mm / farthest).astype(np.int64) + 1
     owner = np.repeat(np.arange(len(counts)), counts)
     first = np.cumsum(counts) - counts
     share = (np.arange(len(owner)) - first[owner]) / np.maximum(counts[owner] - 1, 1)

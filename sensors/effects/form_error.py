@@ -75,7 +75,6 @@ class FormError(AdditiveEffect):
         typical=0.0,
         null=0.0,
     )
-
     corners_mm: tuple[float, ...] = parameter(
         "points x, y, z of the part, one on each concave crease that is rounded; empty: on all",
         unit="mm",

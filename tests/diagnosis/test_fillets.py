@@ -64,7 +64,7 @@ def test_a_corner_is_named_by_a_point_on_it() -> None:
     x = view.part_mm[..., 0]
     creases = concave_creases(model)
     right = creases.start_mm[:, 0] > 0
-    points = 0.5 * (creases.start_mm + creases.end_mm)[right]
+    points = creases.middle_mm[right]
     everywhere, _ = filled_mm(view, 2.0)
     there, crease = filled_mm(view, 2.0, points)
     assert np.array_equal(there, np.where(x > 0, everywhere, 0.0))
