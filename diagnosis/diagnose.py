@@ -243,7 +243,8 @@ def diagnose(
 def _travelled_mm(ws: Workspace, model: Model) -> float:
     """Half of the longest way during an exposure: where in it a pose is stated isn't known."""
     blurs = [e for e in model.effects if isinstance(e, MotionBlur)]
-    ways = [np.abs(blur.way(p.view)[0]).max() for blur in blurs for p in ws.patches]
+    views = [p.view for p in ws.patches]
+    ways = [np.abs(b.steps(v) * v.travel_step_mm).max() for b in blurs for v in views]
     return 0.5 * float(max(ways, default=0.0))
 
 

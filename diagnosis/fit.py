@@ -15,6 +15,7 @@ from scipy.optimize import minimize
 from diagnosis.linear import Fitted, linear_count, solve_linear
 from diagnosis.noise import Field, Mask
 from diagnosis.prediction import Prediction, starting
+from diagnosis.rangewise import strongest_rows
 from diagnosis.rowwise import row_powers
 from diagnosis.score import Whitened
 from diagnosis.workspace import Model, Workspace
@@ -115,6 +116,8 @@ def _grid(kind: type[Effect], ws: Workspace, states: Sequence[Whitened]) -> tupl
     longest = max(ws.patches, key=lambda p: p.shape[0])
     if effect.name in ("stage_vibration", "travel_ripple"):
         return _peaks(effect, ws, states)
+    if effect.name == "pixel_locking" and longest.view.datasheet.camera_rows is None:
+        return _row_counts(effect, ws, states)
     points = effect.grid(longest.view)
     if effect.name == "camera_occlusion":
         points = tuple(
@@ -149,6 +152,15 @@ def _peaks(effect: Effect, ws: Workspace, states: Sequence[Whitened]) -> tuple[E
     p = effect.parameter(name)
     values = near if kind == "row_offset" else [speed / f for f in near if f > 0]
     return tuple(effect.with_parameters({name: float(v)}) for v in values if p.low <= v <= p.high)
+
+
+def _row_counts(
+    effect: Effect, ws: Workspace, states: Sequence[Whitened]
+) -> tuple[Effect, ...]:
+    """Put pixel locking at the numbers of camera rows with which the readings ripple most."""
+    p = effect.parameter("rows")
+    found = strongest_rows(ws.patches, states, ws.masks_for(type(effect)), 2 * PEAKS)
+    return tuple(effect.with_parameters(rows=rows) for rows in found if p.low <= rows <= p.high)
 
 
 def _fit_linear(

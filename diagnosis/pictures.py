@@ -76,8 +76,10 @@ def covariate_picture(result: Diagnosis, found: FoundEffect) -> bytes | None:
     final = ws.predict(result.model)
     values, residuals, curves, missing, lost, squares, spread = [], [], [], [], [], [], []
     covariate = COVARIATES[found.covariate_key]
+    own = found.effect.covariate == found.covariate_key
+    values_of = found.effect.covariate_values if own else covariate.values
     for patch, before, after, state in zip(ws.patches, predictions, final, states, strict=True):
-        c = np.broadcast_to(covariate.values(patch.view), patch.shape)
+        c = np.broadcast_to(values_of(patch.view), patch.shape)
         use = state.used & np.isfinite(c) & patch.fit
         moved = _pose_part(patch.columns, state.residual_mm, state.used)
         values.append(c[use])

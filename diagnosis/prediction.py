@@ -28,6 +28,9 @@ LOCAL_COVARIATES = {"curvature_y", "edge_y", "wall_distance"}
 """Of effects on edges and in corners, whose laws are no more than good approximations there."""
 DOUBT = 0.4
 """Share of its own change of the mean by which the law of such an effect may be wrong."""
+KEPT_TRIALS = 2
+"""Laws of a view that are kept for the next who asks: a trial is placed, levelled and scored."""
+_TRIALS: WeakKeyDictionary[View, dict[tuple[Any, ...], Law]] = WeakKeyDictionary()
 _KEPT: WeakKeyDictionary[View, dict[tuple[Any, ...], Law]] = WeakKeyDictionary()
 _SHIFTS: WeakKeyDictionary[View, dict[Effect, Field]] = WeakKeyDictionary()
 
@@ -62,6 +65,19 @@ def law_of(view: View, effects: Sequence[Effect], noise: NoiseModel | None) -> L
     What moves the sensor acts to first order: it changes the depth of the ray's hit, not what the
     other effects make of it.
     """
+    kept = _TRIALS.setdefault(view, {})
+    noise_mm = None if noise is None else noise.sd_mm
+    key = (tuple(effects), noise_mm)
+    law = kept.pop(key, None)
+    if law is None:
+        law = _law_of(view, effects, noise_mm)
+        if len(kept) >= KEPT_TRIALS:
+            del kept[next(iter(kept))]
+    kept[key] = law
+    return law
+
+
+def _law_of(view: View, effects: Sequence[Effect], noise_mm: float | None) -> Law:
     found = {effect.name: effect for effect in effects}
     own = [found.pop(e.name, e) for e in as_wide(sheet_effects(view), found)]
     true, others = view, []
@@ -73,7 +89,7 @@ def law_of(view: View, effects: Sequence[Effect], noise: NoiseModel | None) -> L
                 true = effect.moved(true)
         else:
             others.append(effect)
-    law = _applied(view, tuple(others), None if noise is None else noise.sd_mm)
+    law = _applied(view, tuple(others), noise_mm)
     if true is view:
         return law
     change = true.depth_mm - view.depth_mm

@@ -384,14 +384,17 @@ class View:
             return self
         key = tuple(d.tobytes() for d in parts)
         if key in self._kept:
+            self._kept[key] = self._kept.pop(key)  # the last one to go
             return self._kept[key]
         move = np.stack(np.broadcast_arrays(*parts), axis=-1) + np.zeros((len(self.poses), 1))
         poses = self.poses.copy()
         poses[:, :3, 3] += np.einsum("nij,nj->ni", poses[:, :3, :3], move)
         view = self.posed(poses)
         n, m = self.shape
-        if n * m <= KEPT_POINTS and len(self._kept) < KEPT_VIEWS:
+        if n * m <= KEPT_POINTS:
             self._kept[key] = view
+            if len(self._kept) > KEPT_VIEWS:
+                del self._kept[next(iter(self._kept))]
         return view
 
 

@@ -16,8 +16,8 @@ from sensors.view import Reason, View
 Floats = NDArray[np.float64]
 
 SHARES = (0.25, 0.9, 2.0, 4.0)
-EXPOSURES = 8
-"""Poses at which the way during an exposure is sampled, midpoints of equal parts."""
+FEWEST_STEPS = 8
+"""Steps that the way during an exposure is divided into: so many at least, twice that at most."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -92,20 +92,23 @@ class MotionBlur(Effect):
         """Add the difference between the exposure's mean and the stated pose, and the scatter."""
         if len(view.poses) < 2:
             return law
-        way, steps = self.way(view)
-        if np.ptp(way) <= 1e-9 * np.max(np.abs(way)):
-            way = way[:1]
-        share = (np.arange(EXPOSURES) + 0.5)[:, None] / EXPOSURES
-        if self.stamped == "middle":
-            share -= 0.5
+        steps = self.steps(view)
+        if not np.any(steps * view.travel_step_mm):
+            return law
+        ahead, shares = self.nodes(steps)
+        travel = view.travel_step_mm
+        if np.ptp(travel) <= 1e-9 * np.max(np.abs(travel)):
+            travel = travel[:1]
         seen = view.datasheet.triangulation_angle_deg is not None
         line = read_line(
-            view, share * way, [1.0] * EXPOSURES, visible=seen, merge_mm=_merging_mm(view)
+            view, ahead[:, None] * travel, list(shares[:, :, None]), visible=seen, merge_mm=_merging_mm(view)
         )
         lit = np.isfinite(line.depth_mm)
-        mean = line.depth_mm + self._widened(law, view, share * steps, line.depth_mm, way)
-        # the midpoints of N equal parts spread less than the whole way
-        spread = np.nan_to_num(line.spread_mm) / math.sqrt(1 - EXPOSURES**-2)
+        mean = line.depth_mm + self._widened(law, view, ahead, shares, line.depth_mm)
+        # the nodes spread more than the way
+        square = 12 * (ahead**2 @ shares - (ahead @ shares) ** 2)
+        narrower = np.divide(steps, np.sqrt(square), out=np.ones_like(steps), where=square > 0)
+        spread = np.nan_to_num(line.spread_mm) * narrower[:, None]
         # what the camera sees during a part of the exposure it reads
         hidden = law.reason == Reason.HIDDEN_FROM_CAMERA
         return replace(
@@ -115,33 +118,63 @@ class MotionBlur(Effect):
             white_sd_mm=np.hypot(law.white_sd_mm, self.flicker * spread),
         )
 
+    def nodes(self, steps: Floats) -> tuple[Floats, Floats]:
+        """Divide the way by nodes whose distance is a power of two, the same for like exposures.
+
+        So a search over the exposure meets the same displaced views again. A node's share is the
+        integral over the way of its hat function: exact on slopes, continuous in the exposure.
+
+        Parameters
+        ----------
+        steps : (n,) way during each profile's exposure, in profiles
+
+        Returns
+        -------
+        ahead : (k,) nodes, in profiles ahead of the stated pose
+        shares : (k, n) share of each profile's light that each node stands for
+        """
+        start = -0.5 * steps if self.stamped == "middle" else np.zeros_like(steps)
+        end = start + steps
+        apart = 2.0 ** math.floor(math.log2(float(steps.max()) / FEWEST_STEPS))
+        first, last = math.floor(float(start.min()) / apart), math.ceil(float(end.max()) / apart)
+        ahead = apart * np.arange(first, last + 1)
+
+        def under_hat(way: Floats) -> Floats:
+            """Integral of each node's hat function up to a way."""
+            u = np.clip((way - ahead[:, None]) / apart, -1.0, 1.0)
+            return apart * (0.5 + u - 0.5 * u * np.abs(u))
+
+        inside = under_hat(end) - under_hat(start)
+        still = steps <= 0
+        return ahead, np.where(still, 1.0 / len(ahead), inside / np.where(still, 1.0, steps))
+
     @staticmethod
-    def _widened(law: Law, view: View, ahead: Floats, read_mm: Floats, way: Floats) -> Floats:
+    def _widened(law: Law, view: View, ahead: Floats, shares: Floats, read_mm: Floats) -> Floats:
         """Average on the way what other effects do at one place, on the level that is read."""
         spot = law.mean_mm - view.depth_mm
         if view.datasheet.triangulation_angle_deg is not None:
             spot = np.where(view.visible, spot, np.nan)  # else another level's light is read
         total, count = np.zeros(view.shape), np.zeros(view.shape)
         if np.any(np.nan_to_num(spot)):
-            near = STEEPEST * float(np.abs(way).max()) / 2
-            for rows in np.arange(len(spot)) + ahead:
+            way = np.ptp(ahead) * float(np.abs(view.travel_step_mm).max())
+            for step, share in zip(ahead, shares, strict=True):
+                rows = np.arange(len(spot)) + step
                 here, level = between_rows(spot, rows), between_rows(view.depth_mm, rows)
-                own = np.isfinite(here) & (np.abs(level - read_mm) <= near)
-                total += np.where(own, here, 0.0)
-                count += own
-        return total / np.maximum(count, 1)
+                own = np.isfinite(here) & (np.abs(level - read_mm) <= STEEPEST * way / 2)
+                total += share[:, None] * np.where(own, here, 0.0)
+                count += share[:, None] * own
+        return total / np.where(count > 0, count, 1.0)
 
-    def way(self, view: View) -> tuple[Floats, Floats]:
-        """Return the way during each profile's exposure, (n,) mm and (n,) in profiles."""
+    def steps(self, view: View) -> Floats:
+        """Return the way during each profile's exposure, (n,) in profiles."""
         exposure_ms = self.exposure_ms
         if exposure_ms is None:
             exposure_ms = 1e3 * view.datasheet.require("exposure_s")
         step_s = np.diff(view.time_s)
         step_s = np.concatenate([step_s, step_s[-1:]])
-        steps = np.divide(
+        return np.divide(
             exposure_ms * 1e-3, step_s, out=np.zeros_like(step_s), where=step_s > 0
         )
-        return view.travel_step_mm * steps, steps
 
 
 def _merging_mm(view: View) -> float:

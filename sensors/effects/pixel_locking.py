@@ -106,6 +106,10 @@ class PixelLocking(AdditiveEffect):
         height, turn = self._turn(view)
         return height * np.sin(turn), height * np.cos(turn)
 
+    def covariate_values(self, view: View) -> Floats:
+        """Return the fraction of the row, (n, m), with the rows and bends that are the effect's."""
+        return np.asarray(self._turn(view)[1] / (2 * math.pi) % 1.0)
+
     def _turn(self, view: View) -> tuple[Floats, Floats]:
         """Depth of a row (mm) and 2π times the row where each point is imaged, (n, m)."""
         sheet = view.datasheet

@@ -1,5 +1,6 @@
 """The four files of a diagnosis: their form, and a report that a browser shows."""
 
+import dataclasses
 import json
 import shutil
 import subprocess
@@ -109,3 +110,19 @@ def test_report_opens_in_a_browser(diagnosed: tuple[Diagnosis, Path], tmp_path: 
     assert done.returncode == 0, done.stderr[-500:]
     assert 'id="verdict"' in done.stdout
     assert "line bow" in done.stdout
+
+
+def test_pixel_locking_is_found_and_drawn_where_no_rows_are_stated(tmp_path: Path) -> None:
+    scene = part("domes")
+    rows = [{"name": "pixel_locking", "amplitude_px": 0.3, "rows": 700.0}]
+    made = [
+        record(scene, datasheet(100), rows, name=f"r{k}", seed=k, profiles=60, pitch_mm=0.7,
+               **VIEWS[k])
+        for k in range(2)
+    ]  # fmt: skip
+    sheet = dataclasses.replace(datasheet(100), camera_rows=None)
+    result = diagnose(made, scene.vertices_mm, scene.faces, sheet)
+    assert [e.name for e in result.effects] == ["pixel_locking"]
+    assert result.effects[0].parameters["rows"][0] == pytest.approx(700.0, rel=2e-3)
+    write_outputs(result, tmp_path, part_name="domes")
+    assert "fraction of the camera" in (tmp_path / "report.html").read_text()
