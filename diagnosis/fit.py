@@ -31,8 +31,8 @@ CORNER_COSTS = 5.0
 """Nats that a fillet in a corner must gain."""
 SEARCHES = 45
 PEAKS = 4
-LEAST_CYCLES = 1.2
-"""Fewer cycles in a scan are no vibration: a drift, or the part's form."""
+LEAST_CYCLES = 2.5
+"""Fewer cycles in a scan are no wave: a drift, the part's form, a slip here and there."""
 
 
 def fit_effect(
@@ -149,9 +149,9 @@ def _peaks(effect: Effect, ws: Workspace, states: Sequence[Whitened]) -> tuple[E
     speed = float(np.ptp(view.travel_mm) / max(np.ptp(view.time_s), 1e-12))
     near = [f + d * step for f in picked for d in (-0.5, 0.0, 0.5)]
     name = "frequency_hz" if kind == "row_offset" else "period_mm"
-    p = effect.parameter(name)
     values = near if kind == "row_offset" else [speed / f for f in near if f > 0]
-    return tuple(effect.with_parameters({name: float(v)}) for v in values if p.low <= v <= p.high)
+    low, high = _bounds(effect, name, ws)
+    return tuple(effect.with_parameters({name: float(v)}) for v in values if low <= v <= high)
 
 
 def _row_counts(
@@ -239,12 +239,19 @@ def _bounds(effect: Effect, name: str, ws: Workspace) -> tuple[float, float]:
     """Bounds of a parameter; a wave has some cycles in the longest scan."""
     p = effect.parameter(name)
     if name == "frequency_hz":
-        span = max(float(np.ptp(v.view.time_s)) for v in ws.patches)
-        return max(p.low, LEAST_CYCLES / max(span, 1e-9)), p.high
+        return max(p.low, LEAST_CYCLES / _longest(ws, "time_s")), p.high
     if name == "period_mm":
-        span = max(float(np.ptp(v.view.travel_mm)) for v in ws.patches)
-        return p.low, min(p.high, max(span, 1e-9) / LEAST_CYCLES)
+        return p.low, min(p.high, _longest(ws, "travel_mm") / LEAST_CYCLES)
     return p.low, p.high
+
+
+def _longest(ws: Workspace, axis: str) -> float:
+    """Length of the longest recording along an axis of its views, whatever strips are looked at."""
+    ends: dict[int, Field] = {}
+    for patch in ws.patches:
+        before = ends.get(patch.recording, np.empty(0))
+        ends[patch.recording] = np.append(before, getattr(patch.view, axis)[[0, -1]])
+    return max(max(float(np.ptp(values)) for values in ends.values()), 1e-9)
 
 
 def _spread(point: Effect, names: Sequence[str], ws: Workspace) -> Field:
@@ -252,11 +259,9 @@ def _spread(point: Effect, names: Sequence[str], ws: Workspace) -> Field:
     out = []
     for name in names:
         if name == "frequency_hz":
-            span = max(float(np.ptp(p.view.time_s)) for p in ws.patches)
-            out.append(0.2 / max(span, 1e-9) / max(_number(point, name), 1e-9))
+            out.append(0.2 / _longest(ws, "time_s") / max(_number(point, name), 1e-9))
         elif name == "period_mm":
-            span = max(float(np.ptp(p.view.travel_mm)) for p in ws.patches)
-            out.append(0.2 * _number(point, name) / max(span, 1e-9))
+            out.append(0.2 * _number(point, name) / _longest(ws, "travel_mm"))
         elif name == "rows":
             out.append(0.3 / max(_number(point, name), 1e-9))
         elif name.endswith("_rows"):

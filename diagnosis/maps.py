@@ -29,6 +29,10 @@ from sensors.scene import Scene
 from sensors.view import View
 
 CHUNK = 450_000
+RIGID = 6
+"""Columns of a placement that move the part; the others are the travel's."""
+LEVELLED_BY = 60_000
+"""Readings that tell what a placement takes up."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -88,7 +92,10 @@ def map_recording(
     parts = [slice(start, min(start + rows, n)) for start in range(0, n, rows)]
     plain_shift, final_shift = shifts["plain"][number], shifts["final"][number]
     effects = model.of(number)
-    names = ("plain", "final", "offset", "sd", "noise", "change", "edge", "lost", "gone", "soft")
+    names = (
+        "plain", "final", "offset", "sd", "final_sd", "noise", "change", "edge", "lost", "gone",
+        "soft",
+    )  # fmt: skip
     pieces: dict[str, list[Field]] = {k: [] for k in names}
     single: dict[str, list[Mask]] = {e.name: [] for e in model.effects}
     whole_travel = View(scene, datasheet, placement.poses, recording.time_s, laser=laser).travel_mm
@@ -117,12 +124,20 @@ def map_recording(
             means.append(np.broadcast_to(law_of(there, still, noise).mean_mm, view.shape))
         return np.concatenate(means)
 
-    for view in views(placement.poses):
+    def columns_of(view: View) -> Field:
+        """Change of depth (n, m, 9) by the placement, each in its prior deviations."""
         columns = pose_columns(
             view.poses, laser, view.hits.depth_mm, hits_normal(scene, view.hits),
             placement.centre_mm,
         )  # fmt: skip
-        columns = np.where(np.isfinite(view.depth_mm)[..., None], columns, 0.0) * PRIOR_SD
+        seen = np.isfinite(view.depth_mm)[..., None]
+        return np.asarray(np.where(seen, columns, 0.0) * PRIOR_SD)
+
+    few = max(1, n * m // LEVELLED_BY)
+    rigid: list[Field] = []
+    for view in views(placement.poses):
+        columns = columns_of(view)
+        rigid.append(columns[..., :RIGID].reshape(-1, RIGID)[::few])
         plain = np.broadcast_to(law_of(view, (), noise).mean_mm, view.shape)
         soft = edge_softness(view, plain, near_edges(view, plain), lateral_mm)
         before = predict(view, (), noise, softness=soft)
@@ -135,6 +150,7 @@ def map_recording(
         pieces["noise"].append(predict(view, (), noise).sd_mm)
         pieces["gone"].append(after.p_missing > 0.5)
         pieces["sd"].append(before.sd_mm)
+        pieces["final_sd"].append(after.sd_mm)
         pieces["lost"].append(after.p_missing - before.p_missing)
         pieces["soft"].append(soft[1])
         for effect in effects:
@@ -152,10 +168,10 @@ def map_recording(
     if effects:
         again = register(
             scene, recording, laser, valid=np.isfinite(depth), offset_mm=whole["offset"],
-            sd_mm=noise.sd_mm,
+            sd_mm=noise.sd_mm, spread=whole["final_sd"] / noise.sd_mm,
         )  # fmt: skip
         final = _best(
-            depth, whole["sd"], whole["final"], mean_from(there["final"], effects),
+            depth, whole["final_sd"], whole["final"], mean_from(there["final"], effects),
             mean_from(again.poses, effects),
         )  # fmt: skip
     final = np.where(np.isfinite(plain), final, np.nan)
@@ -165,8 +181,15 @@ def map_recording(
     wrong = (np.isfinite(depth) != plain_seen) & (whole["soft"] < 0.01)
     wrong[repeated_rows(recording.depth_mm)] = False
     if model.effects:
-        # two placements, however near, disagree at every edge
-        change = np.where(whole["edge"], whole["change"], final - plain)
+        # what the effects do beyond what any placement takes up; not the two placements found,
+        # which disagree at every edge, however near they are
+        samples = [
+            np.where(e, np.nan, c).reshape(-1)[::few]
+            for e, c in zip(pieces["edge"], pieces["change"], strict=True)
+        ]
+        taken = _taken_up(np.concatenate(samples), np.concatenate(rigid))
+        moved_by = [columns_of(view)[..., :RIGID] @ taken for view in views(placement.poses)]
+        change = whole["change"] - np.where(whole["edge"], 0.0, np.concatenate(moved_by))
         mask = departure_mask(change, whole["lost"], usual * whole["noise"])
         mask |= _random_losses(model, wrong)
     else:
@@ -184,6 +207,24 @@ def map_recording(
         explained=np.where(whole["gone"], np.nan, final).astype(np.float32),
         regions=tuple(regions_of(recording.name, mask, shown, named)),
     )
+
+
+def _taken_up(change: Field, columns: Field) -> Field:
+    """Placement (6,) that takes up most of a change (N,), by robust least squares (Cauchy)."""
+    known = np.isfinite(change)
+    change, columns = change[known], columns[known]
+    weight = np.ones(change.size)
+    found = np.zeros(columns.shape[1])
+    for _ in range(5):
+        normal = (columns * weight[:, None]).T @ columns
+        ridge = 1e-9 * max(float(np.trace(normal)), 1e-30) * np.eye(len(normal))
+        found = np.asarray(
+            np.linalg.solve(normal + ridge, (columns * weight[:, None]).T @ change)
+        )
+        left = change - columns @ found
+        scale = 1.4826 * float(np.median(np.abs(left))) + 1e-12 if left.size else 1.0
+        weight = 1 / (1 + (left / (2.5 * scale)) ** 2)
+    return found
 
 
 def _best(depth: Field, sd_mm: Field, *means: Field) -> Field:

@@ -143,6 +143,7 @@ def register(
     valid: Mask,
     offset_mm: Field | None = None,
     sd_mm: float = 0.0,
+    spread: Field | None = None,
 ) -> Placement:
     """Fit the placement of one recording.
 
@@ -154,6 +155,8 @@ def register(
         What the model expects beyond the geometric depth, mm.
     sd_mm : float
         Noise of a reading where known; guards the robust scale against zero.
+    spread : (n, m), optional
+        What each reading's noise is larger or smaller by.
 
     Raises
     ------
@@ -173,7 +176,8 @@ def register(
     points = _points(poses, rays, first.depth_mm)[together]
     centre = points.mean(axis=0)
     pitch = _pitch(points, together.shape)
-    shift, covariance = _smooth_fit(scene, rays, poses, depth, centre, pitch, sd_mm)
+    larger = np.ones(depth.shape) if spread is None else spread[pick]
+    shift, covariance = _smooth_fit(scene, rays, poses, depth, centre, pitch, sd_mm, larger)
     shift = _settle_by_edges(scene, rays, poses, depth, centre, shift, covariance, pitch, sd_mm)
     return Placement(
         shift=shift,
@@ -191,6 +195,7 @@ def _smooth_fit(
     centre: Field,
     pitch: float,
     sd_mm: float,
+    spread: Field,
 ) -> tuple[Field, Field]:
     shift = np.zeros(PRIOR_SD.size)
     inverse_prior = np.diag(PRIOR_SD**-2.0)
@@ -204,13 +209,14 @@ def _smooth_fit(
         use = (weight > 0) & np.isfinite(depth)
         if use.sum() < 30:
             break
-        residual = (depth - hits.depth_mm)[use]
+        residual = (depth - hits.depth_mm)[use] / spread[use]
         scale = max(1.4826 * np.median(np.abs(residual - np.median(residual))), sd_mm, 1e-5)
         if step < 3:
             scale = max(scale, 1.4826 * np.median(np.abs(residual)))
         tune = max(3.5, tune * 0.8)
         robust = (1 - np.clip(residual / (tune * scale), -1, 1) ** 2) ** 2
         columns = pose_columns(moved, rays, hits.depth_mm, normal, centre)[use]
+        columns /= spread[use][:, None]
         factor = weight[use] * robust / scale**2
         normal_matrix = (columns * factor[:, None]).T @ columns
         # neighbours share noise: fifty readings count as one against the prior

@@ -220,7 +220,8 @@ def crossfitted(
     if linear_count(fitted.effect, ws) == 0:
         blocks = _gain(ws, trial, base, masks)
         return blocks - fitted.free / blocks.size
-    halves = fold_masks(ws, whole=kind.frame != "time")
+    # a recording elsewhere on the part says nothing of the form here
+    halves = fold_masks(ws, whole=kind.frame != "time" and kind.name != "form_error")
     states = ws.states(ws.predict(model))
     total: Field | float = 0.0
     for fit_on, judge in (halves, halves[::-1]):

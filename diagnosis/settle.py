@@ -47,14 +47,15 @@ def registered_under(
         if strips or _stays(patch, moved[number], noise):
             out += own
             continue
-        mean = predict(patch.view, model.of(number), noise, softness=patch.softness).mean_mm
+        law = predict(patch.view, model.of(number), noise, softness=patch.softness)
         placement = register(
             scene,
             recording,
             laser[recording.name],
             valid=patch.observed,
-            offset_mm=np.nan_to_num(mean - patch.view.depth_mm),
+            offset_mm=np.nan_to_num(law.mean_mm - patch.view.depth_mm),
             sd_mm=noise.sd_mm,
+            spread=law.sd_mm / noise.sd_mm,
         )
         again = cut(
             number, recording, placement, scene, datasheet, laser[recording.name],

@@ -101,8 +101,9 @@ class MotionBlur(Effect):
             travel = travel[:1]
         seen = view.datasheet.triangulation_angle_deg is not None
         line = read_line(
-            view, ahead[:, None] * travel, list(shares[:, :, None]), visible=seen, merge_mm=_merging_mm(view)
-        )
+            view, ahead[:, None] * travel, list(shares[:, :, None]), visible=seen,
+            merge_mm=_merging_mm(view),
+        )  # fmt: skip
         lit = np.isfinite(line.depth_mm)
         mean = line.depth_mm + self._widened(law, view, ahead, shares, line.depth_mm)
         # the nodes spread more than the way
@@ -142,11 +143,12 @@ class MotionBlur(Effect):
         def under_hat(way: Floats) -> Floats:
             """Integral of each node's hat function up to a way."""
             u = np.clip((way - ahead[:, None]) / apart, -1.0, 1.0)
-            return apart * (0.5 + u - 0.5 * u * np.abs(u))
+            return np.asarray(apart * (0.5 + u - 0.5 * u * np.abs(u)))
 
         inside = under_hat(end) - under_hat(start)
         still = steps <= 0
-        return ahead, np.where(still, 1.0 / len(ahead), inside / np.where(still, 1.0, steps))
+        shares = np.where(still, 1.0 / len(ahead), inside / np.where(still, 1.0, steps))
+        return np.asarray(ahead), np.asarray(shares)
 
     @staticmethod
     def _widened(law: Law, view: View, ahead: Floats, shares: Floats, read_mm: Floats) -> Floats:

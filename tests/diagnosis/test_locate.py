@@ -3,6 +3,7 @@
 import numpy as np
 
 from diagnosis.locate import MARKED_SD, departure_mask
+from diagnosis.maps import _taken_up
 
 STILL = np.zeros((40, 60))
 SD = np.full((40, 60), 0.02)
@@ -41,3 +42,14 @@ def test_nothing_is_marked_where_nothing_departs_and_lost_returns_are() -> None:
     mask = departure_mask(np.full_like(STILL, np.nan), lost, SD)
     assert mask[12:18, 22:38].all()
     assert not mask[25:].any()
+
+
+def test_what_a_placement_takes_up_is_no_mismatch() -> None:
+    """A shift of the part on top of a local bump: the shift goes, the bump stays."""
+    rng = np.random.default_rng(2)
+    columns = rng.normal(size=(4000, 6))
+    shift = np.array([1.0, -2.0, 0.5, 0.0, 3.0, 0.1])
+    bump = np.where(np.arange(4000) < 300, 8.0, 0.0)
+    change = columns @ shift + bump
+    change[::50] = np.nan
+    assert np.allclose(_taken_up(change, columns), shift, atol=0.02)

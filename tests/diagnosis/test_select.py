@@ -9,7 +9,9 @@ from benchmarks.diagnose import bench_workspace
 from diagnosis import select
 from diagnosis.families import effect_families, free_families
 from diagnosis.finding import SUSPECT, Finding, Screening
+from diagnosis.fit import LEAST_CYCLES, _grid
 from diagnosis.linear import Fitted
+from diagnosis.select import fold_masks
 from diagnosis.workspace import Model, Workspace
 
 
@@ -83,3 +85,33 @@ def test_what_is_not_sure_blocks_no_other(
     assert step is not None
     assert step[1].name == "range_scale"
     assert step[1].alternatives == ()
+
+
+def test_a_wave_has_some_cycles_in_a_scan(ws: Workspace) -> None:
+    """What slips once or twice is no vibration, however well a slow sine follows it."""
+    states = ws.states(ws.predict(Model()))
+    for name, axis in (("stage_vibration", "time_s"), ("travel_ripple", "travel_mm")):
+        kind = select.CATALOGUE[name]
+        spans = [np.ptp(getattr(p.view, axis)) for p in ws.patches]
+        for point in _grid(kind, ws, states):
+            rate = getattr(point, "frequency_hz", None) or 1 / point.period_mm  # type: ignore[attr-defined]
+            assert rate * max(spans) >= LEAST_CYCLES
+
+
+@pytest.mark.parametrize(("name", "whole"), [("form_error", False), ("line_bow", True)])
+def test_form_is_judged_where_it_was_seen(
+    ws: Workspace, monkeypatch: pytest.MonkeyPatch, name: str, whole: bool
+) -> None:
+    """A recording that looks elsewhere can't speak of the form here; the sensor's is the same."""
+    asked: list[bool] = []
+
+    def halves(ws: Workspace, *, whole: bool) -> Any:
+        asked.append(whole)
+        return fold_masks(ws, whole=whole)
+
+    monkeypatch.setattr(select, "fold_masks", halves)
+    kind = select.CATALOGUE[name]
+    fitted = Fitted(effect=kind.example(), own={}, gain=1.0, free=1)
+    base = ws.log_densities(Model())
+    assert select.crossfitted(ws, Model(), kind, fitted, base).size > 1
+    assert asked == [whole]
