@@ -243,8 +243,7 @@ def diagnose(
 def _travelled_mm(ws: Workspace, model: Model) -> float:
     """Half of the longest way during an exposure: where in it a pose is stated isn't known."""
     blurs = [e for e in model.effects if isinstance(e, MotionBlur)]
-    views = [p.view for p in ws.patches]
-    ways = [np.abs(b.steps(v) * v.travel_step_mm).max() for b in blurs for v in views]
+    ways = [blur.longest_way_mm(p.view) for blur in blurs for p in ws.patches]
     return 0.5 * float(max(ways, default=0.0))
 
 

@@ -92,24 +92,25 @@ class MotionBlur(Effect):
         """Add the difference between the exposure's mean and the stated pose, and the scatter."""
         if len(view.poses) < 2:
             return law
-        steps = self.steps(view)
-        if not np.any(steps * view.travel_step_mm):
+        after_ms, shares = self.nodes(view)
+        step_ms = 1e3 * np.diff(view.time_s, append=2 * view.time_s[-1] - view.time_s[-2])
+        going = step_ms > 0
+        ahead = np.where(going, after_ms[:, None] / np.where(going, step_ms, 1.0), 0.0)
+        offsets = ahead * view.travel_step_mm
+        reach = np.max(np.abs(offsets))
+        if reach == 0:
             return law
-        ahead, shares = self.nodes(steps)
-        travel = view.travel_step_mm
-        if np.ptp(travel) <= 1e-9 * np.max(np.abs(travel)):
-            travel = travel[:1]
+        if np.max(np.ptp(offsets, axis=1)) <= 1e-9 * reach:
+            offsets = offsets[:, :1]
         seen = view.datasheet.triangulation_angle_deg is not None
         line = read_line(
-            view, ahead[:, None] * travel, list(shares[:, :, None]), visible=seen,
-            merge_mm=_merging_mm(view),
-        )  # fmt: skip
+            view, offsets, list(shares), visible=seen, merge_mm=_merging_mm(view)
+        )
         lit = np.isfinite(line.depth_mm)
-        mean = line.depth_mm + self._widened(law, view, ahead, shares, line.depth_mm)
-        # the nodes spread more than the way
-        square = 12 * (ahead**2 @ shares - (ahead @ shares) ** 2)
-        narrower = np.divide(steps, np.sqrt(square), out=np.ones_like(steps), where=square > 0)
-        spread = np.nan_to_num(line.spread_mm) * narrower[:, None]
+        mean = line.depth_mm + self._widened(law, view, ahead, shares, line.depth_mm, reach)
+        # the nodes spread more than the exposure
+        wider = math.sqrt(12 * (after_ms**2 @ shares - (after_ms @ shares) ** 2))
+        spread = np.nan_to_num(line.spread_mm) * self.lasting_ms(view) / wider
         # what the camera sees during a part of the exposure it reads
         hidden = law.reason == Reason.HIDDEN_FROM_CAMERA
         return replace(
@@ -119,64 +120,60 @@ class MotionBlur(Effect):
             white_sd_mm=np.hypot(law.white_sd_mm, self.flicker * spread),
         )
 
-    def nodes(self, steps: Floats) -> tuple[Floats, Floats]:
-        """Divide the way by nodes whose distance is a power of two, the same for like exposures.
+    def nodes(self, view: View) -> tuple[Floats, Floats]:
+        """Divide the exposure by instants whose distance is a power of two.
 
-        So a search over the exposure meets the same displaced views again. A node's share is the
-        integral over the way of its hat function: exact on slopes, continuous in the exposure.
-
-        Parameters
-        ----------
-        steps : (n,) way during each profile's exposure, in profiles
+        So a search over the exposure meets the same displaced views again. An instant's share is
+        the integral over the exposure of its hat function: exact on slopes, continuous.
 
         Returns
         -------
-        ahead : (k,) nodes, in profiles ahead of the stated pose
-        shares : (k, n) share of each profile's light that each node stands for
+        after_ms : (k,) instants, counted from that of the stated pose
+        shares : (k,) share of the light that each stands for
         """
-        start = -0.5 * steps if self.stamped == "middle" else np.zeros_like(steps)
-        end = start + steps
-        apart = 2.0 ** math.floor(math.log2(float(steps.max()) / FEWEST_STEPS))
-        first, last = math.floor(float(start.min()) / apart), math.ceil(float(end.max()) / apart)
-        ahead = apart * np.arange(first, last + 1)
+        lasting = self.lasting_ms(view)
+        start = -0.5 * lasting if self.stamped == "middle" else 0.0
+        end = start + lasting
+        apart = 2.0 ** math.floor(math.log2(lasting / FEWEST_STEPS))
+        after = apart * np.arange(math.floor(start / apart), math.ceil(end / apart) + 1)
 
-        def under_hat(way: Floats) -> Floats:
-            """Integral of each node's hat function up to a way."""
-            u = np.clip((way - ahead[:, None]) / apart, -1.0, 1.0)
+        def under_hat(instant: float) -> Floats:
+            """Integral of each hat function up to an instant."""
+            u = np.clip((instant - after) / apart, -1.0, 1.0)
             return np.asarray(apart * (0.5 + u - 0.5 * u * np.abs(u)))
 
-        inside = under_hat(end) - under_hat(start)
-        still = steps <= 0
-        shares = np.where(still, 1.0 / len(ahead), inside / np.where(still, 1.0, steps))
-        return np.asarray(ahead), np.asarray(shares)
+        return np.asarray(after), (under_hat(end) - under_hat(start)) / lasting
+
+    def lasting_ms(self, view: View) -> float:
+        """Return the exposure, ms: its own, else the datasheet's."""
+        if self.exposure_ms is None:
+            return 1e3 * float(view.datasheet.require("exposure_s"))
+        return self.exposure_ms
+
+    def longest_way_mm(self, view: View) -> float:
+        """Return how far the sensor gets during an exposure at most."""
+        step_s = np.diff(view.time_s)
+        going = step_s > 0
+        speed = np.abs(np.diff(view.travel_mm))[going] / step_s[going]
+        return 1e-3 * self.lasting_ms(view) * float(np.max(speed, initial=0.0))
 
     @staticmethod
-    def _widened(law: Law, view: View, ahead: Floats, shares: Floats, read_mm: Floats) -> Floats:
+    def _widened(
+        law: Law, view: View, ahead: Floats, shares: Floats, read_mm: Floats, reach_mm: float
+    ) -> Floats:
         """Average on the way what other effects do at one place, on the level that is read."""
         spot = law.mean_mm - view.depth_mm
         if view.datasheet.triangulation_angle_deg is not None:
             spot = np.where(view.visible, spot, np.nan)  # else another level's light is read
         total, count = np.zeros(view.shape), np.zeros(view.shape)
         if np.any(np.nan_to_num(spot)):
-            way = np.ptp(ahead) * float(np.abs(view.travel_step_mm).max())
             for step, share in zip(ahead, shares, strict=True):
                 rows = np.arange(len(spot)) + step
                 here, level = between_rows(spot, rows), between_rows(view.depth_mm, rows)
-                own = np.isfinite(here) & (np.abs(level - read_mm) <= STEEPEST * way / 2)
-                total += share[:, None] * np.where(own, here, 0.0)
-                count += share[:, None] * own
+                own = np.isfinite(here) & (np.abs(level - read_mm) <= STEEPEST * reach_mm)
+                total += share * np.where(own, here, 0.0)
+                count += share * own
         return total / np.where(count > 0, count, 1.0)
-
-    def steps(self, view: View) -> Floats:
-        """Return the way during each profile's exposure, (n,) in profiles."""
-        exposure_ms = self.exposure_ms
-        if exposure_ms is None:
-            exposure_ms = 1e3 * view.datasheet.require("exposure_s")
-        step_s = np.diff(view.time_s)
-        step_s = np.concatenate([step_s, step_s[-1:]])
-        return np.divide(
-            exposure_ms * 1e-3, step_s, out=np.zeros_like(step_s), where=step_s > 0
-        )
 
 
 def _merging_mm(view: View) -> float:

@@ -15,7 +15,7 @@ from sensors.effects.reflectance_edge import ReflectanceEdge
 from sensors.law import geometric_law, plain_law
 from sensors.line_operator import SUB_LINES, gaussian_weights, read_line, sub_lines
 from sensors.reflectance import Patch, ReflectanceMap
-from sensors.view import Reason
+from sensors.view import Reason, View
 
 COT = 1 / math.tan(math.radians(30.0))
 FINE = np.linspace(-1.0, 1.0, 41)
@@ -186,6 +186,33 @@ def test_blur_shifts_a_slope_by_half_the_way(view_of):
         change = MotionBlur(exposure_ms=20.0).signature(view)
         slope = -math.tan(math.radians(30.0))  # the plate rises along y: depth falls
         assert np.allclose(change, sign * slope * 0.05, atol=1e-9)
+
+
+def test_blur_follows_the_clock(view_of):
+    """Encoder steps of 0.05 mm in 10 ms, then in 20 ms: half as fast, half as far."""
+    view = view_of("plate", solid={"tilt_y_deg": 30.0}, y_mm=np.arange(20) * 0.05)
+    time_s = np.cumsum(np.where(np.arange(20) <= 10, 0.01, 0.02))
+    view = View(view.scene, view.datasheet, view.poses, time_s)
+    change = MotionBlur(exposure_ms=13.0).signature(view)
+    slope = -math.tan(math.radians(30.0))
+    assert np.allclose(change[:10], slope * 0.0325, atol=1e-9)
+    assert np.allclose(change[10:], slope * 0.01625, atol=1e-9)
+
+
+@pytest.mark.parametrize("stamped", ["start", "middle"])
+def test_like_exposures_meet_the_same_views(view_of, stamped):
+    """Nodes are the same from one power of two to the next; mean exact, variance but for a node's
+    width, box of T: T/2 or 0, T²/12."""
+    view = view_of("plate")
+    seen = set()
+    for lasting in (16.5, 23.0, 31.0):
+        after, shares = MotionBlur(exposure_ms=lasting, stamped=stamped).nodes(view)
+        seen |= set(after)
+        mean = after @ shares
+        assert shares.sum() == pytest.approx(1.0)
+        assert mean == pytest.approx(lasting / 2 if stamped == "start" else 0.0, abs=1e-12)
+        assert after**2 @ shares - mean**2 == pytest.approx(lasting**2 / 12, rel=0.05)
+    assert len(seen) == 17
 
 
 def test_blur_of_a_curve(view_of):
