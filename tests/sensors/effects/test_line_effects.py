@@ -201,8 +201,7 @@ def test_blur_follows_the_clock(view_of):
 
 @pytest.mark.parametrize("stamped", ["start", "middle"])
 def test_like_exposures_meet_the_same_views(view_of, stamped):
-    """Nodes are the same from one power of two to the next; mean exact, variance but for a node's
-    width, box of T: T/2 or 0, T²/12."""
+    """Nodes are the same from one power of two to the next; a box's mean and variance T²/12."""
     view = view_of("plate")
     seen = set()
     for lasting in (16.5, 23.0, 31.0):
