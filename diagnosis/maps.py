@@ -93,8 +93,8 @@ def map_recording(
     plain_shift, final_shift = shifts["plain"][number], shifts["final"][number]
     effects = model.of(number)
     names = (
-        "plain", "final", "offset", "sd", "final_sd", "noise", "change", "edge", "lost", "gone",
-        "soft",
+        "plain", "final", "offset", "sd", "final_sd", "noise", "final_noise", "change", "edge",
+        "lost", "gone", "soft",
     )  # fmt: skip
     pieces: dict[str, list[Field]] = {k: [] for k in names}
     single: dict[str, list[Mask]] = {e.name: [] for e in model.effects}
@@ -148,6 +148,7 @@ def map_recording(
         pieces["edge"].append(near_edges(view, plain))
         pieces["change"].append(after.mean_mm - before.mean_mm)
         pieces["noise"].append(predict(view, (), noise).sd_mm)
+        pieces["final_noise"].append(predict(view, effects, noise, level=model.level).sd_mm)
         pieces["gone"].append(after.p_missing > 0.5)
         pieces["sd"].append(before.sd_mm)
         pieces["final_sd"].append(after.sd_mm)
@@ -164,15 +165,15 @@ def map_recording(
         name: move(placement.poses, PRIOR_SD * shift, placement.centre_mm)
         for name, shift in (("plain", plain_shift), ("final", final_shift))
     }
-    plain = final = _best(depth, whole["sd"], whole["plain"], mean_from(there["plain"], ()))
+    plain = final = _best(depth, whole["noise"], whole["plain"], mean_from(there["plain"], ()))
     if effects:
         again = register(
             scene, recording, laser, valid=np.isfinite(depth), offset_mm=whole["offset"],
             sd_mm=noise.sd_mm, spread=whole["final_sd"] / noise.sd_mm,
         )  # fmt: skip
         final = _best(
-            depth, whole["final_sd"], whole["final"], mean_from(there["final"], effects),
-            mean_from(again.poses, effects),
+            depth, whole["final_noise"], whole["final"], mean_from(there["final"], effects),
+            mean_from(again.poses, effects), mean_from(there["plain"], effects),
         )  # fmt: skip
     final = np.where(np.isfinite(plain), final, np.nan)
     residual = depth - plain
@@ -228,7 +229,10 @@ def _taken_up(change: Field, columns: Field) -> Field:
 
 
 def _best(depth: Field, sd_mm: Field, *means: Field) -> Field:
-    """Choose the expectation that comes nearest; readings far off count as spikes."""
+    """Choose the expectation that comes nearest; readings far off count as spikes.
+
+    Readings at edges count in full: how many lie on the wrong side tells placements apart.
+    """
 
     def cost(mean: Field) -> float:
         far = np.square((depth - mean) / sd_mm)
