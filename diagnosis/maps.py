@@ -135,6 +135,7 @@ def map_recording(
 
     few = max(1, n * m // LEVELLED_BY)
     rigid: list[Field] = []
+    samples: list[Field] = []
     for view in views(placement.poses):
         columns = columns_of(view)
         rigid.append(columns[..., :RIGID].reshape(-1, RIGID)[::few])
@@ -147,6 +148,9 @@ def map_recording(
         pieces["offset"].append(after.mean_mm - view.depth_mm)
         pieces["edge"].append(near_edges(view, plain))
         pieces["change"].append(after.mean_mm - before.mean_mm)
+        samples.append(
+            np.where(pieces["edge"][-1], np.nan, pieces["change"][-1]).reshape(-1)[::few]
+        )
         pieces["noise"].append(predict(view, (), noise).sd_mm)
         pieces["final_noise"].append(predict(view, effects, noise, level=model.level).sd_mm)
         pieces["gone"].append(after.p_missing > 0.5)
@@ -157,7 +161,7 @@ def map_recording(
         for effect in effects:
             alone = predict(view, (effect,), noise, softness=soft)
             single[effect.name].append(_one(before, alone))
-    whole = {k: np.concatenate(v) for k, v in pieces.items()}
+    whole = {k: np.concatenate(pieces.pop(k)) for k in names}
     depth = in_range(recording.depth_mm, datasheet)
     depth[repeated_rows(recording.depth_mm)] = np.nan
     # a step to first order leaves edges behind: it is also taken by casting anew
@@ -184,10 +188,6 @@ def map_recording(
     if model.effects:
         # what the effects do beyond what any placement takes up; not the two placements found,
         # which disagree at every edge, however near they are
-        samples = [
-            np.where(e, np.nan, c).reshape(-1)[::few]
-            for e, c in zip(pieces["edge"], pieces["change"], strict=True)
-        ]
         taken = _taken_up(np.concatenate(samples), np.concatenate(rigid))
         moved_by = [columns_of(view)[..., :RIGID] @ taken for view in views(placement.poses)]
         change = whole["change"] - np.where(whole["edge"], 0.0, np.concatenate(moved_by))
