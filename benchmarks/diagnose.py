@@ -20,6 +20,7 @@ from benchmarks.relief import VIEWS, datasheet, part, record
 from diagnosis.diagnose import Diagnosis, diagnose
 from diagnosis.heldout import judge
 from diagnosis.locate import departure_mask
+from diagnosis.maps import RIGID
 from diagnosis.noise import NoiseModel, calibrate
 from diagnosis.patch import cut
 from diagnosis.prediction import predict
@@ -205,7 +206,8 @@ def iou(result: Diagnosis, truth: Sequence[np.ndarray], noise: NoiseModel) -> fl
     patches = {p.recording: p for p in (*result.fit_patches, *result.held_patches)}
     wanted = []
     for k, change in enumerate(truth):
-        columns, known = patches[k].columns, np.isfinite(change) & ~patches[k].edge
+        columns = patches[k].columns[..., :RIGID]
+        known = np.isfinite(change) & ~patches[k].edge
         ridge = 1e-9 * np.eye(columns.shape[-1])
         some = columns[known]
         found = np.linalg.solve(some.T @ some + ridge, some.T @ change[known])
