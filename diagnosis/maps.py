@@ -1,7 +1,8 @@
 """Full-resolution maps of each recording: mask, score, plain and explained expectation."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,13 +152,15 @@ def map_recording(
         samples.append(
             np.where(pieces["edge"][-1], np.nan, pieces["change"][-1]).reshape(-1)[::few]
         )
-        pieces["noise"].append(predict(view, (), noise).sd_mm)
-        pieces["final_noise"].append(predict(view, effects, noise, level=model.level).sd_mm)
+        pieces["noise"].append(predict(view, (), noise).sd_mm.astype(np.float32))
+        pieces["final_noise"].append(
+            predict(view, effects, noise, level=model.level).sd_mm.astype(np.float32)
+        )
         pieces["gone"].append(after.p_missing > 0.5)
-        pieces["sd"].append(before.sd_mm)
-        pieces["final_sd"].append(after.sd_mm)
-        pieces["lost"].append(after.p_missing - before.p_missing)
-        pieces["soft"].append(soft[1])
+        pieces["sd"].append(before.sd_mm.astype(np.float32))
+        pieces["final_sd"].append(after.sd_mm.astype(np.float32))
+        pieces["lost"].append((after.p_missing - before.p_missing).astype(np.float32))
+        pieces["soft"].append(soft[1].astype(np.float32))
         for effect in effects:
             alone = predict(view, (effect,), noise, softness=soft)
             single[effect.name].append(_one(before, alone))
@@ -169,16 +172,16 @@ def map_recording(
         name: move(placement.poses, PRIOR_SD * shift, placement.centre_mm)
         for name, shift in (("plain", plain_shift), ("final", final_shift))
     }
-    plain = final = _best(depth, whole["noise"], whole["plain"], mean_from(there["plain"], ()))
+    expected = chain([whole["plain"]], (mean_from(poses, ()) for poses in (there["plain"],)))
+    plain = final = _best(depth, whole["noise"], expected)
     if effects:
         again = register(
             scene, recording, laser, valid=np.isfinite(depth), offset_mm=whole["offset"],
             sd_mm=noise.sd_mm, spread=whole["final_sd"] / noise.sd_mm,
         )  # fmt: skip
-        final = _best(
-            depth, whole["final_noise"], whole["final"], mean_from(there["final"], effects),
-            mean_from(again.poses, effects), mean_from(there["plain"], effects),
-        )  # fmt: skip
+        places = (there["final"], again.poses, there["plain"])
+        expected = chain([whole["final"]], (mean_from(poses, effects) for poses in places))
+        final = _best(depth, whole["final_noise"], expected)
     final = np.where(np.isfinite(plain), final, np.nan)
     residual = depth - plain
     score = smoothed_score(residual, whole["sd"], noise)
@@ -228,7 +231,7 @@ def _taken_up(change: Field, columns: Field) -> Field:
     return found
 
 
-def _best(depth: Field, sd_mm: Field, *means: Field) -> Field:
+def _best(depth: Field, sd_mm: Field, means: Iterable[Field]) -> Field:
     """Choose the expectation that comes nearest; readings far off count as spikes.
 
     Readings at edges count in full: how many lie on the wrong side tells placements apart.

@@ -18,7 +18,7 @@ from sensors.effects.base import Effect, MotionEffect
 from sensors.law import Law, geometric_law, sheet_effects
 from sensors.perlin import PerlinField
 from sensors.uncertainty import sigma_mm
-from sensors.view import View
+from sensors.view import KEPT_POINTS, View
 
 FLOOR_MISSING = 2e-4
 """Least probability that any reading is lost, or that one comes where none can."""
@@ -71,6 +71,8 @@ def law_of(view: View, effects: Sequence[Effect], noise: NoiseModel | None) -> L
     law = kept.pop(key, None)
     if law is None:
         law = _law_of(view, effects, noise_mm)
+        if math.prod(view.shape) > KEPT_POINTS:
+            return law
         if len(kept) >= KEPT_TRIALS:
             del kept[next(iter(kept))]
     kept[key] = law
