@@ -146,9 +146,9 @@ def map_recording(
         after = predict(view, effects, noise, softness=soft, level=model.level)
         pieces["plain"].append(before.mean_mm + columns @ plain_shift)
         pieces["final"].append(after.mean_mm + columns @ final_shift)
-        pieces["offset"].append(after.mean_mm - view.depth_mm)
+        pieces["offset"].append((after.mean_mm - view.depth_mm).astype(np.float32))
         pieces["edge"].append(near_edges(view, plain))
-        pieces["change"].append(after.mean_mm - before.mean_mm)
+        pieces["change"].append((after.mean_mm - before.mean_mm).astype(np.float32))
         samples.append(
             np.where(pieces["edge"][-1], np.nan, pieces["change"][-1]).reshape(-1)[::few]
         )
@@ -172,15 +172,15 @@ def map_recording(
         name: move(placement.poses, PRIOR_SD * shift, placement.centre_mm)
         for name, shift in (("plain", plain_shift), ("final", final_shift))
     }
-    expected = chain([whole["plain"]], (mean_from(poses, ()) for poses in (there["plain"],)))
+    expected = chain([whole.pop("plain")], (mean_from(poses, ()) for poses in (there["plain"],)))
     plain = final = _best(depth, whole["noise"], expected)
     if effects:
         again = register(
-            scene, recording, laser, valid=np.isfinite(depth), offset_mm=whole["offset"],
-            sd_mm=noise.sd_mm, spread=whole["final_sd"] / noise.sd_mm,
+            scene, recording, laser, valid=np.isfinite(depth), offset_mm=whole.pop("offset"),
+            sd_mm=noise.sd_mm, spread=whole.pop("final_sd") / noise.sd_mm,
         )  # fmt: skip
         places = (there["final"], again.poses, there["plain"])
-        expected = chain([whole["final"]], (mean_from(poses, effects) for poses in places))
+        expected = chain([whole.pop("final")], (mean_from(poses, effects) for poses in places))
         final = _best(depth, whole["final_noise"], expected)
     final = np.where(np.isfinite(plain), final, np.nan)
     residual = depth - plain
