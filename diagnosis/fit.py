@@ -22,6 +22,7 @@ from diagnosis.workspace import Model, Workspace
 from sensors.creases import concave_creases, filled_mm
 from sensors.effects.base import Effect
 from sensors.effects.form_error import FormError
+from sensors.effects.pixel_locking import PixelLocking
 from sensors.typed_yaml import RecipeError
 
 MAX_GRID = 600
@@ -116,7 +117,8 @@ def _grid(kind: type[Effect], ws: Workspace, states: Sequence[Whitened]) -> tupl
     longest = max(ws.patches, key=lambda p: p.shape[0])
     if effect.name in ("stage_vibration", "travel_ripple"):
         return _peaks(effect, ws, states)
-    if effect.name == "pixel_locking" and longest.view.datasheet.camera_rows is None:
+    unstated = longest.view.datasheet.camera_rows is None
+    if isinstance(effect, PixelLocking) and effect.rows is None and unstated:
         return _row_counts(effect, ws, states)
     points = effect.grid(longest.view)
     if effect.name == "camera_occlusion":

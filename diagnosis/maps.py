@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,6 +124,12 @@ def map_recording(
             means.append(np.broadcast_to(law_of(there, still, noise).mean_mm, view.shape))
         return np.concatenate(means)
 
+    def expectations(first: Field, acting: Sequence[Effect], *places: Field) -> Iterator[Field]:
+        """Yield one expectation after the other, so that few are held at once."""
+        yield first
+        for poses in places:
+            yield mean_from(poses, acting)
+
     def columns_of(view: View) -> Field:
         """Change of depth (n, m, 9) by the placement, each in its prior deviations."""
         columns = pose_columns(
@@ -141,17 +146,16 @@ def map_recording(
         columns = columns_of(view)
         rigid.append(columns[..., :RIGID].reshape(-1, RIGID)[::few])
         plain = np.broadcast_to(law_of(view, (), noise).mean_mm, view.shape)
-        soft = edge_softness(view, plain, near_edges(view, plain), lateral_mm)
+        edge = near_edges(view, plain)
+        soft = edge_softness(view, plain, edge, lateral_mm)
         before = predict(view, (), noise, softness=soft)
         after = predict(view, effects, noise, softness=soft, level=model.level)
         pieces["plain"].append(before.mean_mm + columns @ plain_shift)
         pieces["final"].append(after.mean_mm + columns @ final_shift)
         pieces["offset"].append((after.mean_mm - view.depth_mm).astype(np.float32))
-        pieces["edge"].append(near_edges(view, plain))
+        pieces["edge"].append(edge)
         pieces["change"].append((after.mean_mm - before.mean_mm).astype(np.float32))
-        samples.append(
-            np.where(pieces["edge"][-1], np.nan, pieces["change"][-1]).reshape(-1)[::few]
-        )
+        samples.append(np.where(edge, np.nan, pieces["change"][-1]).reshape(-1)[::few])
         pieces["noise"].append(predict(view, (), noise).sd_mm.astype(np.float32))
         pieces["final_noise"].append(
             predict(view, effects, noise, level=model.level).sd_mm.astype(np.float32)
@@ -172,15 +176,16 @@ def map_recording(
         name: move(placement.poses, PRIOR_SD * shift, placement.centre_mm)
         for name, shift in (("plain", plain_shift), ("final", final_shift))
     }
-    expected = chain([whole.pop("plain")], (mean_from(poses, ()) for poses in (there["plain"],)))
+    expected = expectations(whole.pop("plain"), (), there["plain"])
     plain = final = _best(depth, whole["noise"], expected)
     if effects:
         again = register(
             scene, recording, laser, valid=np.isfinite(depth), offset_mm=whole.pop("offset"),
             sd_mm=noise.sd_mm, spread=whole.pop("final_sd") / noise.sd_mm,
         )  # fmt: skip
-        places = (there["final"], again.poses, there["plain"])
-        expected = chain([whole.pop("final")], (mean_from(poses, effects) for poses in places))
+        expected = expectations(
+            whole.pop("final"), effects, there["final"], again.poses, there["plain"]
+        )
         final = _best(depth, whole["final_noise"], expected)
     final = np.where(np.isfinite(plain), final, np.nan)
     residual = depth - plain
