@@ -1,22 +1,62 @@
 """Brightness without speckle: what of an intensity image belongs to the surface.
 
 Speckle moves a reading's depth and its brightness together, so a raw intensity image explains
-part of the noise. What is left here changes over several readings and stands clear of speckle:
-prints, stains, shading.
+part of the noise. What is left here is what surfaces of one direction have in common, and what
+changes over several readings and stands clear of speckle: prints, stains, shading.
 """
 
 import numpy as np
-from scipy.ndimage import binary_dilation, median_filter
+from scipy.ndimage import binary_dilation, distance_transform_edt, median_filter
 
 from diagnosis.noise import Field
+from sensors.view import View
 
 NARROW, WIDE = 5, 15
 CLEAR = 6.0
 """A change of brightness counts as the surface's beyond this many deviations of speckle."""
 
 
-def surface_brightness(intensity: Field) -> Field:
+BIN_DEG = 3.0
+"""Directions of the surface that count as one."""
+FEWEST = 50
+"""Readings that tell how bright a direction is."""
+
+
+def by_direction(intensity: Field, view: View) -> Field:
+    """Brightness that surfaces of a direction have on average, (n, m); 1 where nothing is hit.
+
+    It changes at a crease as the surface does, without a filter's blur.
+    """
+    tilts = [np.degrees(np.arctan(slope)) for slope in (view.slope_y, view.slope_x)]
+    known = np.isfinite(tilts[0]) & np.isfinite(tilts[1])
+    side = int(180 / BIN_DEG) + 1
+    a, b = (np.rint((np.where(known, t, 0.0) + 90) / BIN_DEG).astype(np.int64) for t in tilts)
+    place = a * side + b
+    lit = known & np.isfinite(intensity) & (intensity > 0)
+    count = np.bincount(place[lit], minlength=side**2).reshape(side, side)
+    total = np.bincount(place[lit], np.log(intensity[lit]), side**2).reshape(side, side)
+    told = count >= FEWEST
+    if not told.any():
+        return np.ones(intensity.shape)
+    nearest = distance_transform_edt(~told, return_distances=False, return_indices=True)
+    table = (total / np.maximum(count, 1))[tuple(nearest)]
+    return np.where(known, np.exp(table.ravel()[place]), 1.0)
+
+
+def surface_brightness(intensity: Field, view: View) -> Field:
     """Return the surface's part of an intensity image, (n, m), same unit; NaN where missing.
+
+    Parameters
+    ----------
+    intensity : (n, m) as recorded
+    view : the part at the placement of the recording
+    """
+    usual = by_direction(intensity, view)
+    return smoothed_brightness(intensity / usual) * usual
+
+
+def smoothed_brightness(intensity: Field) -> Field:
+    """Return what stands clear of speckle, (n, m), same unit; NaN where missing.
 
     Medians keep steps. A narrow median of the logarithm is taken where it stands out of a wide
     one by `CLEAR` deviations of what speckle leaves in it, the wide one elsewhere.

@@ -32,8 +32,11 @@ from diagnosis.patch import Patch, cut, in_range
 from diagnosis.registration import Placement, register
 from diagnosis.select import Selection
 from diagnosis.settle import registered_under, settled
+from diagnosis.trust import trust
 from diagnosis.workspace import Model, Workspace
+from sensors.beam import as_wide
 from sensors.datasheet import Datasheet, with_effects
+from sensors.effects import effects_of
 from sensors.effects.motion_blur import MotionBlur
 from sensors.recording import Recording
 from sensors.scene import Scene
@@ -109,7 +112,6 @@ def diagnose(
     if not held and len(fit_on) > 1:
         held = [fit_on.pop()]
     single = not held
-    fit_on, held = [without_speckle(r) for r in fit_on], [without_speckle(r) for r in held]
     everything = [*fit_on, *held]
     laser = {r.name: laser_of(datasheet, r) for r in everything}
     for r in everything:
@@ -127,10 +129,11 @@ def diagnose(
         placed[recording.name] = placement
         shape = recording.depth_mm.shape
         held_out = tiles(*shape) if single else np.full(shape, recording in held)
+        of_recording = (placement, scene, datasheet, laser[recording.name])
+        everything[number] = without_speckle(recording, *of_recording)
         patches += cut(
-            number, recording, placement, scene, datasheet, laser[recording.name],
-            lateral_mm=lateral, held_out=held_out,
-        )  # fmt: skip
+            number, everything[number], *of_recording, lateral_mm=lateral, held_out=held_out
+        )
     check_overlap(patches)
     progress("calibrating the noise")
     noise, nominal = calibrated_noise(patches, references, datasheet, notes)
@@ -203,10 +206,11 @@ def diagnose(
     found = tuple(sorted([*found, *beside], key=lambda f: -f.heldout_gain))
     progress("drawing maps")
     final, shifts = settled(explanation.patches, noise, model, not single)
+    trusted = trust(ws, final)
     maps = [
         map_recording(
             k, r, placed[r.name], scene, datasheet, laser[r.name], noise, final, shifts, lateral,
-            usual=1.0 if nominal is None else nominal.sd_mm / noise.sd_mm,
+            usual=1.0 if nominal is None else nominal.sd_mm / noise.sd_mm, trusted=trusted,
         )  # fmt: skip
         for k, r in enumerate(everything)
     ]
@@ -216,7 +220,10 @@ def diagnose(
         maps = [m.everywhere(beside[-1].name) if not m.mask.any() else m for m in maps]
     regions = tuple(region for m in maps for region in m.regions)
     counted = sum(m.mask.size for m in maps)
-    sheet = with_effects(datasheet, tuple(f.effect.shared().to_mapping() for f in found))
+    listed, named = effects_of(datasheet), {f.name: f.effect.shared() for f in found}
+    # a line that is wider for one effect is so for all that the file lists
+    beam = {e.name: e for e, was in zip(as_wide(listed, named), listed, strict=True) if e != was}
+    sheet = with_effects(datasheet, tuple(e.to_mapping() for e in (beam | named).values()))
     return Diagnosis(
         verdict=verdict,
         effects=found,

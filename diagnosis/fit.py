@@ -121,10 +121,7 @@ def _grid(kind: type[Effect], ws: Workspace, states: Sequence[Whitened]) -> tupl
     if isinstance(effect, PixelLocking) and effect.rows is None and unstated:
         return _row_counts(effect, ws, states)
     points = effect.grid(longest.view)
-    if effect.name == "camera_occlusion":
-        points = tuple(
-            point.with_parameters(camera_side=side) for point in points for side in ("+y", "-y")
-        )
+    points += tuple(other for point in points for other in point.variants(longest.view))
     step = max(1, math.ceil(len(points) / MAX_GRID))
     return points[::step]
 

@@ -9,10 +9,13 @@ from diagnosis.brightness import surface_brightness
 from diagnosis.finding import Finding
 from diagnosis.noise import Mask
 from diagnosis.patch import Patch
+from diagnosis.registration import Placement
 from sensors.datasheet import Datasheet
 from sensors.laser import Laser
 from sensors.recording import Recording, repeated_rows
+from sensors.scene import Scene
 from sensors.typed_yaml import RecipeError
+from sensors.view import View
 
 LEAST_REPEATS = 0.01
 """Share of profiles that repeat the one before from which it is a fault worth telling."""
@@ -113,8 +116,11 @@ def tiles(profiles: int, points: int) -> Mask:
     return np.asarray((rows + 2 * columns) % 4 == 0)
 
 
-def without_speckle(recording: Recording) -> Recording:
+def without_speckle(
+    recording: Recording, placement: Placement, scene: Scene, datasheet: Datasheet, laser: Laser
+) -> Recording:
     """Keep the surface's part of a recording's brightness."""
     if recording.intensity is None:
         return recording
-    return replace(recording, intensity=surface_brightness(recording.intensity))
+    view = View(scene, datasheet, placement.poses, recording.time_s, laser=laser)
+    return replace(recording, intensity=surface_brightness(recording.intensity, view))

@@ -20,6 +20,7 @@ from diagnosis.registration import (
     register,
 )
 from diagnosis.score import CLIP
+from diagnosis.trust import Trust
 from diagnosis.workspace import Model
 from sensors.datasheet import Datasheet
 from sensors.effects.base import Effect, MotionEffect
@@ -80,12 +81,14 @@ def map_recording(
     lateral_mm: float,
     *,
     usual: float = 1.0,
+    trusted: Trust | None = None,
 ) -> RecordingMaps:
     """Predict a whole recording piece by piece and mark where it departs.
 
     Parameters
     ----------
     usual : size of the noise that departures are held against, over the recording's
+    trusted : how far what the model changes at depth edges is borne out; wholly where left out
     """
     n, m = recording.depth_mm.shape
     rows = max(8, min(n, CHUNK // m))
@@ -187,6 +190,9 @@ def map_recording(
             whole.pop("final"), effects, there["final"], again.poses, there["plain"]
         )
         final = _best(depth, whole["final_noise"], expected)
+    if trusted is not None:
+        held = trusted.share(whole["change"] / noise.sd_mm)
+        final = final - np.where(whole["edge"], (1.0 - held) * np.nan_to_num(whole["change"]), 0.0)
     final = np.where(np.isfinite(plain), final, np.nan)
     residual = depth - plain
     score = smoothed_score(residual, whole["sd"], noise)

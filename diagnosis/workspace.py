@@ -155,7 +155,8 @@ class Workspace:
 
     def masks_for(self, kind: type[Effect]) -> list[Mask]:
         """Return the readings on which an effect is fitted: bulk physics away from edges."""
-        if kind.covariate in EDGE_COVARIATES:
+        # how bright a facet is shows beside it, where the line lies on it in part
+        if kind.covariate in EDGE_COVARIATES | {"half_vector"}:
             return self.masks()
         return [m & ~p.edge for p, m in zip(self.patches, self.masks(), strict=True)]
 

@@ -3,6 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from sensors.law import sheet_effects
+from sensors.view import View
+
 if TYPE_CHECKING:
     from sensors.effects.base import Effect
 
@@ -38,3 +41,9 @@ def _scaled(effect: "Effect", factor: float) -> "Effect":
         return effect
     bounds = effect.parameter(WIDTH)
     return effect.with_parameters({WIDTH: min(max(width * factor, bounds.low), bounds.high)})
+
+
+def merging_mm(view: View) -> float:
+    """How far apart two levels that are lit may lie to be read as one."""
+    listed = (e for e in sheet_effects(view) if e.name == "edge_mixing")
+    return 1e-3 * max((float(getattr(e, "merge_um", 0.0)) for e in listed), default=0.0)

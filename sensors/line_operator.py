@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from sensors.view import View
+from sensors.view import View, ViewFunction
 
 Floats = NDArray[np.float64]
 
@@ -32,6 +32,8 @@ STEEPEST = 4.0
 
 BLOCK_POINTS = 1_000_000
 """Points of a scan that are worked on at a time."""
+
+IntensityAt = Callable[[Floats], Floats]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -96,6 +98,7 @@ def read_line(
     camera: bool = False,
     visible: bool = False,
     brightness: bool = False,
+    radiance: ViewFunction | None = None,
     merge_mm: float | None = None,
     camera_y_mm: float | None = None,
 ) -> Line:
@@ -118,6 +121,8 @@ def read_line(
         Light that the camera can't see doesn't count.
     brightness : bool
         Weigh by the surface's brightness.
+    radiance : function of a view, optional
+        Weigh by what it says a sub-line's view sends to the camera, (n, m).
     merge_mm : float or None
         Distance of two peaks' readings up to which they merge; None: the centre's peak alone.
     camera_y_mm : float, optional
@@ -140,6 +145,7 @@ def read_line(
             seen_from=place if visible else None,
             intensity=_intensity_rows(view, part) if brightness else None,
             brightness=brightness,
+            radiance=radiance,
             merge_mm=merge_mm,
         )
         for part in parts
@@ -149,8 +155,6 @@ def read_line(
     fields = [field.name for field in dataclasses.fields(Line)]
     return Line(**{k: np.concatenate([getattr(line, k) for line in lines]) for k in fields})
 
-
-IntensityAt = Callable[[Floats], Floats]
 
 
 def _read_rows(
@@ -163,6 +167,7 @@ def _read_rows(
     seen_from: float | None,
     intensity: IntensityAt | None,
     brightness: bool,
+    radiance: ViewFunction | None,
     merge_mm: float | None,
 ) -> Line:
     n, _ = view.shape
@@ -181,6 +186,8 @@ def _read_rows(
                 light = intensity(eta)
             elif brightness and sub.brightness is not None:
                 light = sub.brightness
+            if radiance is not None:
+                light = light * radiance(sub)
             _add(
                 sums,
                 joined,
@@ -195,6 +202,39 @@ def _read_rows(
             )
             last_depth, last_offset = sub.depth_mm, eta
     return _located(sums, whole, merge_mm)
+
+
+def bright_line(
+    view: View,
+    sd_mm: Floats | float,
+    radiance: ViewFunction | None = None,
+    *,
+    merge_mm: float | None = None,
+) -> Line:
+    """Read a line whose parts are not equally bright.
+
+    Parameters
+    ----------
+    sd_mm : standard deviation of the line, one or (n, m)
+    radiance : what a sub-line sends to the camera; the surface's brightness where left out
+    merge_mm : see `read_line`; given, light that the camera can't see doesn't count
+    """
+    offsets = sub_lines(float(np.max(sd_mm)))
+    return read_line(
+        view, offsets, gaussian_weights(offsets, sd_mm), camera=True,
+        visible=merge_mm is not None, brightness=radiance is None, radiance=radiance,
+        merge_mm=merge_mm,
+    )  # fmt: skip
+
+
+def lean_mm(view: View, sd_mm: Floats | float) -> Floats:
+    """How far a line leans to the bright side of a surface that runs on, (n, m) mm.
+
+    0 where the line is cut or lies on two levels: little of it is lit there, whatever the
+    surface's brightness.
+    """
+    line = bright_line(view, sd_mm, merge_mm=0.0)
+    return np.where(line.whole & (line.light > 0), line.depth_mm - line.even_mm, 0.0)
 
 
 @njit(cache=True)

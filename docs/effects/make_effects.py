@@ -169,7 +169,7 @@ def _plot(axes: Any, name: str, view: View, bare: Law, law: Law) -> None:
     scale, unit = (180 / math.pi, "°") if covariate.unit == "rad" else (1.0, covariate.unit)
     axes.set_xlabel(f"{covariate.words}{f' ({unit})' if unit else ''}", fontsize=9)
     change = 1e3 * (law.mean_mm - bare.mean_mm)
-    if np.nanmax(np.abs(change)) > 0:
+    if "mean" in CATALOGUE[name].channels and np.nanmax(np.abs(change)) > 0:
         known = np.isfinite(change) & np.isfinite(values)
         step = max(1, known.sum() // 6000)
         axes.plot(scale * values[known][::step], change[known][::step], ".", ms=2)
@@ -236,7 +236,7 @@ def text() -> str:
     for name, cls in CATALOGUE.items():
         rivals = ", ".join(f"[{rival}](#{rival})" for rival in cls.rivals)
         lines.append(
-            f"| [{name}](#{name}) | {', '.join(cls.channels)} | {cls.frame} "
+            f"| [{name}](#{name}) | {', '.join((*cls.channels, *cls.also))} | {cls.frame} "
             f"| {COVARIATES[cls.covariate].words} | {rivals} |"
         )
     for name in CATALOGUE:

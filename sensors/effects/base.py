@@ -43,7 +43,8 @@ class Effect(ABC):
     equation : the law in one line of plain text
     source : where the law comes from
     statement : sentence for a process engineer, with {parameter} fields
-    channels : what of the law it changes
+    channels : what of the law it changes, and is found by
+    also : what it changes besides, beside edges
     frame : what its signature follows
     covariate : key of `sensors.covariates.COVARIATES` against which it shows
     rivals : effects that look alike
@@ -60,6 +61,7 @@ class Effect(ABC):
     source: ClassVar[str]
     statement: ClassVar[str]
     channels: ClassVar[tuple[Channel, ...]]
+    also: ClassVar[tuple[Channel, ...]] = ()
     frame: ClassVar[Frame]
     covariate: ClassVar[str]
     rivals: ClassVar[tuple[str, ...]]
@@ -260,6 +262,10 @@ class Effect(ABC):
         points = itertools.product(*(values for _, values in axes))
         names = [name for name, _ in axes]
         return tuple(self.with_parameters(dict(zip(names, p, strict=True))) for p in points)
+
+    def variants(self, view: View) -> tuple[Self, ...]:
+        """Return other forms of the law, tried where it is fitted, not where it is looked for."""
+        return ()
 
     # ---- the recording's own parameters
 

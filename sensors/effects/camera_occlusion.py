@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
@@ -67,6 +67,10 @@ class CameraOcclusion(Effect):
         high=0.99,
         typical=0.5,
     )
+
+    def variants(self, view: View) -> tuple[Self, ...]:
+        """Return the camera on either side."""
+        return tuple(self.with_parameters(camera_side=side) for side in ("+y", "-y"))
 
     def changed(self, law: Law, view: View) -> Law:
         """Take the return away where the camera doesn't see the point."""

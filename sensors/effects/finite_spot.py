@@ -1,7 +1,7 @@
 """The line has a width: each reading is an average over its footprint."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
-from sensors.line_operator import gaussian_weights, line_sd_mm, read_line, sub_lines
+from sensors.line_operator import gaussian_weights, lean_mm, line_sd_mm, read_line, sub_lines
 from sensors.view import View
 
 
@@ -22,7 +22,10 @@ class FiniteSpot(Effect):
         "Each reading averages the depth over the laser line's width: edges are rounded, "
         "curvature biases."
     )
-    equation: ClassVar = "z_m = Σ L(η) z(y+η) / Σ L(η), bias about s²/2 · ∂²z/∂y²"
+    equation: ClassVar = (
+        "z_m = Σ L(η) z(y+η) / Σ L(η), bias about s²/2 · ∂²z/∂y²; with a lean, + lean · "
+        "(Σ L I [z + κ η cot θ] / Σ L I less the same without the brightness I)"
+    )
     source: ClassVar = (
         "Centre of gravity of a Gaussian line, sensors/line_operator.py; Siegman, Lasers (1986), "
         "ch. 17 for the beam's width away from focus"
@@ -65,6 +68,20 @@ class FiniteSpot(Effect):
         typical=0.0,
     )
 
+    lean: float = parameter(
+        "how much of what a line this wide would lean to the brighter side of a crease it leans, "
+        "where the brightness is known",
+        low=0.0,
+        high=1.0,
+        typical=0.0,
+    )
+
+    def variants(self, view: View) -> tuple[Self, ...]:
+        """Return the line leaning to the bright side, where the brightness is known."""
+        if view.brightness is None or view.datasheet.triangulation_angle_deg is None:
+            return ()
+        return (self.with_parameters(lean=0.3),)
+
     def changed(self, law: Law, view: View) -> Law:
         """Add the difference between the footprint's mean and the centre."""
         return replace(law, mean_mm=law.mean_mm + self.shift(view))
@@ -75,6 +92,8 @@ class FiniteSpot(Effect):
         offsets = sub_lines(float(np.max(sd)))
         line = read_line(view, offsets, gaussian_weights(offsets, sd))
         change = np.where(np.isfinite(line.depth_mm), line.depth_mm - view.depth_mm, 0.0)
+        if self.lean > 0 and view.brightness is not None:
+            change += self.lean * lean_mm(view, sd)
         if self.along_um > 0:
             offsets = sub_lines(self.along_um * 1e-3)
             weights = gaussian_weights(offsets, self.along_um * 1e-3)

@@ -7,9 +7,10 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from sensors.beam import merging_mm
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
-from sensors.law import Law, sheet_effects
+from sensors.law import Law
 from sensors.line_operator import STEEPEST, between_rows, read_line
 from sensors.view import Reason, View
 
@@ -104,7 +105,7 @@ class MotionBlur(Effect):
             offsets = offsets[:, :1]
         seen = view.datasheet.triangulation_angle_deg is not None
         line = read_line(
-            view, offsets, list(shares), visible=seen, merge_mm=_merging_mm(view)
+            view, offsets, list(shares), visible=seen, merge_mm=merging_mm(view)
         )
         lit = np.isfinite(line.depth_mm)
         mean = line.depth_mm + self._widened(law, view, ahead, shares, line.depth_mm, reach)
@@ -174,9 +175,3 @@ class MotionBlur(Effect):
                 total += share * np.where(own, here, 0.0)
                 count += share * own
         return total / np.where(count > 0, count, 1.0)
-
-
-def _merging_mm(view: View) -> float:
-    """How far two levels that were lit one after the other may lie apart to be read as one."""
-    listed = (e for e in sheet_effects(view) if e.name == "edge_mixing")
-    return 1e-3 * max((float(getattr(e, "merge_um", 0.0)) for e in listed), default=0.0)

@@ -3,12 +3,10 @@
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-import numpy as np
-
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
-from sensors.line_operator import gaussian_weights, line_sd_mm, read_line, sub_lines
+from sensors.line_operator import lean_mm, line_sd_mm
 from sensors.view import View
 
 
@@ -67,8 +65,4 @@ class ReflectanceEdge(Effect):
         if view.intensity is None and view.reflectance is None:
             return law
         sd = line_sd_mm(view, self.line_sd_um, self.rayleigh_mm)
-        offsets = sub_lines(float(np.max(sd)))
-        weights = gaussian_weights(offsets, sd)
-        bright = read_line(view, offsets, weights, camera=True, brightness=True)
-        change = bright.depth_mm - bright.even_mm
-        return replace(law, mean_mm=law.mean_mm + np.where(np.isfinite(change), change, 0.0))
+        return replace(law, mean_mm=law.mean_mm + lean_mm(view, sd))

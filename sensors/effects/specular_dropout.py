@@ -5,12 +5,17 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import expit
 
+from sensors.beam import merging_mm
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
+from sensors.line_operator import bright_line, line_sd_mm
 from sensors.view import View
+
+Floats = NDArray[np.float64]
 
 STEEPEST_DEG = 80.0
 """Incidence beyond which the law is held constant."""
@@ -27,7 +32,8 @@ class SpecularDropout(Effect):
     )
     equation: ClassVar = (
         "S = ρ cos β + (1-ρ) exp(-tan²α / m²); p = share · logistic(±(ln S - ln threshold) / "
-        "softness)"
+        "softness); of a line of stated width Σ L S counts, and its mean leans to the bright side: "
+        "Σ L S [z + κ η cot θ] / Σ L S"
     )
     source: ClassVar = (
         "Lobe of microfacets about the half vector: Torrance and Sparrow, J. Opt. Soc. Am. 57 "
@@ -38,6 +44,7 @@ class SpecularDropout(Effect):
         "{kind}, with a gloss lobe of {lobe_deg:.1f}°."
     )
     channels: ClassVar = ("missing",)
+    also: ClassVar = ("mean",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "half_vector"
     rivals: ClassVar = ("camera_occlusion", "random_dropout")
@@ -88,14 +95,30 @@ class SpecularDropout(Effect):
     )
 
     def changed(self, law: Law, view: View) -> Law:
-        """Add the probability of a missing return."""
+        """Add the probability of a missing return, and lean to what does return."""
+        mean, signal = law.mean_mm, self._signal(view)
+        if self.kind == "weak" and view.datasheet.line_width_um is not None:
+            # a line that lies half on a dark facet is read by its other half
+            sd, merge = line_sd_mm(view, None, None), merging_mm(view)
+            even, line = (bright_line(view, sd, s, merge_mm=merge) for s in (_even, self._signal))
+            mean = mean + self.share * np.nan_to_num(line.depth_mm - even.depth_mm)
+            signal = line.light
+        with np.errstate(divide="ignore"):
+            excess = (np.log(signal) - math.log(self.threshold)) / self.softness
+        missing = self.share * expit(-excess if self.kind == "weak" else excess)
+        kept = (1.0 - law.p_missing) * (1.0 - np.where(view.valid, missing, 0.0))
+        return replace(law, mean_mm=mean, p_missing=np.asarray(1.0 - kept))
+
+    def _signal(self, view: View) -> Floats:
+        """Light that reaches the camera, (n, m), 1 at the lobe's peak."""
         tangent = np.tan(np.minimum(view.half_vector_rad, math.radians(STEEPEST_DEG)))
         lobe = np.exp(-np.square(tangent / math.tan(math.radians(self.lobe_deg))))
         signal = self.matt * view.cos_incidence + (1.0 - self.matt) * lobe
         if view.reflectance is not None and view.intensity is None:
             signal = signal * view.reflectance.at(view.part_mm)
-        with np.errstate(divide="ignore"):
-            excess = (np.log(signal) - math.log(self.threshold)) / self.softness
-        missing = self.share * expit(-excess if self.kind == "weak" else excess)
-        kept = (1.0 - law.p_missing) * (1.0 - np.where(view.valid, missing, 0.0))
-        return replace(law, p_missing=np.asarray(1.0 - kept))
+        return np.asarray(signal)
+
+
+def _even(view: View) -> Floats:
+    """Return the same light from everywhere."""
+    return np.ones((1, 1))

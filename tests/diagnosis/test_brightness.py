@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from diagnosis.brightness import surface_brightness
+from diagnosis.brightness import smoothed_brightness
 
 
 def speckled(base: np.ndarray, seed: int) -> np.ndarray:
@@ -12,7 +12,7 @@ def speckled(base: np.ndarray, seed: int) -> np.ndarray:
 
 def test_speckle_alone_leaves_next_to_nothing() -> None:
     raw = speckled(np.full((120, 160), 0.5), 1)
-    left = np.log(surface_brightness(raw))
+    left = np.log(smoothed_brightness(raw))
     # the median of 15 along rows and columns: 1.25 / 15 of the scatter at best
     assert left.std() < 0.15 * np.log(raw).std()
 
@@ -20,7 +20,7 @@ def test_speckle_alone_leaves_next_to_nothing() -> None:
 def test_a_print_keeps_its_edge_and_its_contrast() -> None:
     base = np.full((120, 160), 0.6)
     base[40:80, 50:110] = 0.15
-    left = surface_brightness(speckled(base, 2))
+    left = smoothed_brightness(speckled(base, 2))
     assert abs(np.log(left[50:70, 70:90]).mean() - np.log(0.15)) < 0.05
     assert abs(np.log(left[:20]).mean() - np.log(0.6)) < 0.05
     middle = np.sqrt(0.6 * 0.15)
@@ -32,5 +32,5 @@ def test_a_print_keeps_its_edge_and_its_contrast() -> None:
 def test_missing_readings_stay_missing() -> None:
     raw = speckled(np.full((60, 60), 0.5), 3)
     raw[10:20, 10:20] = np.nan
-    left = surface_brightness(raw)
+    left = smoothed_brightness(raw)
     np.testing.assert_array_equal(np.isnan(left), np.isnan(raw))

@@ -139,7 +139,8 @@ def test_it_changes_the_channels_that_it_claims(cls, view):
     if new.lay_ratio != law.lay_ratio:
         changed.add("correlation")
     assert changed
-    assert changed <= set(cls.channels) | ({"missing"} if issubclass(cls, MotionEffect) else set())
+    claimed = {*cls.channels, *cls.also}
+    assert changed <= claimed | ({"missing"} if issubclass(cls, MotionEffect) else set())
     assert new.mean_mm.shape == view.shape
     assert np.array_equal(np.isnan(new.mean_mm), new.reason > 0)
 

@@ -12,6 +12,7 @@ from sensors.effects.edge_mixing import EdgeMixing
 from sensors.effects.finite_spot import FiniteSpot
 from sensors.effects.motion_blur import MotionBlur
 from sensors.effects.reflectance_edge import ReflectanceEdge
+from sensors.effects.specular_dropout import SpecularDropout
 from sensors.law import geometric_law, plain_law
 from sensors.line_operator import SUB_LINES, gaussian_weights, read_line, sub_lines
 from sensors.reflectance import Patch, ReflectanceMap
@@ -286,3 +287,47 @@ def test_a_line_wider_than_listed_is_so_for_all(name):
     expected = [w if o else 2 * w for w, o in zip((40.0, 60.0, 40.0), own, strict=False)]
     assert widths == [*expected, None]
     assert as_wide(listed, {}) == list(listed)
+
+
+@pytest.mark.parametrize(("side", "sign"), [("+y", 1.0), ("-y", -1.0)])
+def test_half_a_line_on_a_dark_wall_is_read_by_its_other_half(view_of, side, sign):
+    """At the rim the flat half alone shines: ± 0.80 s cot θ, without the wall's mean depth."""
+    s = 0.3
+    y = np.concatenate([20.0 + np.array([0.0, -0.3, -1.2]), [22.0]])
+    view = view_of("groove", sheet={"camera_side": side}, y_mm=y)
+    # the flat lies 15° off the mirror's angle, the walls 30° and 60°
+    bright = math.exp(-((math.tan(math.radians(15)) / math.tan(math.radians(10))) ** 2))
+    effect = SpecularDropout(
+        share=1.0, lobe_deg=10.0, matt=0.0, threshold=0.05 * bright, softness=0.05
+    )
+    plain = geometric_law(view, None)
+    law = effect.apply(plain, view)
+    change = (law.mean_mm - plain.mean_mm)[:, 40]
+    half, whole = s * math.sqrt(2 / math.pi), 0.5 * s * math.sqrt(2 / math.pi)
+    assert np.isclose(change[0], sign * half * COT - whole, rtol=0.08)
+    assert abs(change[3]) < 1e-9
+    # with a sixth of the line on the flat there is a reading yet, four deviations off there is none
+    assert np.all(law.p_missing[[0, 1, 3], 40] < 0.01)
+    assert law.p_missing[2, 40] > 0.99
+
+
+def test_a_crease_leans_to_its_brighter_side_where_the_line_is_whole(view_of):
+    """At the rim, half the line on a wall of half the brightness and a slope of 1."""
+    y = np.linspace(17.0, 23.0, 121)
+    bright = np.where(y >= 20.0, 1.0, 0.5)[:, None] * np.ones((1, 81))
+    view = view_of("groove", y_mm=y, intensity=bright)
+    plain = geometric_law(view, None)
+    still, leaning = (FiniteSpot(line_sd_um=300.0, lean=lean) for lean in (0.0, 0.5))
+    change = (leaning.apply(plain, view).mean_mm - still.apply(plain, view).mean_mm)[:, 40]
+    crease = int(np.argmin(np.abs(y - 20.0)))
+    # flat: cot θ; wall: 1 - cot θ, half as bright; without brightness they have 1/2 for a mean
+    expected = 0.5 * 0.3 * math.sqrt(2 / math.pi) * ((COT + 0.5 * (1 - COT)) / 1.5 - 0.5)
+    assert np.isclose(change[crease], expected, rtol=0.15)
+    assert np.all(np.abs(change[np.abs(y - 20.0) > 1.2]) < 1e-9)
+
+
+def test_a_lean_needs_a_known_brightness(view_of):
+    view = view_of("groove")
+    leaning, still = FiniteSpot(line_sd_um=300.0, lean=0.5), FiniteSpot(line_sd_um=300.0)
+    assert np.array_equal(leaning.shift(view), still.shift(view), equal_nan=True)
+    assert leaning.variants(view) == ()
