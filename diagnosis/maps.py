@@ -203,8 +203,12 @@ def map_recording(
         # what the effects do beyond what any placement takes up; not the two placements found,
         # which disagree at every edge, however near they are
         taken = _taken_up(np.concatenate(samples), np.concatenate(rigid))
-        moved_by = [columns_of(view)[..., :RIGID] @ taken for view in views(placement.poses)]
-        change = whole["change"] - np.where(whole["edge"], 0.0, np.concatenate(moved_by))
+        moved = np.concatenate(
+            [columns_of(view)[..., :RIGID] @ taken for view in views(placement.poses)]
+        )
+        # a wall beside an edge would move by any amount
+        most = np.abs(moved[~whole["edge"]]).max(initial=0.0)
+        change = whole["change"] - np.clip(moved, -most, most)
         mask = departure_mask(change, whole["lost"], usual * whole["noise"])
         mask |= _random_losses(model, wrong)
     else:

@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from diagnosis.brightness import smoothed_brightness
+from benchmarks.relief import datasheet, part, poses
+from diagnosis.brightness import by_direction, smoothed_brightness, surface_brightness
+from sensors.view import View
 
 
 def speckled(base: np.ndarray, seed: int) -> np.ndarray:
@@ -34,3 +36,20 @@ def test_missing_readings_stay_missing() -> None:
     raw[10:20, 10:20] = np.nan
     left = smoothed_brightness(raw)
     np.testing.assert_array_equal(np.isnan(left), np.isnan(raw))
+
+
+def test_a_ridge_between_a_bright_and_a_dark_flank_stays_sharp() -> None:
+    view = View(part("wedge"), datasheet(100), poses(60, pitch_mm=0.3), np.arange(60) / 200.0)
+    base = np.where(view.slope_x > 0, 0.6, 0.3)
+    base = np.where(np.isfinite(view.depth_mm), base, np.nan)
+    left = surface_brightness(speckled(base, 4), view)
+    off = np.abs(np.nanmedian(np.log(left / base), axis=0))
+    ridge = int(np.flatnonzero(np.diff(np.nanmedian(base, axis=0)))[0])
+    assert off[ridge - 2 : ridge + 4].max() < 0.12
+    np.testing.assert_array_equal(np.isnan(left), np.isnan(base))
+
+
+def test_directions_that_few_readings_have_take_their_neighbours_brightness() -> None:
+    view = View(part("domes"), datasheet(100), poses(60, pitch_mm=0.3), np.arange(60) / 200.0)
+    usual = by_direction(np.full(view.shape, 0.4), view)
+    assert np.allclose(usual[np.isfinite(view.depth_mm)], 0.4)

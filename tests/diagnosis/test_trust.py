@@ -1,0 +1,55 @@
+"""Trust at edges: a law that the readings bear out counts whole, one they deny doesn't."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.diagnose import bench_workspace
+from diagnosis.trust import STEPS, Trust, trust
+from diagnosis.workspace import Model, Workspace
+from sensors.effects.finite_spot import FiniteSpot
+
+WIDE = Model(effects=(FiniteSpot(line_sd_um=400.0),))
+
+
+@pytest.fixture(scope="module")
+def ws() -> Workspace:
+    return bench_workspace("wedge")
+
+
+def classes(ws: Workspace) -> np.ndarray:
+    """Readings of each class at edges, under the wide spot."""
+    count = np.zeros(len(STEPS))
+    for patch, plain, full in zip(ws.patches, ws.predict(Model()), ws.predict(WIDE), strict=True):
+        change = np.abs(full.mean_mm - plain.mean_mm)[patch.edge & plain.seen] / ws.noise.sd_mm
+        count += np.bincount(np.searchsorted(STEPS, change, side="right") - 1, minlength=len(STEPS))
+    return count
+
+
+def test_a_law_that_the_readings_deny_counts_little(ws: Workspace) -> None:
+    known = classes(ws) > 60
+    known[0] = False  # changes below half the noise say little
+    assert known.sum() >= 2
+    assert np.all(trust(ws, WIDE).shares[known] < 0.35)
+
+
+def test_a_law_that_they_bear_out_counts_whole(ws: Workspace) -> None:
+    known = classes(ws) > 60
+    known[0] = False
+    both = zip(ws.patches, ws.predict(Model()), ws.predict(WIDE), strict=True)
+    moved = tuple(
+        replace(p, depth_mm=p.depth_mm + full.mean_mm - plain.mean_mm, kept={})
+        for p, plain, full in both
+    )
+    assert np.all(trust(replace(ws, patches=moved), WIDE).shares[known] > 0.85)
+
+
+def test_without_a_model_or_a_reading_nothing_is_taken_off(ws: Workspace) -> None:
+    assert np.array_equal(trust(ws, Model()).shares, np.ones(len(STEPS)))
+
+
+def test_each_change_gets_the_share_of_its_class() -> None:
+    given = Trust(shares=np.array([1.0, 0.9, 0.8, 0.7, 0.6, 0.5]))
+    change = np.array([0.0, -0.6, 1.0, -3.0, 5.0, 100.0, np.nan])
+    assert np.array_equal(given.share(change), [1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 1.0])
