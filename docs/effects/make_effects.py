@@ -112,7 +112,7 @@ def draw(name: str, view: View) -> None:
     bare = geometric_law(view, SPECKLE)
     law = shown(name).apply(bare, view)
     change = 1e3 * (law.mean_mm - bare.mean_mm)
-    only_mean = np.nanmax(np.abs(change)) > 0
+    only_mean = "mean" in CATALOGUE[name].channels and np.nanmax(np.abs(change)) > 0
     figure, (left, right) = plt.subplots(
         1, 2, figsize=(8.2, 2.9), width_ratios=(1, 1.35), layout="constrained"
     )
