@@ -53,7 +53,8 @@ def screen_rates(
     """
     findings: list[Finding] = []
     shaped = any("variance" in e.channels for e in sheet_effects(patches[0].view))
-    modelled = any("variance" in e.channels for e in accepted)
+    # weak light is noisy where it isn't lost
+    modelled = any("variance" in e.channels or e.name == "specular_dropout" for e in accepted)
     for channel in ("variance", "missing", "tails"):
         tolerance = TOLERANCES[channel]
         if channel == "variance" and (shaped or modelled):

@@ -36,8 +36,15 @@ SCREENED_READINGS = 180_000
 NOT_SEARCHED = {"pose_error", "empirical", "roughness_level", "anisotropic_lay"}
 LAST_RESORT = {"form_error", "column_offset"}
 """Flexible shapes: chosen only where no more specific effect does nearly as well."""
-KIN = ({"finite_spot", "edge_mixing", "motion_blur"}, {"volume_scattering", "incidence_bias"})
-"""Approximations of one and the same thing: a second of them would mend the first's remainder."""
+KIN = (
+    {"finite_spot", "edge_mixing", "motion_blur"},
+    {"volume_scattering", "incidence_bias"},
+    {"specular_dropout", "incidence_noise"},
+)
+"""Approximations of one and the same thing: a second of them would mend the first's remainder.
+
+What comes back of a light that is mostly too weak is noisy, too.
+"""
 Progress = Callable[[str], None]
 
 

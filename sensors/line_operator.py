@@ -230,10 +230,10 @@ def bright_line(
 def lean_mm(view: View, sd_mm: Floats | float) -> Floats:
     """How far a line leans to the bright side of a surface that runs on, (n, m) mm.
 
-    0 where the line is cut or lies on two levels: little of it is lit there, whatever the
+    0 where the line lies on two levels: little of it is lit there, whatever the
     surface's brightness.
     """
-    line = bright_line(view, sd_mm, merge_mm=0.0)
+    line = bright_line(view, sd_mm)
     return np.where(line.whole & (line.light > 0), line.depth_mm - line.even_mm, 0.0)
 
 

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 from typing import ClassVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +13,12 @@ from sensors.beam import merging_mm
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
-from sensors.line_operator import bright_line, line_sd_mm
+from sensors.line_operator import bright_line
 from sensors.view import View
 
 Floats = NDArray[np.float64]
 
+_EVENLY: WeakKeyDictionary[View, dict[tuple[float, float], Floats]] = WeakKeyDictionary()
 STEEPEST_DEG = 80.0
 """Incidence beyond which the law is held constant."""
 
@@ -99,9 +101,9 @@ class SpecularDropout(Effect):
         mean, signal = law.mean_mm, self._signal(view)
         if self.kind == "weak" and view.datasheet.line_width_um is not None:
             # a line that lies half on a dark facet is read by its other half
-            sd, merge = line_sd_mm(view, None, None), merging_mm(view)
-            even, line = (bright_line(view, sd, s, merge_mm=merge) for s in (_even, self._signal))
-            mean = mean + self.share * np.nan_to_num(line.depth_mm - even.depth_mm)
+            sd, merge = view.datasheet.line_width_um * 2.5e-4, merging_mm(view)
+            line = bright_line(view, sd, self._signal, merge_mm=merge)
+            mean = mean + self.share * np.nan_to_num(line.depth_mm - _evenly_read(view, sd, merge))
             signal = line.light
         with np.errstate(divide="ignore"):
             excess = (np.log(signal) - math.log(self.threshold)) / self.softness
@@ -119,6 +121,10 @@ class SpecularDropout(Effect):
         return np.asarray(signal)
 
 
-def _even(view: View) -> Floats:
-    """Return the same light from everywhere."""
-    return np.ones((1, 1))
+def _evenly_read(view: View, sd_mm: float, merge_mm: float) -> Floats:
+    """Read the line as if it were equally bright, (n, m) mm; kept for the next who asks."""
+    kept = _EVENLY.setdefault(view, {})
+    if (sd_mm, merge_mm) not in kept:
+        line = bright_line(view, sd_mm, lambda sub: np.ones((1, 1)), merge_mm=merge_mm)
+        kept[sd_mm, merge_mm] = line.depth_mm
+    return kept[sd_mm, merge_mm]
