@@ -2,7 +2,8 @@
 
 Recordings come from the plain simulator plus effects, so that this shows errors of the inference,
 not of the physics. Strength is the whitened signal to noise over the recordings that are fitted,
-the pose projected out: sqrt(2 x nats of the true law over the plain one).
+the pose projected out: sqrt(2 x nats of the true law over the plain one); expected nats for bulk
+physics, those of simulated recordings for what lives on depth edges, where poses are uncertain.
 
     python -m benchmarks.diagnose --out docs/diagnosis-bench.md [--nulls 60] [--minutes 30]
 """
@@ -18,6 +19,7 @@ from scipy import stats
 
 from benchmarks.relief import VIEWS, datasheet, part, record
 from diagnosis.diagnose import Diagnosis, diagnose
+from diagnosis.edges import EDGE_COVARIATES
 from diagnosis.heldout import judge
 from diagnosis.locate import departure_mask
 from diagnosis.maps import RIGID
@@ -28,7 +30,9 @@ from diagnosis.registration import register
 from diagnosis.score import CLIP, placements, whitened
 from diagnosis.workspace import Model, Workspace
 from sensors.effects import effect_of
+from sensors.effects.base import Effect
 from sensors.laser import Laser
+from sensors.recording import Recording
 from sensors.typed_yaml import RecipeError
 
 POINTS, PROFILES, PITCH_MM = 100, 72, 0.6
@@ -47,7 +51,7 @@ CASES: tuple[tuple[str, dict[str, object], str, float, str], ...] = (
     ("form_error", {}, "coefficients_um", 0.0, "wedge"),
     ("finite_spot", {}, "line_sd_um", 0.0, "steps"),
     ("edge_mixing", {}, "line_sd_um", 0.0, "steps"),
-    ("interreflection", {"reach_mm": 5.0}, "weight", 0.0, "steps"),
+    ("interreflection", {"reach_mm": 5.0}, "weight", 0.0, "valley"),
     ("motion_blur", {}, "exposure_ms", 0.0, "steps"),
     ("incidence_noise", {}, "exponent", 0.0, "wedge"),
     ("camera_occlusion", {}, "triangulation_angle_deg", 0.0, "steps"),
@@ -89,22 +93,23 @@ def entry(case: tuple[str, dict[str, object], str, float, str], scale: float) ->
     return {"name": name, **more, parameter: value}
 
 
+def _recordings(name: str, effects: Sequence[dict[str, object]]) -> list[Recording]:
+    """Two recordings, the same but for the effects in them."""
+    return [
+        record(
+            part(name), datasheet(POINTS), effects, name=f"w{k}", seed=900 + k, profiles=PROFILES,
+            pitch_mm=PITCH_MM, **view,
+        )
+        for k, view in enumerate(VIEWS[:2])
+    ]  # fmt: skip
+
+
 def bench_workspace(name: str) -> Workspace:
     """Two recordings of nothing, to measure strengths with."""
     sheet, scene = datasheet(POINTS), part(name)
     laser = Laser.from_datasheet(sheet)
     patches = []
-    for k, view in enumerate(VIEWS[:2]):
-        made = record(
-            scene,
-            sheet,
-            [],
-            name=f"w{k}",
-            seed=900 + k,
-            profiles=PROFILES,
-            pitch_mm=PITCH_MM,
-            **view,
-        )
+    for k, made in enumerate(_recordings(name, [])):
         placed = register(scene, made, laser, valid=np.isfinite(made.depth_mm), sd_mm=0.001)
         patches += cut(k, made, placed, scene, sheet, laser, lateral_mm=0.03)
     noise = calibrate(
@@ -115,12 +120,28 @@ def bench_workspace(name: str) -> Workspace:
     return Workspace.build(patches, replace(noise, tail_share=0.0))
 
 
-def strength(ws: Workspace, effect: dict[str, object]) -> float:
-    """Whitened signal to noise of an effect: sqrt(2 x expected nats)."""
-    values = dict(effect)
-    thing = effect_of(values)
+def strength(ws: Workspace, effect: dict[str, object], part_name: str) -> float:
+    """Whitened signal to noise of an effect: sqrt(2 x nats of its law over the plain one)."""
+    thing = effect_of(dict(effect))
     if thing.undrawn():
         thing = thing.draw(np.random.default_rng(0))
+    at_edges = thing.covariate in EDGE_COVARIATES
+    nats = _simulated_nats(ws, thing, part_name) if at_edges else _expected_nats(ws, thing)
+    return float(np.sqrt(2 * max(nats, 0.0)))
+
+
+def _simulated_nats(ws: Workspace, thing: Effect, part_name: str) -> float:
+    """Nats that the law of an effect gains on the bench's recordings, taken with it."""
+    made = _recordings(part_name, [thing.to_mapping()])
+    patches = tuple(
+        replace(p, depth_mm=r.depth_mm, kept={}) for p, r in zip(ws.patches, made, strict=True)
+    )
+    there = replace(ws, patches=patches)
+    plain, true = (there.log_densities(m) for m in (Model(), Model(effects=(thing,))))
+    return float(there.block_scores([t - p for t, p in zip(true, plain, strict=True)]).sum())
+
+
+def _expected_nats(ws: Workspace, thing: Effect) -> float:
     nats = 0.0
     base = ws.predict(Model())
     raw = [whitened(p, q, ws.noise) for p, q in zip(ws.patches, base, strict=True)]
@@ -145,7 +166,7 @@ def strength(ws: Workspace, effect: dict[str, object]) -> float:
     for patch, signal in zip(ws.patches, signals, strict=True):
         rest = signal.innovations - signal.columns @ moved[patch.recording]
         nats += 0.5 * float((rest[signal.used] ** 2).sum())
-    return float(np.sqrt(2 * max(nats, 0.0)))
+    return nats
 
 
 def at_strength(
@@ -154,11 +175,11 @@ def at_strength(
     """Scale the effect of a case to a signal to noise; None where its bounds end before."""
     low, high = 1e-4, 30.0
     try:
-        if strength(ws, entry(case, high)) < wanted:
+        if strength(ws, entry(case, high), case[4]) < wanted:
             return None
         for _ in range(14):
             middle = float(np.sqrt(low * high))
-            if strength(ws, entry(case, middle)) < wanted:
+            if strength(ws, entry(case, middle), case[4]) < wanted:
                 low = middle
             else:
                 high = middle

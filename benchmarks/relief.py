@@ -80,6 +80,11 @@ def bowl(x: Floats, y: Floats) -> Floats:
     return 0.008 * x**2 - 0.006 * y**2 - 2.0 * np.exp(-((x + 0.3 * y - 4) ** 2) / 18)
 
 
+def valley(x: Floats, y: Floats) -> Floats:
+    """Valley with flanks at 45° that runs aslant of all travels."""
+    return np.minimum(np.abs(0.5 * x + np.sqrt(0.75) * y), 9.0)
+
+
 PARTS: dict[str, Scene] = {}
 
 
@@ -94,6 +99,7 @@ def part(name: str) -> Scene:
             ),
             "wedge": lambda: solid(wedge, knots(52, 53, (3,)), knots(52, 53, (-2,))),
             "bowl": lambda: solid(bowl, fine, fine),
+            "valley": lambda: solid(valley, fine, fine),
         }
         PARTS[name] = made[name]()
     return PARTS[name]

@@ -11,7 +11,13 @@ from diagnosis.empirical_fit import fit_empirical
 from diagnosis.explain import LEAST_GAIN, explain
 from diagnosis.finding import Finding
 from diagnosis.finish import averaged_grain, finish_effects, finish_intervals
-from diagnosis.found import FoundEffect, commanded_gain, found_effects, plainly_found
+from diagnosis.found import (
+    FoundEffect,
+    commanded_gain,
+    found_effects,
+    plainly_found,
+    sheet_with,
+)
 from diagnosis.heldout import Judgement, judge
 from diagnosis.inputs import (
     check_fits,
@@ -34,9 +40,7 @@ from diagnosis.select import Selection
 from diagnosis.settle import registered_under, settled
 from diagnosis.trust import trust
 from diagnosis.workspace import Model, Workspace
-from sensors.beam import as_wide
-from sensors.datasheet import Datasheet, with_effects
-from sensors.effects import effects_of
+from sensors.datasheet import Datasheet
 from sensors.effects.motion_blur import MotionBlur
 from sensors.recording import Recording
 from sensors.scene import Scene
@@ -220,10 +224,6 @@ def diagnose(
         maps = [m.everywhere(beside[-1].name) if not m.mask.any() else m for m in maps]
     regions = tuple(region for m in maps for region in m.regions)
     counted = sum(m.mask.size for m in maps)
-    listed, named = effects_of(datasheet), {f.name: f.effect.shared() for f in found}
-    # a line that is wider for one effect is so for all that the file lists
-    beam = {e.name: e for e, was in zip(as_wide(listed, named), listed, strict=True) if e != was}
-    sheet = with_effects(datasheet, tuple(e.to_mapping() for e in (beam | named).values()))
     return Diagnosis(
         verdict=verdict,
         effects=found,
@@ -234,7 +234,7 @@ def diagnose(
         before=before,
         after=after,
         maps=tuple(maps),
-        datasheet=sheet,
+        datasheet=sheet_with(datasheet, [f.effect.shared() for f in found]),
         model=model,
         noise=noise,
         threshold=selection.first.threshold,

@@ -16,8 +16,10 @@ from diagnosis.score import log_density
 from diagnosis.select import Choice, refit_linear
 from diagnosis.uncertainty import intervals
 from diagnosis.workspace import Model, Workspace
+from sensors.beam import as_wide
 from sensors.covariates import COVARIATES
-from sensors.datasheet import Datasheet
+from sensors.datasheet import Datasheet, with_effects
+from sensors.effects import effects_of
 from sensors.effects.base import Effect
 from sensors.laser import Laser
 from sensors.recording import Recording
@@ -124,6 +126,17 @@ def plainly_found(
         alternatives=(),
         separating=effect.separating,
     )
+
+
+def sheet_with(datasheet: Datasheet, effects: Sequence[Effect]) -> Datasheet:
+    """Return the sensor's file with what was found, each in place of an entry of its name.
+
+    A line that is wider for one effect is so for all that the file lists, as it was predicted.
+    """
+    listed, found = effects_of(datasheet), {e.name: e for e in effects}
+    wide = as_wide(listed, found)
+    new = {e.name: e for e, was in zip(wide, listed, strict=True) if e != was} | found
+    return with_effects(datasheet, tuple(e.to_mapping() for e in new.values()))
 
 
 def commanded_gain(

@@ -190,9 +190,10 @@ def map_recording(
             whole.pop("final"), effects, there["final"], again.poses, there["plain"]
         )
         final = _best(depth, whole["final_noise"], expected)
-    if trusted is not None:
-        held = trusted.share(whole["change"] / noise.sd_mm)
-        final = final - np.where(whole["edge"], (1.0 - held) * np.nan_to_num(whole["change"]), 0.0)
+        if trusted is not None:
+            at_edges = np.nan_to_num(whole["change"][whole["edge"]])
+            shares = trusted.share(at_edges / noise.sd_mm)
+            final[whole["edge"]] -= (1.0 - shares) * at_edges
     final = np.where(np.isfinite(plain), final, np.nan)
     residual = depth - plain
     score = smoothed_score(residual, whole["sd"], noise)

@@ -69,8 +69,9 @@ class CameraOcclusion(Effect):
     )
 
     def variants(self, view: View) -> tuple[Self, ...]:
-        """Return the camera on either side."""
-        return tuple(self.with_parameters(camera_side=side) for side in ("+y", "-y"))
+        """Return the camera on the other side."""
+        side = self.camera_side or view.datasheet.camera_side
+        return (self.with_parameters(camera_side="-y" if side == "+y" else "+y"),)
 
     def changed(self, law: Law, view: View) -> Law:
         """Take the return away where the camera doesn't see the point."""

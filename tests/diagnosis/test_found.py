@@ -1,0 +1,34 @@
+"""The sensor's file that a diagnosis writes predicts what the diagnosis predicted."""
+
+import numpy as np
+
+from benchmarks.relief import datasheet, part, poses
+from diagnosis.found import sheet_with
+from diagnosis.prediction import law_of
+from sensors.effects import effects_of
+from sensors.effects.edge_mixing import EdgeMixing
+from sensors.effects.line_bow import LineBow
+from sensors.view import View
+
+LISTED = (
+    {"name": "finite_spot", "line_sd_um": 60.0},
+    {"name": "edge_mixing", "line_sd_um": 40.0},
+)
+
+
+def test_a_wider_line_found_by_one_effect_is_written_for_all() -> None:
+    sheet = datasheet(100, LISTED)
+    found = (EdgeMixing(line_sd_um=80.0), LineBow(sag_um=30.0))
+    written = sheet_with(sheet, found)
+    assert [e.name for e in effects_of(written)] == ["finite_spot", "edge_mixing", "line_bow"]
+    assert effects_of(written)[0].line_sd_um == 120.0
+    time = np.arange(40) / 200.0
+    scan = poses(40, pitch_mm=0.3)
+    as_found = law_of(View(part("steps"), sheet, scan, time), found, None)
+    as_written = law_of(View(part("steps"), written, scan, time), (), None)
+    assert np.array_equal(as_found.mean_mm, as_written.mean_mm, equal_nan=True)
+
+
+def test_what_was_not_found_stays_as_it_was_written() -> None:
+    sheet = datasheet(100, LISTED)
+    assert sheet_with(sheet, (LineBow(sag_um=30.0),)).effects[:2] == sheet.effects
