@@ -14,8 +14,8 @@ from sensors.view import View
 NARROW, WIDE = 5, 15
 CLEAR = 6.0
 """A change of brightness counts as the surface's beyond this many deviations of speckle."""
-
-
+EVEN = 0.15
+"""Scatter of the logarithm that directions may leave over; more is a print."""
 BIN_DEG = 3.0
 """Directions of the surface that count as one."""
 FEWEST = 50
@@ -46,13 +46,20 @@ def by_direction(intensity: Field, view: View) -> Field:
 def surface_brightness(intensity: Field, view: View) -> Field:
     """Return the surface's part of an intensity image, (n, m), same unit; NaN where missing.
 
+    What a direction has on average is told by a part of one finish; where something is printed on
+    it, a direction's mean is how much print happens to lie there.
+
     Parameters
     ----------
     intensity : (n, m) as recorded
     view : the part at the placement of the recording
     """
     usual = by_direction(intensity, view)
-    return smoothed_brightness(intensity / usual) * usual
+    rest = smoothed_brightness(intensity / usual)
+    log = np.log(rest[np.isfinite(rest) & (rest > 0)])
+    if log.size and np.std(log) < EVEN:
+        return rest * usual
+    return smoothed_brightness(intensity)
 
 
 def smoothed_brightness(intensity: Field) -> Field:

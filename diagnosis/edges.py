@@ -13,6 +13,11 @@ from sensors.view import View
 
 EDGE_COVARIATES = {"curvature_y", "edge_y", "hidden"}
 """Covariates of effects that live on depth edges alone."""
+BESIDE_EDGES = {"half_vector"}
+"""Covariates of effects that are chosen by bulk readings and show beside edges, too.
+
+How dark a facet is tells how much of the line must lie beside it to be read.
+"""
 TRUST = 1.0
 """Share of the plain law's own correction at an edge by which it may be wrong."""
 UNSURE = 0.3

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.edges import EDGE_COVARIATES
+from diagnosis.edges import BESIDE_EDGES, EDGE_COVARIATES
 from diagnosis.found import heldout_gains
 from diagnosis.linear import phase_is_own
 from diagnosis.noise import Mask, NoiseModel
@@ -120,7 +120,7 @@ def explain(
         progress("registering again under the model")
         patches = place_again(model, patches)
         ws = Workspace.build([p for p in patches if p.fit.any()], noise)
-        if any(e.covariate in EDGE_COVARIATES for e in model.effects):
+        if any(e.covariate in EDGE_COVARIATES | BESIDE_EDGES for e in model.effects):
             # where edges are and what they do were settled by turns
             model = refit(ws.thin(SEARCHED_READINGS), model)
         model, kept = drop_idle(ws, refit_linear(ws, model), selection.choices, rng)

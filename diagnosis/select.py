@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.edges import EDGE_COVARIATES
+from diagnosis.edges import BESIDE_EDGES, EDGE_COVARIATES
 from diagnosis.families import effect_families, free_families
 from diagnosis.finding import Finding, Screening
 from diagnosis.fit import fit_effect
@@ -285,9 +285,11 @@ def refit(ws: Workspace, model: Model, *, rounds: int = 1) -> Model:
             rest = model.without(effect.name)
             predictions = ws.predict(rest)
             states = ws.states(predictions)
+            everywhere = ws.masks() if effect.covariate in BESIDE_EDGES else None
             fitted = fit_effect(
-                type(effect), ws, rest, predictions, states, start=effect.shared(), polish=True
-            )
+                type(effect), ws, rest, predictions, states, masks=everywhere,
+                start=effect.shared(), polish=True,
+            )  # fmt: skip
             if fitted is not None and not fitted.effect.is_null:
                 model = ws.levelled(rest.with_effect(fitted.effect, fitted.own))
     return model

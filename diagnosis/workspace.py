@@ -155,8 +155,7 @@ class Workspace:
 
     def masks_for(self, kind: type[Effect]) -> list[Mask]:
         """Return the readings on which an effect is fitted: bulk physics away from edges."""
-        # how bright a facet is shows beside it, where the line lies on it in part
-        if kind.covariate in EDGE_COVARIATES | {"half_vector"}:
+        if kind.covariate in EDGE_COVARIATES:
             return self.masks()
         return [m & ~p.edge for p, m in zip(self.patches, self.masks(), strict=True)]
 

@@ -13,12 +13,12 @@ from sensors.beam import merging_mm
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
-from sensors.line_operator import bright_line
+from sensors.line_operator import Line, bright_line
 from sensors.view import View
 
 Floats = NDArray[np.float64]
 
-_EVENLY: WeakKeyDictionary[View, dict[tuple[float, float], Floats]] = WeakKeyDictionary()
+_EVEN: WeakKeyDictionary[View, dict[tuple[float, float], Line]] = WeakKeyDictionary()
 STEEPEST_DEG = 80.0
 """Incidence beyond which the law is held constant."""
 
@@ -34,8 +34,8 @@ class SpecularDropout(Effect):
     )
     equation: ClassVar = (
         "S = ρ cos β + (1-ρ) exp(-tan²α / m²); p = share · logistic(±(ln S - ln threshold) / "
-        "softness); of a line of stated width Σ L S counts, and its mean leans to the bright side: "
-        "Σ L S [z + κ η cot θ] / Σ L S"
+        "softness); of a line of stated width Σ L S / Σ L counts, and its mean leans to the bright "
+        "side: Σ L S [z + κ η cot θ] / Σ L S"
     )
     source: ClassVar = (
         "Lobe of microfacets about the half vector: Torrance and Sparrow, J. Opt. Soc. Am. 57 "
@@ -102,9 +102,10 @@ class SpecularDropout(Effect):
         if self.kind == "weak" and view.datasheet.line_width_um is not None:
             # a line that lies half on a dark facet is read by its other half
             sd, merge = view.datasheet.line_width_um * 2.5e-4, merging_mm(view)
-            line = bright_line(view, sd, self._signal, merge_mm=merge)
-            mean = mean + self.share * np.nan_to_num(line.depth_mm - _evenly_read(view, sd, merge))
-            signal = line.light
+            even, line = _even(view, sd, merge), bright_line(view, sd, self._signal, merge_mm=merge)
+            mean = mean + self.share * np.nan_to_num(line.depth_mm - even.depth_mm)
+            # what the camera doesn't see of the line makes no facet darker
+            signal = line.light / np.where(even.light > 0, even.light, 1.0)
         with np.errstate(divide="ignore"):
             excess = (np.log(signal) - math.log(self.threshold)) / self.softness
         missing = self.share * expit(-excess if self.kind == "weak" else excess)
@@ -121,10 +122,11 @@ class SpecularDropout(Effect):
         return np.asarray(signal)
 
 
-def _evenly_read(view: View, sd_mm: float, merge_mm: float) -> Floats:
-    """Read the line as if it were equally bright, (n, m) mm; kept for the next who asks."""
-    kept = _EVENLY.setdefault(view, {})
+def _even(view: View, sd_mm: float, merge_mm: float) -> Line:
+    """Read the line as if it were equally bright; kept for the next who asks."""
+    kept = _EVEN.setdefault(view, {})
     if (sd_mm, merge_mm) not in kept:
-        line = bright_line(view, sd_mm, lambda sub: np.ones((1, 1)), merge_mm=merge_mm)
-        kept[sd_mm, merge_mm] = line.depth_mm
+        kept[sd_mm, merge_mm] = bright_line(
+            view, sd_mm, lambda sub: np.ones((1, 1)), merge_mm=merge_mm
+        )
     return kept[sd_mm, merge_mm]

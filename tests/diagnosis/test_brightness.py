@@ -53,3 +53,10 @@ def test_directions_that_few_readings_have_take_their_neighbours_brightness() ->
     view = View(part("domes"), datasheet(100), poses(60, pitch_mm=0.3), np.arange(60) / 200.0)
     usual = by_direction(np.full(view.shape, 0.4), view)
     assert np.allclose(usual[np.isfinite(view.depth_mm)], 0.4)
+
+
+def test_a_print_on_a_curved_part_makes_no_creases() -> None:
+    view = View(part("domes"), datasheet(100), poses(120, pitch_mm=0.3), np.arange(120) / 200.0)
+    base = np.where((np.arange(120) // 30) % 2, 0.6, 0.2)[:, None] * np.ones((1, 100))
+    raw = speckled(base, 5)
+    np.testing.assert_array_equal(surface_brightness(raw, view), smoothed_brightness(raw))
