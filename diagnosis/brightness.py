@@ -6,6 +6,7 @@ changes over several readings and stands clear of speckle: prints, stains, shadi
 """
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, distance_transform_edt, median_filter
 
 from diagnosis.noise import Field
@@ -18,6 +19,9 @@ EVEN = 0.15
 """Scatter of the logarithm that directions may leave over; more is a print."""
 BIN_DEG = 3.0
 """Directions of the surface that count as one."""
+SIDE = int(180 / BIN_DEG) + 1
+CHUNK = 450_000
+"""Points that are looked at together."""
 FEWEST = 50
 """Readings that tell how bright a direction is."""
 
@@ -27,20 +31,27 @@ def by_direction(intensity: Field, view: View) -> Field:
 
     It changes at a crease as the surface does, without a filter's blur.
     """
-    tilts = [np.degrees(np.arctan(slope)) for slope in (view.slope_y, view.slope_x)]
-    known = np.isfinite(tilts[0]) & np.isfinite(tilts[1])
-    side = int(180 / BIN_DEG) + 1
-    a, b = (np.rint((np.where(known, t, 0.0) + 90) / BIN_DEG).astype(np.int64) for t in tilts)
-    place = a * side + b
-    lit = known & np.isfinite(intensity) & (intensity > 0)
-    count = np.bincount(place[lit], minlength=side**2).reshape(side, side)
-    total = np.bincount(place[lit], np.log(intensity[lit]), side**2).reshape(side, side)
+    n, m = intensity.shape
+    rows = max(1, CHUNK // m)
+    parts = [slice(start, min(start + rows, n)) for start in range(0, n, rows)]
+    place = np.concatenate([_direction(view.rows(part)) for part in parts])
+    lit = (place >= 0) & np.isfinite(intensity) & (intensity > 0)
+    count = np.bincount(place[lit], minlength=SIDE**2).reshape(SIDE, SIDE)
+    total = np.bincount(place[lit], np.log(intensity[lit]), SIDE**2).reshape(SIDE, SIDE)
     told = count >= FEWEST
     if not told.any():
         return np.ones(intensity.shape)
     nearest = distance_transform_edt(~told, return_distances=False, return_indices=True)
-    table = (total / np.maximum(count, 1))[tuple(nearest)]
-    return np.where(known, np.exp(table.ravel()[place]), 1.0)
+    table = np.exp((total / np.maximum(count, 1))[tuple(nearest)])
+    return np.asarray(np.append(table.ravel(), 1.0)[place])
+
+
+def _direction(view: View) -> NDArray[np.int32]:
+    """Number of the direction that each surface has, (n, m); -1 where nothing is hit."""
+    steps = [(np.degrees(np.arctan(s)) + 90) / BIN_DEG for s in (view.slope_y, view.slope_x)]
+    known = np.isfinite(steps[0]) & np.isfinite(steps[1])
+    a, b = (np.rint(np.where(known, s, 0.0)).astype(np.int32) for s in steps)
+    return np.where(known, a * SIDE + b, -1)
 
 
 def surface_brightness(intensity: Field, view: View) -> Field:
