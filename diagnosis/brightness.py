@@ -47,7 +47,7 @@ def by_direction(intensity: Field, view: View) -> Field:
 
 
 def _direction(view: View) -> NDArray[np.int32]:
-    """Number of the direction that each surface has, (n, m); -1 where nothing is hit."""
+    """Give each surface the number of its direction, (n, m); -1 where nothing is hit."""
     steps = [(np.degrees(np.arctan(s)) + 90) / BIN_DEG for s in (view.slope_y, view.slope_x)]
     known = np.isfinite(steps[0]) & np.isfinite(steps[1])
     a, b = (np.rint(np.where(known, s, 0.0)).astype(np.int32) for s in steps)
