@@ -13,7 +13,7 @@ from sensors.beam import merging_mm
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
-from sensors.line_operator import Line, bright_line
+from sensors.line_operator import Line, bright_line, line_sd_mm
 from sensors.view import View
 
 Floats = NDArray[np.float64]
@@ -101,7 +101,7 @@ class SpecularDropout(Effect):
         mean, signal = law.mean_mm, self._signal(view)
         if self.kind == "weak" and view.datasheet.line_width_um is not None:
             # a line that lies half on a dark facet is read by its other half
-            sd, merge = view.datasheet.line_width_um * 2.5e-4, merging_mm(view)
+            sd, merge = float(line_sd_mm(view, None, None)), merging_mm(view)
             even, line = _even(view, sd, merge), bright_line(view, sd, self._signal, merge_mm=merge)
             mean = mean + self.share * np.nan_to_num(line.depth_mm - even.depth_mm)
             # what the camera doesn't see of the line makes no facet darker
