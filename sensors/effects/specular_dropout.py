@@ -98,7 +98,7 @@ class SpecularDropout(Effect):
 
     def changed(self, law: Law, view: View) -> Law:
         """Add the probability of a missing return, and lean to what does return."""
-        mean, signal = law.mean_mm, self._signal(view)
+        mean = law.mean_mm
         if self.kind == "weak" and view.datasheet.line_width_um is not None:
             # a line that lies half on a dark facet is read by its other half
             sd, merge = float(line_sd_mm(view, None, None)), merging_mm(view)
@@ -106,6 +106,8 @@ class SpecularDropout(Effect):
             mean = mean + self.share * np.nan_to_num(line.depth_mm - even.depth_mm)
             # what the camera doesn't see of the line makes no facet darker
             signal = line.light / np.where(even.light > 0, even.light, 1.0)
+        else:
+            signal = self._signal(view)
         with np.errstate(divide="ignore"):
             excess = (np.log(signal) - math.log(self.threshold)) / self.softness
         missing = self.share * expit(-excess if self.kind == "weak" else excess)
