@@ -20,7 +20,7 @@ from diagnosis.registration import (
     register,
 )
 from diagnosis.score import CLIP
-from diagnosis.trust import Trust
+from diagnosis.trust import Trust, bending_effects
 from diagnosis.workspace import Model
 from sensors.datasheet import Datasheet
 from sensors.effects.base import Effect, MotionEffect
@@ -96,8 +96,8 @@ def map_recording(
     plain_shift, final_shift = shifts["plain"][number], shifts["final"][number]
     effects = model.of(number)
     names = (
-        "plain", "final", "offset", "sd", "final_sd", "noise", "final_noise", "change", "edge",
-        "lost", "gone", "soft",
+        "plain", "final", "offset", "sd", "final_sd", "noise", "final_noise", "change", "bent",
+        "edge", "lost", "gone", "soft",
     )  # fmt: skip
     pieces: dict[str, list[Field]] = {k: [] for k in names}
     single: dict[str, list[Mask]] = {e.name: [] for e in model.effects}
@@ -158,6 +158,10 @@ def map_recording(
         pieces["offset"].append((after.mean_mm - view.depth_mm).astype(np.float32))
         pieces["edge"].append(edge)
         pieces["change"].append((after.mean_mm - before.mean_mm).astype(np.float32))
+        pieces["bent"].append(pieces["change"][-1])
+        if len(bending := bending_effects(effects)) < len(effects):
+            bent = law_of(view, bending, noise).mean_mm
+            pieces["bent"][-1] = (bent - before.mean_mm).astype(np.float32)
         samples.append(np.where(edge, np.nan, pieces["change"][-1]).reshape(-1)[::few])
         pieces["noise"].append(predict(view, (), noise).sd_mm.astype(np.float32))
         pieces["final_noise"].append(
@@ -191,7 +195,7 @@ def map_recording(
         )
         final = _best(depth, whole["final_noise"], expected)
         if trusted is not None:
-            at_edges = np.nan_to_num(whole["change"][whole["edge"]])
+            at_edges = np.nan_to_num(whole["bent"][whole["edge"]])
             shares = trusted.share(at_edges / noise.sd_mm)
             final[whole["edge"]] -= (1.0 - shares) * at_edges
     final = np.where(np.isfinite(plain), final, np.nan)

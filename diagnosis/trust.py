@@ -2,15 +2,18 @@
 
 No law is exact there: where a line is cut or lies on a crease, the reading depends on optics and
 on finders that a few numbers don't describe. What a model changes at edges therefore counts by the
-share of it that readings bear out, learnt for small and large changes apart.
+share of it that readings bear out, learnt for small and large changes apart. What moves the sensor
+isn't a law of that kind: it is cast.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from diagnosis.noise import Field
 from diagnosis.workspace import Model, Workspace
+from sensors.effects.base import Effect, MotionEffect
 
 STEPS = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
 """Where classes of changes begin, in units of the noise."""
@@ -34,6 +37,7 @@ class Trust:
 
 def trust(ws: Workspace, model: Model) -> Trust:
     """Regress readings at edges on what the model changes there, class by class."""
+    model = replace(model, effects=tuple(bending_effects(model.effects)))
     products, squares = np.zeros(len(STEPS)), np.zeros(len(STEPS))
     count = np.zeros(len(STEPS))
     if model.effects:
@@ -53,3 +57,8 @@ def trust(ws: Workspace, model: Model) -> Trust:
     with np.errstate(invalid="ignore", divide="ignore"):
         shares = (products + before) / (squares + before)
     return Trust(shares=np.clip(np.nan_to_num(shares, nan=1.0), 0.0, 1.0))
+
+
+def bending_effects(effects: Sequence[Effect]) -> list[Effect]:
+    """Return the effects whose laws are trusted by halves: those that don't move the sensor."""
+    return [e for e in effects if not isinstance(e, MotionEffect)]

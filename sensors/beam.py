@@ -2,6 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
 
 from sensors.law import sheet_effects
 from sensors.view import View
@@ -12,6 +16,9 @@ if TYPE_CHECKING:
 WIDTH = "line_sd_um"
 SHAPED = ("camera_occlusion", "finite_spot", "edge_mixing")
 """Effects of the geometry whose size is the line's width."""
+MOVING = ("finite_spot", "edge_mixing")
+"""Those of them that move a reading."""
+_SHIFTS: WeakKeyDictionary[View, NDArray[np.float64]] = WeakKeyDictionary()
 
 
 def as_wide(listed: Sequence["Effect"], found: Mapping[str, "Effect"]) -> list["Effect"]:
@@ -47,3 +54,32 @@ def merging_mm(view: View) -> float:
     """How far apart two levels that are lit may lie to be read as one."""
     listed = (e for e in sheet_effects(view) if e.name == "edge_mixing")
     return 1e-3 * max((float(getattr(e, "merge_um", 0.0)) for e in listed), default=0.0)
+
+
+def listed_sd_mm(view: View) -> float:
+    """Return the listed line's standard deviation where it is cut, mm; 0 without one."""
+    listed = {e.name: e for e in sheet_effects(view) if not e.is_null}
+    for name in reversed(MOVING):
+        if name in listed:
+            width_um = getattr(listed[name], WIDTH)
+            if width_um is None:
+                width_um = view.datasheet.require("line_width_um") / 4
+            return 1e-3 * float(width_um)
+    return 0.0
+
+
+def listed_shift_mm(view: View) -> NDArray[np.float64]:
+    """Return what the listed line's width makes of each reading, (n, m) mm; kept with the view."""
+    if view not in _SHIFTS:
+        shifts = [e.shift(view) for e in sheet_effects(view) if e.name in MOVING and not e.is_null]
+        known = [s for s in shifts if s is not None]
+        _SHIFTS[view] = sum(known, np.zeros(view.shape))
+    return _SHIFTS[view]
+
+
+def weakest_light(view: View) -> float:
+    """Share of the line's light that makes a peak, as the listed shadows have it; 0 if unsaid."""
+    from sensors.effects.camera_occlusion import CameraOcclusion
+
+    listed = (e for e in sheet_effects(view) if isinstance(e, CameraOcclusion))
+    return max((e.weakest for e in listed if e.line_sd_um > 0), default=0.0)

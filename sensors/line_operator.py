@@ -101,6 +101,7 @@ def read_line(
     radiance: ViewFunction | None = None,
     merge_mm: float | None = None,
     camera_y_mm: float | None = None,
+    within_mm: Floats | None = None,
 ) -> Line:
     """Apply the operator.
 
@@ -127,6 +128,9 @@ def read_line(
         Distance of two peaks' readings up to which they merge; None: the centre's peak alone.
     camera_y_mm : float, optional
         The camera's place along y where it isn't the datasheet's.
+    within_mm : (k, n) array, optional
+        Where in the line the sub-lines lie, η of the camera's term, where that isn't their
+        displacement.
     """
     n, m = view.shape
     offsets = offsets_mm if offsets_mm.ndim == 2 else offsets_mm[:, None]
@@ -139,6 +143,7 @@ def read_line(
         _read_rows(
             view if len(parts) == 1 else view.rows(part),
             offsets if offsets.shape[1] == 1 else offsets[:, part],
+            None if within_mm is None else within_mm[:, part],
             [w[part] if isinstance(w, np.ndarray) else w for w in weights],
             axis=axis,
             lean=1.0 / place if camera and place is not None else 0.0,
@@ -160,6 +165,7 @@ def read_line(
 def _read_rows(
     view: View,
     offsets: Floats,
+    within: Floats | None,
     weights: list[Floats | float],
     *,
     axis: str,
@@ -196,7 +202,7 @@ def _read_rows(
                 last_depth,
                 sub.valid if seen_from is None else sub.visible_from(seen_from),
                 np.broadcast_to(np.abs(eta - last_offset), n),
-                np.broadcast_to(lean * eta, n),
+                np.broadcast_to(lean * (eta if within is None else within[k]), n),
                 np.atleast_2d(np.asarray(weights[k], dtype=np.float64)),
                 light,
             )

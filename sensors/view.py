@@ -267,10 +267,14 @@ class View:
         return way
 
     @cached_property
+    def cos_camera(self) -> Floats:
+        """Cosine of the angle between normal and direction to the camera, (n, m), -1 to 1."""
+        return np.asarray(np.einsum("nmk,nmk->nm", self.normal, self.to_camera))
+
+    @cached_property
     def camera_incidence_rad(self) -> Floats:
         """Angle between normal and direction to the camera, (n, m) rad, up to pi."""
-        cosine = np.einsum("nmk,nmk->nm", self.normal, self.to_camera)
-        return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
+        return np.asarray(np.arccos(np.clip(self.cos_camera, -1, 1)))
 
     @cached_property
     def half_vector_rad(self) -> Floats:

@@ -1,32 +1,36 @@
 """The sensor moves during the exposure: a box average along the travel and a shift."""
 
-import math
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.beam import merging_mm
+from sensors.beam import listed_sd_mm, listed_shift_mm, merging_mm, weakest_light
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
-from sensors.line_operator import STEEPEST, between_rows, read_line
+from sensors.light import matt
+from sensors.line_operator import STEEPEST, Line, between_rows, read_line
+from sensors.smear import Smear, smear
 from sensors.view import Reason, View
 
 Floats = NDArray[np.float64]
 
-SHARES = (0.25, 0.9, 2.0, 4.0)
-FEWEST_STEPS = 8
-"""Steps that the way during an exposure is divided into: so many at least, twice that at most."""
+_STANDING: WeakKeyDictionary[View, dict[tuple[float, float], Line]] = WeakKeyDictionary()
+SHARES = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
+"""Exposures that are tried first, in times between profiles."""
+NOTHING_MM = 1e-9
+"""Less than this other effects don't move a reading."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MotionBlur(Effect):
-    """Mean over the way travelled during the exposure.
+    """Centre of gravity of a line that travels during the exposure.
 
-    The light of every instant counts as much as it is bright, and speckle makes it flicker: where
-    the depth changes on the way, the reading scatters for it.
+    Light from every place counts as much as a matt surface sends of it to the camera, and speckle
+    makes it flicker: where the depth changes on the way, the reading scatters for it.
     """
 
     name: ClassVar = "motion_blur"
@@ -35,10 +39,12 @@ class MotionBlur(Effect):
         "everything lags by half the way."
     )
     equation: ClassVar = (
-        "z_m = mean of z(y + v t), t from 0 to t_exp; σ² = σ0² + f² var of z(y + v t)"
+        "z_m = Σ L S V [z(y+d) + κ η cot θ] / Σ L S V, L the line over d = η + v t, t from 0 "
+        "to t_exp, S cos β towards the camera; σ² = σ0² + f² var of z(y + v t)"
     )
     source: ClassVar = (
-        "Box average over the exposure; shift v·t_exp/2, bias (v·t_exp)²/24 · ∂²z/∂y² beyond it; "
+        "Convolution of a Gaussian line and a box, sensors/smear.py; Lambert's cosine law; "
+        "shift v·t_exp/2, bias (v·t_exp)²/24 · ∂²z/∂y² beyond it; "
         "variance of a mean of N depths with random weights of relative scatter f √N; "
         "f v·t_exp ∂z/∂y / √12 on a slope"
     )
@@ -76,7 +82,7 @@ class MotionBlur(Effect):
     )
 
     def grid(self, view: View) -> tuple[Self, ...]:
-        """Return exposures that last a quarter of the time between profiles to four times that.
+        """Return exposures from a quarter of the time between profiles to six times that.
 
         Where a recording was registered its poses are those of the exposures' middle.
         """
@@ -90,60 +96,48 @@ class MotionBlur(Effect):
         return {"shifted": " and shifted by half the way" if self.stamped == "start" else ""}
 
     def changed(self, law: Law, view: View) -> Law:
-        """Add the difference between the exposure's mean and the stated pose, and the scatter."""
-        if len(view.poses) < 2:
+        """Read the line as it is smeared over the way, and scatter by the depths on it."""
+        start, end = self.way_mm(view)
+        way = np.abs(end - start)
+        if not way.any():
             return law
-        after_ms, shares = self.nodes(view)
-        step_ms = 1e3 * np.diff(view.time_s, append=2 * view.time_s[-1] - view.time_s[-2])
-        going = step_ms > 0
-        ahead = np.where(going, after_ms[:, None] / np.where(going, step_ms, 1.0), 0.0)
-        offsets = ahead * view.travel_step_mm
-        reach = np.max(np.abs(offsets))
-        if reach == 0:
-            return law
-        if np.max(np.ptp(offsets, axis=1)) <= 1e-9 * reach:
-            offsets = offsets[:, :1]
-        seen = view.datasheet.triangulation_angle_deg is not None
-        line = read_line(
-            view, offsets, list(shares), visible=seen, merge_mm=merging_mm(view)
-        )
-        lit = np.isfinite(line.depth_mm)
-        mean = line.depth_mm + self._widened(law, view, ahead, shares, line.depth_mm, reach)
-        # the nodes spread more than the exposure
-        wider = math.sqrt(12 * (after_ms**2 @ shares - (after_ms @ shares) ** 2))
-        spread = np.nan_to_num(line.spread_mm) * self.lasting_ms(view) / wider
+        sd = listed_sd_mm(view)
+        if np.ptp(start) + np.ptp(end) <= 1e-9 * way.max():
+            start, end = start[:1], end[:1]
+        moving = smear(sd, start, end)
+        line = _read(view, moving)
+        lit = np.isfinite(line.depth_mm) & (line.light >= weakest_light(view))
+        mean = line.depth_mm + _beside(law, view, moving, line.depth_mm)
+        still = smear(sd, 0.0, 0.0, step_mm=moving.step_mm)
+        own: Floats | float = 0.0
+        if sd > 0:
+            standing = _standing(view, still)
+            # what the file says of a standing line beyond this reading fades in a longer one
+            told = view.depth_mm + listed_shift_mm(view) - standing.depth_mm
+            told = np.where(np.abs(told) <= STEEPEST * sd, told, 0.0)
+            mean += np.sqrt(still.variance / moving.variance)[:, None] * told
+            # a standing line has its spread, too: that is in the law's noise
+            own = np.square(standing.spread_mm)
+        wider = moving.variance - still.variance
+        share = way**2 / 12 / np.where(wider > 0, wider, 1.0)
+        spread = np.sqrt(np.fmax(np.square(line.spread_mm) - own, 0.0) * share[:, None])
         # what the camera sees during a part of the exposure it reads
         hidden = law.reason == Reason.HIDDEN_FROM_CAMERA
         return replace(
             law,
             mean_mm=np.where(lit & (np.isfinite(law.mean_mm) | hidden), mean, law.mean_mm),
             reason=np.where(lit & hidden, np.uint8(Reason.VALID), law.reason),
-            white_sd_mm=np.hypot(law.white_sd_mm, self.flicker * spread),
+            white_sd_mm=np.hypot(law.white_sd_mm, self.flicker * np.nan_to_num(spread)),
         )
 
-    def nodes(self, view: View) -> tuple[Floats, Floats]:
-        """Divide the exposure by instants whose distance is a power of two.
-
-        So a search over the exposure meets the same displaced views again. An instant's share is
-        the integral over the exposure of its hat function: exact on slopes, continuous.
-
-        Returns
-        -------
-        after_ms : (k,) instants, counted from that of the stated pose
-        shares : (k,) share of the light that each stands for
-        """
-        lasting = self.lasting_ms(view)
-        start = -0.5 * lasting if self.stamped == "middle" else 0.0
-        end = start + lasting
-        apart = 2.0 ** math.floor(math.log2(lasting / FEWEST_STEPS))
-        after = apart * np.arange(math.floor(start / apart), math.ceil(end / apart) + 1)
-
-        def under_hat(instant: float) -> Floats:
-            """Integral of each hat function up to an instant."""
-            u = np.clip((instant - after) / apart, -1.0, 1.0)
-            return np.asarray(apart * (0.5 + u - 0.5 * u * np.abs(u)))
-
-        return np.asarray(after), (under_hat(end) - under_hat(start)) / lasting
+    def way_mm(self, view: View) -> tuple[Floats, Floats]:
+        """Return where each profile's exposure begins and ends from the stated pose, (n,) mm."""
+        step_s = np.diff(view.time_s, append=2 * view.time_s[-1] - view.time_s[-2:-1])
+        going = step_s > 0
+        speed = np.where(going, view.travel_step_mm, 0.0) / np.where(going, step_s, 1.0)
+        way = 1e-3 * self.lasting_ms(view) * speed
+        start = -0.5 * way if self.stamped == "middle" else np.zeros_like(way)
+        return start, start + way
 
     def lasting_ms(self, view: View) -> float:
         """Return the exposure, ms: its own, else the datasheet's."""
@@ -153,25 +147,40 @@ class MotionBlur(Effect):
 
     def longest_way_mm(self, view: View) -> float:
         """Return how far the sensor gets during an exposure at most."""
-        step_s = np.diff(view.time_s)
-        going = step_s > 0
-        speed = np.abs(np.diff(view.travel_mm))[going] / step_s[going]
-        return 1e-3 * self.lasting_ms(view) * float(np.max(speed, initial=0.0))
+        start, end = self.way_mm(view)
+        return float(np.max(np.abs(end - start)))
 
-    @staticmethod
-    def _widened(
-        law: Law, view: View, ahead: Floats, shares: Floats, read_mm: Floats, reach_mm: float
-    ) -> Floats:
-        """Average on the way what other effects do at one place, on the level that is read."""
-        spot = law.mean_mm - view.depth_mm
-        if view.datasheet.triangulation_angle_deg is not None:
-            spot = np.where(view.visible, spot, np.nan)  # else another level's light is read
-        total, count = np.zeros(view.shape), np.zeros(view.shape)
-        if np.any(np.nan_to_num(spot)):
-            for step, share in zip(ahead, shares, strict=True):
-                rows = np.arange(len(spot)) + step
-                here, level = between_rows(spot, rows), between_rows(view.depth_mm, rows)
-                own = np.isfinite(here) & (np.abs(level - read_mm) <= STEEPEST * reach_mm)
-                total += share * np.where(own, here, 0.0)
-                count += share * own
-        return total / np.where(count > 0, count, 1.0)
+
+def _read(view: View, line: Smear) -> Line:
+    """Read a smeared line; where the camera's place is stated, matt light that it sees."""
+    seen = view.datasheet.triangulation_angle_deg is not None
+    return read_line(
+        view, line.offsets_mm, list(line.light[..., None]), within_mm=line.within_mm,
+        camera=seen, visible=seen, radiance=matt if seen else None, merge_mm=merging_mm(view),
+    )  # fmt: skip
+
+
+def _standing(view: View, line: Smear) -> Line:
+    """Read a line that doesn't move; kept for the next exposure that is tried."""
+    kept = _STANDING.setdefault(view, {})
+    key = float(line.variance[0]), line.step_mm
+    if key not in kept:
+        kept[key] = _read(view, line)
+    return kept[key]
+
+
+def _beside(law: Law, view: View, line: Smear, read_mm: Floats) -> Floats:
+    """Average over the line what effects other than its width do, on the level that is read."""
+    other = law.mean_mm - view.depth_mm - listed_shift_mm(view)
+    total, count = np.zeros(view.shape), np.zeros(view.shape)
+    if np.nanmax(np.abs(other), initial=0.0) > NOTHING_MM:
+        still = view.travel_step_mm == 0.0
+        a_mm = np.where(still, 0.0, 1.0 / np.where(still, 1.0, view.travel_step_mm))
+        reach = float(np.max(np.abs(line.offsets_mm)))
+        for offset, light in zip(line.offsets_mm, line.light, strict=True):
+            rows = np.arange(len(other)) + offset * a_mm
+            here, level = between_rows(other, rows), between_rows(view.depth_mm, rows)
+            own = np.isfinite(here) & (np.abs(level - read_mm) <= STEEPEST * reach)
+            total += light[:, None] * np.where(own, here, 0.0)
+            count += light[:, None] * own
+    return total / np.where(count > 0, count, 1.0)

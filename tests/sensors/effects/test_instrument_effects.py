@@ -9,7 +9,6 @@ from scipy.special import erf, ndtr
 
 from sensors.camera import depth_per_row, row_of_depth
 from sensors.effects.column_offset import ColumnOffset
-from sensors.effects.finite_spot import FiniteSpot
 from sensors.effects.incidence_bias import IncidenceBias
 from sensors.effects.interreflection import Interreflection
 from sensors.effects.lens_distortion import LensDistortion
@@ -18,7 +17,7 @@ from sensors.effects.motion_blur import MotionBlur
 from sensors.effects.pixel_locking import PixelLocking
 from sensors.effects.range_scale import RangeScale
 from sensors.effects.volume_scattering import VolumeScattering
-from sensors.law import geometric_law
+from sensors.law import geometric_law, plain_law
 
 COT = 1 / math.tan(math.radians(30.0))
 
@@ -211,12 +210,12 @@ def test_locking_follows_the_bent_image_of_a_level_line(view_of):
 
 
 def test_blur_averages_what_the_line_s_width_does_on_its_way(view_of):
-    """Spot and way together round a crease by less than the sum of both."""
+    """Spot and way together round a crease by less than the sum of both; no camera, no light."""
     y = np.linspace(-3.0, 3.0, 601)
-    view = view_of("groove", y_mm=y)
+    spot = {"name": "finite_spot", "line_sd_um": 100.0}
+    view = view_of("groove", y_mm=y, sheet={"effects": (spot,), "triangulation_angle_deg": None})
     step_ms = 1e3 * float(np.median(np.diff(view.time_s)))
-    law = FiniteSpot(line_sd_um=100.0).apply(geometric_law(view, None), view)
-    both = MotionBlur(exposure_ms=40 * step_ms).apply(law, view).mean_mm[:, 40]
+    both = MotionBlur(exposure_ms=40 * step_ms).apply(plain_law(view, None), view).mean_mm[:, 40]
     way = 40 * 0.01
     # E |y + u| over a Gaussian of 0.1 mm and a box of 0.4 mm, at the box's middle on the crease
     u = np.linspace(-way / 2, way / 2, 4001)
