@@ -14,8 +14,10 @@ from diagnosis.noise import Field, NoiseModel
 from diagnosis.patch import Patch
 from diagnosis.prediction import Prediction, predict, starting
 from sensors.covariates import COVARIATES
+from sensors.creases import concave_creases, filled_mm
 from sensors.effects import CATALOGUE, AdditiveEffect
 from sensors.effects.base import Effect
+from sensors.effects.form_error import FormError
 from sensors.typed_yaml import RecipeError
 from sensors.view import View
 
@@ -25,6 +27,10 @@ SKIPPED = {
 }  # fmt: skip
 """Effects that other tests cover: spectrum, free-form maps, placements, rows, columns."""
 MOST_POINTS = 4
+FILLETS_MM = (0.8, 1.6, 3.2)
+"""Radii that are looked for in concave corners."""
+MOST_CREASES = 16
+"""Corners that are looked at, those with the most readings."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -56,7 +62,8 @@ class Family:
     def at_corners(self) -> bool:
         """Whether it lives on edges or in concave corners, where few readings tell it apart."""
         corner = self.effect is not None and self.effect.covariate == "wall_distance"
-        return corner or self.at_edges
+        filled = isinstance(self.effect, FormError) and self.effect.fillet_mm > 0
+        return corner or filled or self.at_edges
 
 
 def free_families(patches: Sequence[Patch]) -> list[Family]:
@@ -157,6 +164,38 @@ def effect_families(
                     frame=effect.frame,
                     fields=tuple(fields),
                     effect=effect,
+                )
+            )
+    return families
+
+
+def fillet_families(
+    patches: Sequence[Patch], accepted: Sequence[Effect], withheld: Iterable[str]
+) -> list[Family]:
+    """Fillets in concave corners, each corner by itself."""
+    if FormError.name in {effect.name for effect in accepted} | set(withheld):
+        return []
+    creases = len(concave_creases(patches[0].view.scene).middle_mm)
+    families = []
+    for radius_mm in FILLETS_MM if creases else ():
+        filled = [filled_mm(p.view, radius_mm) for p in patches]
+        count = np.zeros(creases, dtype=np.int64)
+        for patch, (gone, crease) in zip(patches, filled, strict=True):
+            count += np.bincount(crease[patch.fit & (gone > 0)], minlength=creases)
+        met = np.argsort(-count, kind="stable")[:MOST_CREASES]
+        met = met[count[met] > 0]
+        if met.size:
+            fields = tuple(
+                np.stack([np.where(crease == k, -gone, 0.0) for k in met])
+                for gone, crease in filled
+            )
+            families.append(
+                Family(
+                    name=f"effect:{FormError.name}",
+                    words="distance from a concave corner",
+                    frame="part",
+                    fields=fields,
+                    effect=FormError(coefficients_um=(), fillet_mm=radius_mm),
                 )
             )
     return families

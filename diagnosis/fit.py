@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from diagnosis.linear import Fitted, linear_count, solve_linear
@@ -30,6 +31,8 @@ RADII_MM = (0.4, 0.8, 1.6, 3.2, 6.4)
 FINER = (0.65, 0.75, 0.87, 1.15, 1.33, 1.5)
 CORNER_COSTS = 5.0
 """Nats that a fillet in a corner must gain."""
+ALIKE = math.radians(12.0)
+"""Turns of corners of one kind differ by less."""
 SEARCHES = 45
 PEAKS = 4
 LEAST_CYCLES = 2.5
@@ -80,8 +83,8 @@ def _fit_fillets(
 
     Their readings are apart: what one radius gains is told for each corner by itself.
     """
-    middles = concave_creases(ws.patches[0].view.scene).middle_mm
-    corners = len(middles)
+    creases = concave_creases(ws.patches[0].view.scene)
+    middles, corners = creases.middle_mm, len(creases.middle_mm)
     if corners == 0:
         return None
     still = ws.placements(model)
@@ -95,7 +98,8 @@ def _fit_fillets(
             _, crease = filled_mm(patch.view, radius_mm)
             gains += np.bincount(crease[mask] + 1, (after - before)[mask], minlength=corners + 1)
         better = np.flatnonzero(gains[1:] > CORNER_COSTS)
-        which = tuple(float(v) for v in middles[better].ravel())
+        silent = _as_silent(creases.turn_rad, gains[1:])
+        which = tuple(float(v) for v in middles[np.union1d(better, silent)].ravel())
         effect = replace(everywhere, fillet_mm=radius_mm if better.size else 0.0, corners_mm=which)
         gain = float(gains[1:][better].sum())
         return Fitted(effect=effect, own={}, gain=gain, free=1 + better.size)
@@ -105,6 +109,18 @@ def _fit_fillets(
     if polish and not tried[best].effect.is_null:
         tried |= {best * s: fit(best * s) for s in FINER}
     return max(tried.values(), key=lambda f: f.gain - f.free)
+
+
+def _as_silent(turn_rad: Field, gains: Field) -> NDArray[np.int64]:
+    """Creases that no reading tells of and that turn as those with a fillet do.
+
+    One maker's tool rounds corners of one kind; where a corner of that kind is sharp, none is
+    presumed.
+    """
+    rounded, sharp = gains > CORNER_COSTS, gains < -CORNER_COSTS
+    alike = np.abs(turn_rad[:, None] - turn_rad[None]) < ALIKE
+    kind = alike[:, rounded].any(axis=1) & ~alike[:, sharp].any(axis=1)
+    return np.flatnonzero(kind & ~rounded & ~sharp)
 
 
 def _grid(kind: type[Effect], ws: Workspace, states: Sequence[Whitened]) -> tuple[Effect, ...]:

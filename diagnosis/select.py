@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.edges import BESIDE_EDGES, EDGE_COVARIATES
-from diagnosis.families import effect_families, free_families
+from diagnosis.families import effect_families, fillet_families, free_families
 from diagnosis.finding import Finding, Screening
 from diagnosis.fit import fit_effect
 from diagnosis.heldout import own_parts, settle_own
@@ -83,6 +83,7 @@ def screen(
     families = free_families(ws.patches) + effect_families(
         ws.patches, predictions, ws.noise, accepted=model.effects, withheld=withheld
     )
+    families += fillet_families(ws.patches, model.effects, withheld)
     mean = screen_mean(ws.patches, states, families, ws.noise, rng)
     rates = screen_rates(
         ws.patches, predictions, states, ws.noise, ws.block, model.effects
@@ -149,6 +150,7 @@ def _best(
         waiting = {"variance", "tails", "correlation"}
     elif "tails" in channels:
         channels.add("mean")
+    shown = channels - {"mean", "missing"}
     predictions = ws.predict(model)
     states = ws.states(predictions)
     quick: list[tuple[float, str]] = []
@@ -159,7 +161,7 @@ def _best(
             or name in model.names()
             or any(name in kin and kin & set(model.names()) for kin in KIN)
             or not only - waiting
-            or (kind.covariate in EDGE_COVARIATES and not edges and only <= {"mean", "missing"})
+            or (kind.covariate in EDGE_COVARIATES and not edges and not shown & _of_kin(name))
         ):
             continue
         fitted = fit_effect(kind, ws, model, predictions, states, polish=False)
@@ -207,6 +209,12 @@ def _best(
         if close and float(difference.sum()) < max(2 * spread, 2.0):
             rivals.append((name, float(other.sum())))
     return trial, Choice(name=best, gain=gain, blocks=blocks, alternatives=tuple(rivals))
+
+
+def _of_kin(name: str) -> set[str]:
+    """Return the channels of an effect and of those that approximate the same thing."""
+    names = {name}.union(*(kin for kin in KIN if name in kin))
+    return set().union(*(CATALOGUE[other].channels for other in names))
 
 
 def crossfitted(
