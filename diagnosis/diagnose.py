@@ -211,10 +211,14 @@ def diagnose(
     progress("drawing maps")
     final, shifts = settled(explanation.patches, noise, model, not single)
     trusted = trust(ws, final)
+    # a mismatch is held against the noise of an instrument without it
+    usual = 1.0 if nominal is None else nominal.sd_mm / noise.sd_mm
+    for blur in _blurs(model):
+        usual = max(usual, 1 / blur.quieter(ws.patches[0].view))
     maps = [
         map_recording(
             k, r, placed[r.name], scene, datasheet, laser[r.name], noise, final, shifts, lateral,
-            usual=1.0 if nominal is None else nominal.sd_mm / noise.sd_mm, trusted=trusted,
+            usual=usual, trusted=trusted,
         )  # fmt: skip
         for k, r in enumerate(everything)
     ]
@@ -249,9 +253,12 @@ def diagnose(
 
 def _travelled_mm(ws: Workspace, model: Model) -> float:
     """Half of the longest way during an exposure: where in it a pose is stated isn't known."""
-    blurs = [e for e in model.effects if isinstance(e, MotionBlur)]
-    ways = [blur.longest_way_mm(p.view) for blur in blurs for p in ws.patches]
+    ways = [blur.longest_way_mm(p.view) for blur in _blurs(model) for p in ws.patches]
     return 0.5 * float(max(ways, default=0.0))
+
+
+def _blurs(model: Model) -> list[MotionBlur]:
+    return [e for e in model.effects if isinstance(e, MotionBlur)]
 
 
 def _verdict(selection: Selection, last: list[Finding]) -> tuple[str, list[Finding]]:

@@ -55,6 +55,15 @@ class Smear:
         middle = self.offsets_mm @ self.light
         return np.asarray(np.square(self.offsets_mm) @ self.light - middle**2)
 
+    @property
+    def speckle(self) -> Floats:
+        """Size of what speckle does to the centre of gravity, (n,), up to a factor of the line's.
+
+        Speckle at d moves the centre by <η> L(d). Over the middle of a long way all of the line
+        passes and <η> is nought: only where the exposure begins and ends is anything left.
+        """
+        return np.asarray(np.sqrt(np.sum(np.square(self.light * self.within_mm), axis=0)))
+
 
 def smear(
     sd_mm: float, start_mm: ArrayLike, end_mm: ArrayLike, step_mm: float | None = None

@@ -59,3 +59,11 @@ def test_like_exposures_meet_the_same_places():
     steps = {step_between(0.0, way) for way in (0.13, 0.18, 0.245)}
     assert steps == {step_between(0.0, 0.2)}
     assert step_between(0.05, 0.1) <= 0.05
+
+
+def test_a_long_way_averages_speckle():
+    """Σ (L <η>)² is s³ / (√π w²) where the ends are apart, s / (4 √π) of a standing line."""
+    sd, way = 0.05, 0.8
+    moving = smear(sd, 0.0, way, step_mm=sd / 4)
+    standing = smear(sd, 0.0, 0.0, step_mm=sd / 4)
+    assert moving.speckle[0] / standing.speckle[0] == pytest.approx(2 * sd / way, rel=0.02)
