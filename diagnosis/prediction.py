@@ -11,9 +11,11 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from scipy.special import ndtr
 
 from diagnosis.noise import Field, Mask, NoiseModel
 from sensors.beam import as_wide
+from sensors.datasheet import Datasheet
 from sensors.effects.base import Effect, MotionEffect
 from sensors.law import Law, geometric_law, sheet_effects
 from sensors.perlin import PerlinField
@@ -178,6 +180,9 @@ def predict(
     missing = np.array(np.broadcast_to(np.asarray(law.p_missing, dtype=np.float64), shape))
     seen = np.isfinite(mean)
     missing[~seen] = 1.0
+    own = np.asarray(law.outlier_sd_mm, dtype=np.float64)
+    if np.any(own > 0):
+        missing = 1 - (1 - missing) * (1 - law.p_outlier * _beyond(mean, own, view.datasheet))
     local = [e for e in effects if e.covariate in LOCAL_COVARIATES]
     if local:
         change = law_of(view, local, noise).mean_mm - law_of(view, (), noise).mean_mm
@@ -190,7 +195,6 @@ def predict(
     p_outlier = np.clip(
         np.asarray(law.p_outlier, dtype=np.float64) + max(noise.tail_share, 2e-4), 0, 0.5
     )
-    own = np.asarray(law.outlier_sd_mm, dtype=np.float64)
     wide = np.where(own > 0, np.maximum(own, noise.tail_sd_mm), noise.tail_sd_mm)
     return Prediction(
         mean_mm=mean,
@@ -199,6 +203,13 @@ def predict(
         p_outlier=np.broadcast_to(p_outlier, shape),
         outlier_sd_mm=np.broadcast_to(wide, shape),
     )
+
+
+def _beyond(mean_mm: Field, sd_mm: Field, sheet: Datasheet) -> Field:
+    """Chance that a spike leaves the working range, and so comes as no reading."""
+    wide = np.where(sd_mm > 0, sd_mm, 1.0)
+    out = ndtr((sheet.depth_min_mm - mean_mm) / wide) + ndtr((mean_mm - sheet.depth_max_mm) / wide)
+    return np.where(np.isfinite(mean_mm) & (sd_mm > 0), out, 0.0)
 
 
 def starting(kind: type[Effect], view: View) -> Effect:

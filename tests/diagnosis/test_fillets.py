@@ -8,6 +8,7 @@ import pytest
 
 from benchmarks.relief import Floats, datasheet, poses, record, solid
 from diagnosis.diagnose import diagnose
+from diagnosis.fit import _as_silent
 from sensors.creases import concave_creases, filled_mm
 from sensors.effects.form_error import FormError
 from sensors.laser import Laser
@@ -108,3 +109,10 @@ def test_one_rounded_corner_is_named_and_measured() -> None:
     assert len(corners) > 0
     assert np.allclose(corners[:, [0, 2]], [AT_MM, 0.0])
     assert "corners are rounded" in found.statement
+
+
+def test_a_corner_that_no_reading_tells_of_is_as_those_of_its_kind() -> None:
+    turn = np.radians([50.0, 45.0, 90.0, 52.0, 90.0])
+    assert list(_as_silent(turn, np.array([300.0, 0.0, 0.0, 2.0, -80.0]))) == [1, 3]
+    # one of the kind is sharp
+    assert list(_as_silent(turn, np.array([300.0, 0.0, 0.0, -40.0, 0.0]))) == []

@@ -11,7 +11,7 @@ from diagnosis.families import effect_families, free_families
 from diagnosis.finding import SUSPECT, Finding, Screening
 from diagnosis.fit import LEAST_CYCLES, _grid
 from diagnosis.linear import Fitted
-from diagnosis.select import fold_masks
+from diagnosis.select import _of_kin, fold_masks
 from diagnosis.workspace import Model, Workspace
 
 
@@ -122,3 +122,8 @@ def test_form_is_judged_where_it_was_seen(
     base = ws.log_densities(Model())
     assert select.crossfitted(ws, Model(), kind, fitted, base).size > 1
     assert asked == [whole]
+
+
+def test_what_shows_for_one_of_a_kin_is_looked_for_in_all() -> None:
+    assert "variance" in _of_kin("finite_spot")  # a blur's
+    assert _of_kin("range_scale") == {"mean"}

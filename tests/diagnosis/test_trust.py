@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from benchmarks.diagnose import bench_workspace
-from diagnosis.trust import STEPS, Trust, trust
+from diagnosis.trust import STEPS, Trust, bending_effects, trust
 from diagnosis.workspace import Model, Workspace
 from sensors.effects.finite_spot import FiniteSpot
+from sensors.effects.travel_ripple import TravelRipple
 
 WIDE = Model(effects=(FiniteSpot(line_sd_um=400.0),))
 
@@ -53,3 +54,9 @@ def test_each_change_gets_the_share_of_its_class() -> None:
     given = Trust(shares=np.array([1.0, 0.9, 0.8, 0.7, 0.6, 0.5]))
     change = np.array([0.0, -0.6, 1.0, -3.0, 5.0, 100.0, np.nan])
     assert np.array_equal(given.share(change), [1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 1.0])
+
+
+def test_what_moves_the_sensor_is_cast_and_not_weighed(ws: Workspace) -> None:
+    moving = TravelRipple(amplitude_um=300.0, period_mm=5.0, phase_rad=0.3)
+    assert bending_effects([moving, *WIDE.effects]) == list(WIDE.effects)
+    assert np.array_equal(trust(ws, Model(effects=(moving,))).shares, np.ones(len(STEPS)))
