@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from challenge.cases.case import RECORDINGS
 from challenge.cases.truth import levelled
+from challenge.ceiling import KEPT
 from challenge.score import Score, judge_case
 from challenge.sealed import commitment
 from challenge.shuffle import SHUFFLED
@@ -55,6 +56,10 @@ def judge(out: Path, *, partial: bool = False) -> dict[str, Any]:
         if not record_file.exists():
             raise ValueError(f"{name} has no answer yet: run `challenge run` first")
         cases[name] = _case(out, name, opened, json.loads(record_file.read_text()))
+    again = out / KEPT
+    for name, overlap in json.loads(again.read_text()).items() if again.exists() else ():
+        if name in cases:
+            cases[name]["ceiling"] = overlap
     master = json.loads((out / "keys" / "master.json").read_text())
     result = {
         "seed": master["seed"], "protocol": public["protocol"], "sealed": len(public["cases"]),

@@ -1,10 +1,11 @@
 """Families of signatures that a mismatch of the mean may follow: free-form and of each effect.
 
 A family is a handful of fields (mm) whose span is tested at once: hat functions of a covariate,
-coarse maps of the scan or the part, or the signature of an effect at one point of its grid.
+coarse maps of the scan or the part, or the signature of an effect at one point of its grid. They
+come one after the other: all of a large scan's at once would take gigabytes.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,7 +44,8 @@ class Family:
         "free:<covariate>" or "effect:<name>".
     words : what they depend on, for a report
     frame : sensor, time, travel or part
-    fields : for each patch (k, n, m) in mm, or None where the family has nothing there
+    fields : for each patch (k, n, m) in mm, or None where the family has nothing there;
+        a finding's family has none any more
     effect : the effect and its parameters, where it is one's signature
     """
 
@@ -66,12 +68,11 @@ class Family:
         return corner or filled or self.at_edges
 
 
-def free_families(patches: Sequence[Patch]) -> list[Family]:
-    """Smooth dependence on each covariate, maps of sensor, scan and part.
+def free_families(patches: Sequence[Patch]) -> Iterator[Family]:
+    """Yield smooth dependence on each covariate, maps of sensor, scan and part.
 
     Brightness is left out: speckle moves it together with the depth, reading by reading.
     """
-    families: list[Family] = []
     for name, count in (
         ("x", 9), ("depth", 8), ("slope_x", 6), ("slope_y", 6), ("incidence", 6),
         ("half_vector", 6), ("clock", 9),
@@ -79,44 +80,20 @@ def free_families(patches: Sequence[Patch]) -> list[Family]:
         if name == "clock" and any(p.view.start_time_s is None for p in patches):
             continue
         values = covariate_values(name, patches)
-        if values is None:
-            continue
-        covariate = COVARIATES[name]
-        families.append(
-            Family(
-                name=f"free:{name}",
-                words=covariate.words,
-                frame=covariate.frame,
-                fields=tuple(hats(values, count)),
-            )
-        )
+        if values is not None:
+            words, frame = COVARIATES[name].words, COVARIATES[name].frame
+            yield _free(name, words, frame, hats(values, count))
     x, depth = covariate_values("x", patches), covariate_values("depth", patches)
     if x is not None and depth is not None:
-        families.append(
-            Family(
-                name="free:x_depth",
-                words="place in the field of view",
-                frame="sensor",
-                fields=tuple(products(hats(x, 5), hats(depth, 4))),
-            )
-        )
+        both = products(hats(x, 5), hats(depth, 4))
+        yield _free("x_depth", "place in the field of view", "sensor", both)
     part = [p.view.part_mm for p in patches]
     spread = [
         np.ptp(np.concatenate([c[..., k][np.isfinite(c[..., k])] for c in part])) for k in range(3)
     ]
     first, second = np.argsort(spread)[::-1][:2]
-    families.append(
-        Family(
-            name="free:part",
-            words="place on the part",
-            frame="part",
-            fields=tuple(
-                products(
-                    hats([c[..., first] for c in part], 6), hats([c[..., second] for c in part], 6)
-                )
-            ),
-        )
-    )
+    both = products(hats([c[..., first] for c in part], 6), hats([c[..., second] for c in part], 6))
+    yield _free("part", "place on the part", "part", both)
     for number in sorted({p.recording for p in patches}):
         rows = [
             np.broadcast_to(np.arange(p.rows.start, p.rows.stop, dtype=float)[:, None], p.shape)
@@ -128,15 +105,12 @@ def free_families(patches: Sequence[Patch]) -> list[Family]:
             if p.recording == number else None
             for p in patches
         ]  # fmt: skip
-        families.append(
-            Family(
-                name=f"free:scan:{number}",
-                words="place in the scan",
-                frame="part",
-                fields=tuple(products(hats(rows, 6), hats(columns, 6))),
-            )
-        )
-    return families
+        both = products(hats(rows, 6), hats(columns, 6))
+        yield _free(f"scan:{number}", "place in the scan", "part", both)
+
+
+def _free(name: str, words: str, frame: str, fields: Sequence[Field | None]) -> Family:
+    return Family(name=f"free:{name}", words=words, frame=frame, fields=tuple(fields))
 
 
 def effect_families(
@@ -146,9 +120,8 @@ def effect_families(
     *,
     accepted: Sequence[Effect] = (),
     withheld: Iterable[str] = (),
-) -> list[Family]:
-    """Signature in the mean of every catalogued effect over its coarse grid."""
-    families: list[Family] = []
+) -> Iterator[Family]:
+    """Yield the signature in the mean of every catalogued effect over its coarse grid."""
     names = {effect.name for effect in accepted} | set(withheld) | SKIPPED
     for name, kind in CATALOGUE.items():
         if name in names or "mean" not in kind.channels:
@@ -157,48 +130,47 @@ def effect_families(
             fields = mean_signature(effect, patches, base, noise, accepted)
             if fields is None:
                 break
-            families.append(
-                Family(
-                    name=f"effect:{name}",
-                    words=COVARIATES[effect.covariate].words,
-                    frame=effect.frame,
-                    fields=tuple(fields),
-                    effect=effect,
-                )
+            yield Family(
+                name=f"effect:{name}",
+                words=COVARIATES[effect.covariate].words,
+                frame=effect.frame,
+                fields=tuple(fields),
+                effect=effect,
             )
-    return families
 
 
 def fillet_families(
     patches: Sequence[Patch], accepted: Sequence[Effect], withheld: Iterable[str]
-) -> list[Family]:
-    """Fillets in concave corners, each corner by itself."""
-    if FormError.name in {effect.name for effect in accepted} | set(withheld):
-        return []
+) -> Iterator[Family]:
+    """Yield fillets of some radii in concave corners."""
+    if FormError.name not in {effect.name for effect in accepted} | set(withheld):
+        found = (fillet_family(patches, radius_mm) for radius_mm in FILLETS_MM)
+        yield from (family for family in found if family is not None)
+
+
+def fillet_family(patches: Sequence[Patch], radius_mm: float) -> Family | None:
+    """Return fillets of one radius, each concave corner by itself; None where none is met."""
     creases = len(concave_creases(patches[0].view.scene).middle_mm)
-    families = []
-    for radius_mm in FILLETS_MM if creases else ():
-        filled = [filled_mm(p.view, radius_mm) for p in patches]
-        count = np.zeros(creases, dtype=np.int64)
-        for patch, (gone, crease) in zip(patches, filled, strict=True):
-            count += np.bincount(crease[patch.fit & (gone > 0)], minlength=creases)
-        met = np.argsort(-count, kind="stable")[:MOST_CREASES]
-        met = met[count[met] > 0]
-        if met.size:
-            fields = tuple(
-                np.stack([np.where(crease == k, -gone, 0.0) for k in met])
-                for gone, crease in filled
-            )
-            families.append(
-                Family(
-                    name=f"effect:{FormError.name}",
-                    words="distance from a concave corner",
-                    frame="part",
-                    fields=fields,
-                    effect=FormError(coefficients_um=(), fillet_mm=radius_mm),
-                )
-            )
-    return families
+    if creases == 0:
+        return None
+    filled = [filled_mm(p.view, radius_mm) for p in patches]
+    count = np.zeros(creases, dtype=np.int64)
+    for patch, (gone, crease) in zip(patches, filled, strict=True):
+        count += np.bincount(crease[patch.fit & (gone > 0)], minlength=creases)
+    met = np.argsort(-count, kind="stable")[:MOST_CREASES]
+    met = met[count[met] > 0]
+    if met.size == 0:
+        return None
+    fields = [
+        np.stack([np.where(crease == k, -gone, 0.0) for k in met]) for gone, crease in filled
+    ]
+    return Family(
+        name=f"effect:{FormError.name}",
+        words="distance from a concave corner",
+        frame="part",
+        fields=tuple(fields),
+        effect=FormError(coefficients_um=(), fillet_mm=radius_mm),
+    )
 
 
 def grid_of(kind: type[Effect], view: View) -> tuple[Effect, ...]:

@@ -10,13 +10,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.families import Family, free_families, mean_signature
+from diagnosis.families import Family, fillet_family, free_families, mean_signature
 from diagnosis.finding import Finding
 from diagnosis.noise import Field
 from diagnosis.patch import Patch
 from diagnosis.prediction import Prediction
 from diagnosis.screen import Readings
 from diagnosis.workspace import Model, Workspace, block_sums, bootstrap_interval
+from sensors.effects.form_error import FormError
 
 CERTAIN, BENT = 10.0, 0.4
 """Strength, and size in units of the noise, of a departure that needs no second witness."""
@@ -59,7 +60,8 @@ def held_findings(
     readings = _readings(judging, base[count:], ws, rng)
     sides = {True: (fitted, readings)}
     sides[False] = (fitted.away_from_edges(), readings.away_from_edges())
-    free = {f.name: f for f in free_families(both)}
+    names = {f.name for f in asked}
+    free = {f.name: f for f in free_families(both) if f.name in names}
     least = least_gain * sum(int(k.sum()) for k in readings.picks)
     denied = set()
     for finding in asked:
@@ -97,6 +99,8 @@ def _on(
     if effect is None:
         family = free.get(finding.name)
         return None if family is None or any(f is None for f in family.fields) else family
+    if isinstance(effect, FormError):
+        return fillet_family(patches, effect.fillet_mm)
     fields = mean_signature(effect, patches, base, ws.noise, model.effects)
     return None if fields is None else replace(finding.family, fields=tuple(fields))
 

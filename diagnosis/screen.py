@@ -7,7 +7,7 @@ maximum over all statistics; its tail is continued by a Gumbel law where draws a
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -155,7 +155,7 @@ class Readings:
 def screen_mean(
     patches: Sequence[Patch],
     states: Sequence[Whitened],
-    families: Sequence[Family],
+    families: Iterable[Family],
     noise: NoiseModel,
     rng: np.random.Generator,
     *,
@@ -246,7 +246,7 @@ def _family(
     finding = Finding(
         channel="mean", name=family.name, words=family.words, frame=family.frame,
         z=float(as_deviate(np.array([t]), dof)[0]), size=size, tolerance=tolerance,
-        gain=0.5 * (t - dof), coefficients=beta, family=family,
+        gain=0.5 * (t - dof), coefficients=beta, family=replace(family, fields=()),
     )  # fmt: skip
     return finding, as_deviate(t_null / scale, dof)
 

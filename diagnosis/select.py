@@ -5,6 +5,7 @@ interval excludes zero and the screening still finds something. Then all are ref
 and what no longer pays is dropped. Rivals within the uncertainty of the choice are kept beside it.
 """
 
+import itertools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -25,6 +26,8 @@ from sensors.effects.base import Effect
 
 MOST = 4
 RIVAL_SHARE = 0.5
+EQUAL = 0.99
+"""Share of the best effect's gain from which another one, if it isn't surely worse, is as good."""
 IDLE = 8.0
 """Nats below which a further effect isn't worth its name."""
 LEAST_SHARE = 0.015
@@ -80,10 +83,13 @@ def screen(
     """All channels' findings beyond a model."""
     predictions = ws.predict(model)
     states = ws.states(predictions)
-    families = free_families(ws.patches) + effect_families(
-        ws.patches, predictions, ws.noise, accepted=model.effects, withheld=withheld
+    families = itertools.chain(
+        free_families(ws.patches),
+        effect_families(
+            ws.patches, predictions, ws.noise, accepted=model.effects, withheld=withheld
+        ),
+        fillet_families(ws.patches, model.effects, withheld),
     )
-    families += fillet_families(ws.patches, model.effects, withheld)
     mean = screen_mean(ws.patches, states, families, ws.noise, rng)
     rates = screen_rates(
         ws.patches, predictions, states, ws.noise, ws.block, model.effects
@@ -173,12 +179,14 @@ def _best(
     shortlist = [n for g, n in quick if g > max(3.0, 0.2 * quick[0][0])][:6]
     base = ws.log_densities(model)
     candidates: dict[str, tuple[Model, Field]] = {}
+    free: dict[str, int] = {}
     for name in shortlist:
         fitted = fit_effect(CATALOGUE[name], ws, model, predictions, states)
         if fitted is None:
             continue
         trial = ws.levelled(model.with_effect(fitted.effect, fitted.own))
         candidates[name] = (trial, crossfitted(ws, model, CATALOGUE[name], fitted, base))
+        free[name] = fitted.free
     # what gains most may owe that to few blocks and lose in others
     sure = [
         name
@@ -196,6 +204,12 @@ def _best(
             if name not in LAST_RESORT and gain > 0.85 * top:
                 best = name
                 break
+    # of two that do equally well the one with fewer numbers: a law of many imitates a constant
+    for name in order:
+        less, most = candidates[name][1], candidates[best][1]
+        equal = float(less.sum()) > EQUAL * float(most.sum())
+        if free[name] < free[best] and equal and bootstrap_interval(most - less, rng)[0] <= 0:
+            best = name
     trial, blocks = candidates[best]
     gain = float(blocks.sum())
     rivals = []

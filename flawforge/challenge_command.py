@@ -33,6 +33,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--shuffled", type=int, default=0, metavar="N",
         help="instead, diagnose the first N cases with shuffled covariates: a baseline",
     )  # fmt: skip
+    ceiling = steps.add_parser(
+        "ceiling", help="overlap of each true region with that of other draws: of an opened set"
+    )
+    ceiling.add_argument("set", type=Path, help="folder of the set")
+    ceiling.add_argument("--jobs", type=int, default=1, help="processes (default 1)")
     judge = steps.add_parser("judge", help="open the keys, check the seals, score the answers")
     judge.add_argument("set", type=Path, help="folder of the set")
     judge.add_argument(
@@ -83,6 +88,10 @@ def _step(arguments: argparse.Namespace) -> int:
             timeout_s=arguments.timeout,
             shuffled=arguments.shuffled,
         )
+    if arguments.step == "ceiling":
+        from challenge.ceiling import ceiling
+
+        return ceiling(arguments.set, jobs=arguments.jobs)
     if arguments.step == "payoff":
         return _payoff(arguments)
     from challenge.judge import judge

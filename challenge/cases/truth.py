@@ -164,10 +164,43 @@ def _noise_of_mean(
     return float(np.nanmean(rest**2) / (count - 1))
 
 
-def facts(staged: Staged, secret: Secret, *, draws: int = 4) -> Facts:
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Draws:
+    """The held-out pose scanned with several specimens, (draws, n, m) mm, on and off.
+
+    Attributes
+    ----------
+    said_mm : (n, m) what the maker's file says without the effect
+    smooth : (n, m) away from every edge
+    """
+
+    with_it: NDArray[np.float64]
+    without: NDArray[np.float64]
+    said_mm: NDArray[np.float64]
+    smooth: NDArray[np.bool_]
+
+    def level(self, rest_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Take away what a registration absorbs."""
+        return levelled(rest_mm, self.smooth, self.said_mm)
+
+    @property
+    def noise_mm(self) -> float:
+        """Standard deviation of a reading without the effect."""
+        rest = self.level(self.without[0] - self.said_mm)
+        return float(1.4826 * np.nanmedian(np.abs(rest[self.smooth])))
+
+    def region(self) -> NDArray[np.bool_]:
+        """Where the effect moves readings by 0.3 σ, or loses or gains a fifth of them."""
+        change = self.level(_mean(self.with_it) - _mean(self.without))
+        blocks = uniform_filter(np.nan_to_num(change), 5)
+        seen = (np.isfinite(shots).mean(0) for shots in (self.with_it, self.without))
+        lost = uniform_filter(np.abs(np.subtract(*seen)), 5)
+        return _patches((np.abs(blocks) > 0.3 * self.noise_mm) | (lost > 0.2))
+
+
+def redraw(staged: Staged, secret: Secret, specimens: range) -> Draws:
     """Scan the held-out pose again with other specimens, with and without the effect."""
     last = secret.recordings - 1
-    on = staged.on
     off = followed(staged.off, last, staged.on.device.sheet.exposure_s)
 
     def shots(world: World) -> NDArray[np.float64]:
@@ -181,29 +214,29 @@ def facts(staged: Staged, secret: Secret, *, draws: int = 4) -> Facts:
                     rng=child(secret.seed, "noise", "abc"[last]),
                     casts=casts,
                 )[0]
-                for d in range(draws)
+                for d in specimens
             ]
         ).astype(np.float64)  # fmt: skip
 
-    with_it, without = shots(on), shots(off)
     path, misplaced = off.scans.paths[last], off.scans.misplaced[last]
-    shown = geometry(off, path, misplaced)
     rays = Rays(off.solid, path, misplaced, off.device.camera, off.device.z_range_mm)
-    said = stated(rays, staged.effects).depth_mm
-    seen_on, seen_off = np.isfinite(with_it).mean(0), np.isfinite(without).mean(0)
+    return Draws(
+        with_it=shots(staged.on),
+        without=shots(off),
+        said_mm=stated(rays, staged.effects).depth_mm,
+        smooth=geometry(off, path, misplaced).smooth,
+    )
+
+
+def facts(staged: Staged, secret: Secret, *, draws: int = 4) -> Facts:
+    """Tell what an effect does in the held-out pose, and how well it can be seen."""
+    last, on = secret.recordings - 1, staged.on
+    drawn = redraw(staged, secret, range(draws))
+    with_it, without, said = drawn.with_it, drawn.without, drawn.said_mm
     fill_on, fill_off = _mean(with_it), _mean(without)
-
-    def flat(rest: NDArray[np.float64], use: NDArray[np.bool_]) -> NDArray[np.float64]:
-        return levelled(rest, use, said)
-
-    rest = flat(without[0] - said, shown.smooth)
-    noise = float(1.4826 * np.nanmedian(np.abs(rest[shown.smooth])))
-    change = flat(fill_on - fill_off, shown.smooth)
-    blocks = uniform_filter(np.nan_to_num(change), 5)
-    lost = uniform_filter(np.abs(seen_on - seen_off), 5)
-    region = _patches((np.abs(blocks) > 0.3 * noise) | (lost > 0.2))
+    noise, region, flat = drawn.noise_mm, drawn.region(), drawn.level
     with np.errstate(invalid="ignore"):
-        fair = np.abs(uniform_filter(np.nan_to_num(flat(fill_off - said, shown.smooth)), 3)) < (
+        fair = np.abs(uniform_filter(np.nan_to_num(flat(fill_off - said)), 3)) < (
             2 * noise
         )
     # the sealed recording's own specimen against the two means
@@ -212,13 +245,14 @@ def facts(staged: Staged, secret: Secret, *, draws: int = 4) -> Facts:
         rng=child(secret.seed, "noise", "abc"[last]),
     )[0].astype(np.float64)  # fmt: skip
     both = np.isfinite(real) & np.isfinite(fill_on) & np.isfinite(fill_off) & fair
-    left_off, left_on = flat(real - fill_off, both)[both], (real - fill_on)[both]
+    left_off = levelled(real - fill_off, both, said)[both]
+    left_on = (real - fill_on)[both]
     cut = 10 * noise
     ms_off = np.mean(np.clip(left_off, -cut, cut) ** 2) - _noise_of_mean(without, both, cut)
     ms_on = np.mean(np.clip(left_on, -cut, cut) ** 2) - _noise_of_mean(with_it, both, cut)
     nats = 0.5 * both.sum() / 6 * np.log(max(ms_off / ms_on, 1.0))
-    one, two = flat(real - said, shown.smooth), flat(without[1] - said, shown.smooth)
-    one, two = np.where(shown.smooth, one, np.nan), np.where(shown.smooth, two, np.nan)
+    one, two = flat(real - said), flat(without[1] - said)
+    one, two = np.where(drawn.smooth, one, np.nan), np.where(drawn.smooth, two, np.nan)
     scale = np.nanstd(one) / np.nanstd(two)  # the noise is fitted
     ks = float(ks_2samp(one[np.isfinite(one)], scale * two[np.isfinite(two)]).statistic)
     rough = np.abs(_roughness(one) / (scale * _roughness(two) + 1e-12) - 1)

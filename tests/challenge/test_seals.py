@@ -5,7 +5,7 @@ import hashlib
 import json
 import shutil
 import struct
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import h5py
@@ -19,6 +19,7 @@ from challenge.cases.parts import SHAPES, bent, corners, solid_of
 from challenge.cases.seeds import child
 from challenge.cases.switches import DECOY, SINGLE, UNKNOWN
 from challenge.cases.truth import facts
+from challenge.ceiling import ceiling
 from challenge.judge import judge
 from challenge.proof import _stopped, scoreboard, write_page
 from challenge.run import run
@@ -208,6 +209,22 @@ def test_facts_of_a_bow(bowed):
     assert known.fair.mean() > 0.8
     assert known.oracle_z > 8
     assert 5 < known.noise_um < 40
+
+
+def test_the_truth_is_held_against_further_draws(bowed, tmp_path):
+    secret, staged, _ = bowed
+    known = facts(staged, secret, draws=2)
+    keys = tmp_path / "keys"
+    keys.mkdir()
+    np.savez(keys / "case-001.npz", region=known.region)
+    opened = {"secret": asdict(secret), "facts": known.figures()}
+    (keys / "case-001.key.json").write_text(json.dumps(opened))
+    (keys / "case-002.key.json").write_text(json.dumps(opened))  # without maps: none is judged
+    assert ceiling(tmp_path, jobs=1) == 0
+    found = json.loads((tmp_path / "ceiling.json").read_text())
+    if known.region.mean() < 0.8:
+        assert 0.3 < found["case-001"] < 1.0
+    assert np.isnan(found["case-002"])
 
 
 def test_a_null_stays_within_its_bound(bowed, monkeypatch):

@@ -29,7 +29,10 @@ def finding(channel: str, size: float, family: Any = None, z: float = 20.0) -> F
 
 def test_suspect_is_what_a_coarse_law_may_hide(ws: Workspace) -> None:
     model = Model()
-    families = free_families(ws.patches) + effect_families(ws.patches, ws.predict(model), ws.noise)
+    families = [
+        *free_families(ws.patches),
+        *effect_families(ws.patches, ws.predict(model), ws.noise),
+    ]
     at_edge = next(f for f in families if f.at_edges)
     smooth = next(f for f in families if not f.at_edges)
     hidden = [finding("variance", 0.8), finding("mean", 0.8, at_edge)]
