@@ -80,7 +80,9 @@ def draw_story(out: Path, name: str, last: str, file: Path) -> None:
             panels.append(("measured - plain model, µm", 1e3 * (depth - simulated), (-40, 40)))
             panels.append(("explained - plain model, µm", 1e3 * (explained - simulated), (-40, 40)))
             panels.append(("region found", np.asarray(group["mask"], float), (0, 1)))
-    figure, axes = plt.subplots(1, len(panels), figsize=(3.2 * len(panels), 3.2), squeeze=False)
+    figure, axes = plt.subplots(
+        1, len(panels), figsize=(3.2 * len(panels), 3.2), squeeze=False, layout="constrained"
+    )
     for axis, (title, image, limits) in zip(axes[0], panels, strict=True):
         low, high = limits if limits is not None else (None, None)
         colours = "RdBu_r" if limits is not None and limits[0] < 0 else "viridis"
@@ -90,7 +92,6 @@ def draw_story(out: Path, name: str, last: str, file: Path) -> None:
         figure.colorbar(drawn, ax=axis, shrink=0.8).ax.tick_params(labelsize=6)
     figure.supxlabel("column", fontsize=8)
     figure.supylabel("profile", fontsize=8)
-    figure.tight_layout()
     figure.savefig(file, dpi=80)
     plt.close(figure)
 
