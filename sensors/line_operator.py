@@ -26,6 +26,9 @@ SUB_LINES = 12
 REACH = 3.0
 """Half width of the sampled profile in standard deviations."""
 
+BENT = 0.02
+"""Mean depth over a line, less its middle's, over its width: more is a crease (3° and more)."""
+
 STEEPEST = 4.0
 """Depth rise over displacement beyond which neighbouring sub-lines count as a jump (76°)."""
 
@@ -233,14 +236,21 @@ def bright_line(
     )  # fmt: skip
 
 
-def lean_mm(view: View, sd_mm: Floats | float) -> Floats:
+def lean_mm(view: View, sd_mm: Floats | float, *, creases: bool = False) -> Floats:
     """How far a line leans to the bright side of a surface that runs on, (n, m) mm.
 
     0 where the line lies on two levels: little of it is lit there, whatever the
     surface's brightness.
+
+    Parameters
+    ----------
+    creases : only where the line bends, not at what is printed on a face
     """
     line = bright_line(view, sd_mm)
-    return np.where(line.whole & (line.light > 0), line.depth_mm - line.even_mm, 0.0)
+    leans = line.whole & (line.light > 0)
+    if creases:
+        leans &= np.abs(line.spot_mm - view.depth_mm) > BENT * sd_mm
+    return np.where(leans, line.depth_mm - line.even_mm, 0.0)
 
 
 @njit(cache=True)

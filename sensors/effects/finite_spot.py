@@ -93,7 +93,7 @@ class FiniteSpot(Effect):
         line = read_line(view, offsets, gaussian_weights(offsets, sd))
         change = np.where(np.isfinite(line.depth_mm), line.depth_mm - view.depth_mm, 0.0)
         if self.lean > 0 and view.brightness is not None:
-            change += self.lean * lean_mm(view, sd)
+            change += self.lean * lean_mm(view, sd, creases=True)
         if self.along_um > 0:
             offsets = sub_lines(self.along_um * 1e-3)
             weights = gaussian_weights(offsets, self.along_um * 1e-3)

@@ -311,6 +311,15 @@ def test_a_crease_leans_to_its_brighter_side_where_the_line_is_whole(view_of):
     assert np.all(np.abs(change[np.abs(y - 20.0) > 1.2]) < 1e-9)
 
 
+def test_a_print_on_a_face_is_no_matter_of_the_line_s_width(view_of):
+    """A spot leans at creases; what is printed is `reflectance_edge`'s."""
+    y = np.arange(-20, 21) * 0.05
+    intensity = np.where(y < 0, 0.8, 0.2)[:, None] * np.ones((1, 80))
+    view = view_of("plate", y_mm=y, intensity=intensity)
+    assert np.abs(ReflectanceEdge(line_sd_um=100.0).signature(view)).max() > 0.01
+    assert np.allclose(FiniteSpot(line_sd_um=100.0, lean=1.0).shift(view), 0.0, atol=1e-9)
+
+
 def test_a_lean_needs_a_known_brightness(view_of):
     view = view_of("groove")
     leaning, still = FiniteSpot(line_sd_um=300.0, lean=0.5), FiniteSpot(line_sd_um=300.0)
