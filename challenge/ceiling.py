@@ -13,12 +13,11 @@ from typing import Any
 import numpy as np
 
 from challenge.cases.case import Secret, stage
-from challenge.cases.truth import redraw
+from challenge.cases.truth import DRAWS, redraw
 from challenge.score import judge_case
 from challenge.sealed import write_whole
 
 KEPT = "ceiling.json"
-DRAWS = 4
 
 
 def ceiling(out: Path, *, jobs: int) -> int:
@@ -31,8 +30,8 @@ def ceiling(out: Path, *, jobs: int) -> int:
     file = out / KEPT
     found: dict[str, float] = json.loads(file.read_text()) if file.exists() else {}
     keys = sorted((out / "keys").glob("*.key.json"))
-    todo = [k.name.removesuffix(".key.json") for k in keys]
-    todo = [n for n in todo if n not in found]
+    names = (k.name.removesuffix(".key.json") for k in keys)
+    todo = [n for n in names if n not in found]
     print(f"{len(todo)} keys to look at", flush=True)
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         waiting = {pool.submit(_overlap, str(out), name): name for name in todo}
@@ -53,6 +52,6 @@ def _overlap(out: str, name: str) -> float:
     secret = opened["secret"]
     if not np.isfinite(judge_case(secret, opened["facts"], None, None, region, 0.0).iou):
         return float("nan")
-    case = Secret(**{**secret, "switches": tuple(secret["switches"])})
+    case = Secret.of_key(secret)
     other = redraw(stage(case), case, range(DRAWS, 2 * DRAWS)).region()
     return judge_case(secret, opened["facts"], None, other, region, 0.0).iou

@@ -310,7 +310,7 @@ def _stopped(scored: dict[str, Any]) -> list[str]:
 def _show_instrument(scored: dict[str, Any], file: Path) -> None:
     """Scan the first case once more and keep a frame from its middle."""
     kept = next(iter(scored["cases"].values()))["secret"]
-    secret = Secret(**{**kept, "switches": tuple(kept["switches"])})
+    secret = Secret.of_key(kept)
     world = stage(secret).on
     device, path = world.device, world.scans.paths[0]
     assert device.calibration is not None

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.law import sheet_effects
+from sensors.line_operator import line_sd_mm
 from sensors.view import View
 
 if TYPE_CHECKING:
@@ -61,10 +62,7 @@ def listed_sd_mm(view: View) -> float:
     listed = {e.name: e for e in sheet_effects(view) if not e.is_null}
     for name in reversed(MOVING):
         if name in listed:
-            width_um = getattr(listed[name], WIDTH)
-            if width_um is None:
-                width_um = view.datasheet.require("line_width_um") / 4
-            return 1e-3 * float(width_um)
+            return float(line_sd_mm(view, getattr(listed[name], WIDTH), None))
     return 0.0
 
 

@@ -131,7 +131,7 @@ def read_line(
         Distance of two peaks' readings up to which they merge; None: the centre's peak alone.
     camera_y_mm : float, optional
         The camera's place along y where it isn't the datasheet's.
-    within_mm : (k, n) array, optional
+    within_mm : (k, n) or (k, 1) array, optional
         Where in the line the sub-lines lie, η of the camera's term, where that isn't their
         displacement.
     """
@@ -145,9 +145,9 @@ def read_line(
     lines = [
         _read_rows(
             view if len(parts) == 1 else view.rows(part),
-            offsets if offsets.shape[1] == 1 else offsets[:, part],
-            None if within_mm is None else within_mm[:, part],
-            [w[part] if isinstance(w, np.ndarray) else w for w in weights],
+            _of_rows(offsets.T, part).T,
+            None if within_mm is None else _of_rows(within_mm.T, part).T,
+            [_of_rows(w, part) if isinstance(w, np.ndarray) else w for w in weights],
             axis=axis,
             lean=1.0 / place if camera and place is not None else 0.0,
             seen_from=place if visible else None,
@@ -163,6 +163,10 @@ def read_line(
     fields = [field.name for field in dataclasses.fields(Line)]
     return Line(**{k: np.concatenate([getattr(line, k) for line in lines]) for k in fields})
 
+
+def _of_rows(field: Floats, part: slice) -> Floats:
+    """Return some rows of a field, all of it where one row serves every profile."""
+    return field if len(field) == 1 else field[part]
 
 
 def _read_rows(

@@ -53,6 +53,11 @@ class Secret:
     recordings: int
     seed: int
 
+    @classmethod
+    def of_key(cls, kept: dict[str, Any]) -> "Secret":
+        """Read it from a key's JSON."""
+        return cls(**{**kept, "switches": tuple(kept["switches"])})
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Staged:

@@ -15,6 +15,9 @@ from challenge.instrument.instrument import Casts, Path
 from challenge.instrument.rays import plant
 from challenge.instrument.stripes import first_hits
 
+DRAWS = 4
+"""Specimens that a case's truth is the mean of."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Geometry:
@@ -228,7 +231,7 @@ def redraw(staged: Staged, secret: Secret, specimens: range) -> Draws:
     )
 
 
-def facts(staged: Staged, secret: Secret, *, draws: int = 4) -> Facts:
+def facts(staged: Staged, secret: Secret, *, draws: int = DRAWS) -> Facts:
     """Tell what an effect does in the held-out pose, and how well it can be seen."""
     last, on = secret.recordings - 1, staged.on
     drawn = redraw(staged, secret, range(draws))

@@ -325,3 +325,16 @@ def test_a_lean_needs_a_known_brightness(view_of):
     leaning, still = FiniteSpot(line_sd_um=300.0, lean=0.5), FiniteSpot(line_sd_um=300.0)
     assert np.array_equal(leaning.shift(view), still.shift(view), equal_nan=True)
     assert leaning.variants(view) == ()
+
+
+@pytest.mark.parametrize("uneven", [False, True])
+def test_a_large_scan_is_blurred_block_by_block(view_of, monkeypatch, uneven):
+    """One smear serves all profiles of an even travel, each has its own otherwise."""
+    y = np.linspace(-8.0, 8.0, 60)
+    view = view_of("step", y_mm=y + 0.02 * np.sin(y) if uneven else y)
+    effect = MotionBlur(exposure_ms=80.0)
+    whole = effect.apply(geometric_law(view, None), view)
+    monkeypatch.setattr("sensors.line_operator.BLOCK_POINTS", 7 * view.shape[1])
+    parts = effect.apply(geometric_law(view, None), view)
+    assert np.array_equal(whole.mean_mm, parts.mean_mm, equal_nan=True)
+    assert np.array_equal(whole.white_sd_mm, parts.white_sd_mm)
