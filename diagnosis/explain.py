@@ -37,9 +37,13 @@ LEAST_SHARE = 0.03
 """Share of the largest effect's gain below which another one mends what its law leaves."""
 LEAST_SHOWN = 0.05
 """Rms departure, in deviations, below which held-out readings can't speak of an effect."""
-LEAST_UNSHOWN = 0.1
-"""The same on the fitted readings, below which their word alone isn't enough."""
+LEAST_UNSHOWN = 0.03
+"""The same in the fitted recording that shows it most, below which its word isn't enough."""
 TRIALS = 4
+PLACED = 3
+"""Times that recordings are placed under a model at most, where that still moves them."""
+SETTLED = EDGE_COVARIATES | BESIDE_EDGES | {"wall_distance"}
+"""Covariates of effects that are fitted again where the recordings lie then."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -76,8 +80,11 @@ def shows(effect: Effect, patches: Sequence[Patch], noise: NoiseModel) -> bool:
 def left_by_placement(
     effect: Effect, patches: Sequence[Patch], masks: Sequence[Mask], noise: NoiseModel
 ) -> float:
-    """Rms of what an effect does to the mean beyond a placement, in units of the noise."""
-    squares, count = 0.0, 0
+    """Rms of what an effect does to the mean beyond a placement, in units of the noise.
+
+    In the recording where that is largest.
+    """
+    sums = {p.recording: np.zeros(2) for p in patches}
     for patch, mask in zip(patches, masks, strict=True):
         if not mask.any():
             continue
@@ -87,8 +94,8 @@ def left_by_placement(
         columns = patch.columns[pick] / plain.sd_mm[pick][:, None]
         ridge = np.eye(columns.shape[1])
         left = change - columns @ np.linalg.solve(columns.T @ columns + ridge, columns.T @ change)
-        squares, count = squares + float(left @ left), count + left.size
-    return float(np.sqrt(squares / max(count, 1)))
+        sums[patch.recording] += float(left @ left), left.size
+    return max(float(np.sqrt(squares / max(count, 1))) for squares, count in sums.values())
 
 
 def explain(
@@ -118,9 +125,12 @@ def explain(
         if not model.effects:
             break
         progress("registering again under the model")
-        patches = place_again(model, patches)
+        for _ in range(PLACED):
+            before, patches = patches, place_again(model, patches)
+            if all(a is b for a, b in zip(before, patches, strict=True)):
+                break
         ws = Workspace.build([p for p in patches if p.fit.any()], noise)
-        if any(e.covariate in EDGE_COVARIATES | BESIDE_EDGES for e in model.effects):
+        if any(e.covariate in SETTLED for e in model.effects):
             # where edges are and what they do were settled by turns
             model = refit(ws.thin(SEARCHED_READINGS), model)
         model, kept = drop_idle(ws, refit_linear(ws, model), selection.choices, rng)

@@ -14,7 +14,7 @@ import numpy as np
 
 from diagnosis.finding import Finding
 from diagnosis.found import FoundEffect
-from diagnosis.noise import NoiseModel, calibrate
+from diagnosis.noise import Field, NoiseModel, calibrate
 from diagnosis.patch import Patch
 from diagnosis.workspace import Model, Workspace
 from sensors.effects.anisotropic_lay import AnisotropicLay
@@ -44,26 +44,50 @@ BRIGHT = 0.6
 """Share of the readings hit squarely that are darker than those whose noise is compared."""
 
 
-def level_ratio(ws: Workspace, model: Model) -> float:
-    """Size of the noise where the part is bright and hit squarely, over the calibrated one."""
-    states = ws.states(ws.predict(model))
-    squares = []
-    for patch, state in zip(ws.patches, states, strict=True):
+def level_change(ws: Workspace, model: Model, nominal_sd_mm: float) -> float:
+    """Return the logarithm of the part's noise over a nominal one that is sure.
+
+    Measured where the part is bright and hit squarely, in each recording, by the readings' scatter
+    and by what neighbours leave of it: a wrong mean adds to the one, a wrong spectrum to the
+    other. A finish is the same throughout, so the least change counts.
+    """
+    predictions, plain = ws.predict(model), ws.predict(Model())
+    found: dict[int, list[tuple[Field, Field]]] = {}
+    for patch, state, with_it, bare in zip(
+        ws.patches, ws.states(predictions), predictions, plain, strict=True
+    ):
         square = patch.view.incidence_rad < SQUARE_RAD
         # where the model has the noise of a plate, effects on the noise have no say
         usual = np.abs(state.sd_mm / (model.level * ws.noise.sd_mm) - 1) < USUAL
+        # where it leaves the mean alone, what it gets wrong there doesn't pass for noise
+        still = np.abs(with_it.mean_mm - bare.mean_mm) < USUAL * ws.noise.sd_mm
         pick = patch.fit & state.used & ~patch.edge & square
-        if (pick & usual).sum() > LEAST_READINGS:
-            pick &= usual
+        for calm in (usual, still):
+            if (pick & calm).sum() > LEAST_READINGS:
+                pick &= calm
         bright = patch.view.intensity
         if bright is not None and pick.any():
             # dark print is noisier whatever its finish
             pick &= bright >= np.nanquantile(bright[pick], BRIGHT)
-        squares.append(np.minimum(state.innovations[pick] ** 2, 9.0))
-    every = np.concatenate(squares)
-    if every.size <= LEAST_READINGS:
-        return model.level
-    return float(np.sqrt(every.mean() / 0.995)) * model.level
+        size_mm = model.level * ws.noise.sd_mm
+        found.setdefault(patch.recording, []).append(
+            (state.innovations[pick] * size_mm, state.residual_mm[pick])
+        )
+    changes = [
+        math.log(max(_scatter_mm(np.concatenate(kind)), 1e-9) / nominal_sd_mm)
+        for values in found.values()
+        for kind in zip(*values, strict=True)
+        if sum(v.size for v in kind) > LEAST_READINGS
+    ]
+    alike = changes and (min(changes) > 0 or max(changes) < 0)
+    return min(changes, key=abs) if alike else 0.0
+
+
+def _scatter_mm(values_mm: Field) -> float:
+    """Standard deviation of values of which some are spikes, mm."""
+    around = values_mm - np.median(values_mm)
+    cap = 3 * 1.4826 * float(np.median(np.abs(around)))
+    return float(np.sqrt(np.minimum(np.square(around), cap**2).mean() / 0.995))
 
 
 def finish_effects(
@@ -80,8 +104,8 @@ def finish_effects(
     findings: list[Finding] = []
     white = sigma_mm(ws.patches[0].view.datasheet)
     if nominal_sd_mm > 0:
-        size = own.sd_mm * level_ratio(ws, model)
-        ratio = math.log(size / nominal_sd_mm)
+        ratio = level_change(ws, model, nominal_sd_mm)
+        size = nominal_sd_mm * math.exp(ratio)
         tolerance = CLAIMED_TOLERANCE if nominal is None else LEVEL_TOLERANCE
         if abs(ratio) > tolerance + _plates_doubt(model):
             amplitude = math.sqrt(
@@ -128,7 +152,7 @@ def _plates_doubt(model: Model) -> float:
     doubt = 0.0
     for effect in model.effects:
         if isinstance(effect, PixelLocking):
-            doubt += 2 * math.pi * effect.amplitude_px
+            doubt += 4 * math.pi * effect.amplitude_px
         elif isinstance(effect, MotionBlur):
             doubt += MOVING_DOUBT
     return doubt

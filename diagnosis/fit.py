@@ -34,6 +34,8 @@ CORNER_COSTS = 5.0
 ALIKE = math.radians(12.0)
 """Turns of corners of one kind differ by less."""
 SEARCHES = 45
+STRONGER = (1.0, 1.5, 2.3, 3.5)
+"""Strengths from which a search goes on where the one found holds for faint effects."""
 PEAKS = 4
 LEAST_CYCLES = 2.5
 """Fewer cycles in a scan are no wave: a drift, the part's form, a slip here and there."""
@@ -65,7 +67,9 @@ def fit_effect(
         return None
     if not points:
         return None
-    if linear_count(points[0], ws) > 0:
+    if start is not None and start.faint:
+        found = _fit_searched(points, ws, model, masks, polish)
+    elif linear_count(points[0], ws) > 0:
         found = _fit_linear(points, ws, model, states, masks, polish)
     else:
         found = _fit_searched(points, ws, model, masks, polish)
@@ -195,16 +199,26 @@ def _fit_linear(
     # a point with more numbers must gain what they cost
     best, point = max(solved, key=lambda s: s[0].gain - s[0].free)
     names = [p.name for p in point.searched(linear=False) if _moves(p.name, point)]
-    if not polish or not names:
-        return best
-    return _polish_linear(point, names, ws, states, masks, best)
+    if polish and names:
+        best = _polish_linear(point, names, ws, states, masks, best)
+    if polish and best.effect.faint and not best.effect.is_null:
+        best = _fit_searched(_larger(best.effect), ws, model, masks, polish)
+    return best
+
+
+def _larger(effect: Effect) -> tuple[Effect, ...]:
+    """Put an effect at the strength found, which holds for faint ones, and at some above it."""
+    strength = next(p for p in effect.parameters() if p.linear)
+    found = getattr(effect, strength.name)
+    sizes = sorted({min(s * found, strength.high) for s in STRONGER})
+    return tuple(effect.with_parameters({strength.name: size}) for size in sizes)
 
 
 def _moves(name: str, effect: Effect) -> bool:
     """Whether a nonlinear parameter is worth a search: shared, and not a phase or a seed."""
     p = effect.parameter(name)
     unknown = getattr(effect, name) is None
-    fixed = ("phase_rad", "seed", "index", "rms_um")
+    fixed = ("phase_rad", "seed", "index", "rms_um", "contrast")
     return p.owner == "instrument" and name not in fixed and not unknown
 
 
@@ -323,7 +337,7 @@ def _fit_searched(
         p.name
         for p in best.searched()
         if p.owner == "instrument"
-        and p.name not in ("seed", "merge_um", "rayleigh_mm", "along_um", "index")
+        and p.name not in ("seed", "merge_um", "rayleigh_mm", "along_um", "index", "contrast")
     ]
     if not polish or not names:
         return Fitted(effect=best, own={}, gain=gain, free=max(len(names), 1))

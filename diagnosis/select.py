@@ -246,7 +246,7 @@ def crossfitted(
         small, rest = own_parts(masks)
         trial = settle_own(ws, trial, small, only=fitted.effect.name)
         return _gain(ws, trial, base, rest)
-    if linear_count(fitted.effect, ws) == 0:
+    if fitted.effect.faint or linear_count(fitted.effect, ws) == 0:
         blocks = _gain(ws, trial, base, masks)
         return blocks - fitted.free / blocks.size
     # a recording elsewhere on the part says nothing of the form here
@@ -321,7 +321,7 @@ def refit_linear(ws: Workspace, model: Model) -> Model:
     """Solve each effect's linear part on all readings, the others in place."""
     for effect in model.effects:
         rest = model.without(effect.name)
-        if linear_count(effect, ws) == 0:
+        if effect.faint or linear_count(effect, ws) == 0:
             continue
         fitted = fit_effect(
             type(effect), ws, rest, (), ws.states(ws.predict(rest)), start=effect, polish=False

@@ -39,7 +39,7 @@ def registered_under(
     move, or are looked at in strips, stay where they are.
     """
     out: list[Patch] = []
-    moved = Workspace.build(patches, noise).placements(model)
+    moved = _placed(patches, noise, model)
     for number, recording in enumerate(recordings):
         own = [p for p in patches if p.recording == number]
         patch = own[0]
@@ -81,7 +81,6 @@ def settled(
     Placements are those under the "plain" and the "final" model, by recording.
     """
     out: dict[str, dict[int, Field]] = {}
-    ws = Workspace.build(patches, noise)
     if share_own:
         held = [p for p in patches if p.scored.any()]
         small, _ = judging_masks(held, True)
@@ -93,7 +92,12 @@ def settled(
             )
         model = replace(model, own=own)
     for name, which in (("plain", Model()), ("final", model)):
-        predictions = ws.predict(which)
-        raw = [whitened(p, q, noise) for p, q in zip(patches, predictions, strict=True)]
-        out[name] = placements(patches, raw, [p.counted for p in patches])
+        out[name] = _placed(patches, noise, which)
     return model, out
+
+
+def _placed(patches: Sequence[Patch], noise: NoiseModel, model: Model) -> dict[int, Field]:
+    """Best placement of each recording under a model, by all its readings, held out or not."""
+    predictions = Workspace.build(patches, noise).predict(model)
+    raw = [whitened(p, q, noise) for p, q in zip(patches, predictions, strict=True)]
+    return placements(patches, raw, [p.counted for p in patches])

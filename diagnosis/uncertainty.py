@@ -51,7 +51,7 @@ def intervals(ws: Workspace, model: Model) -> Intervals:
 
 def fitted_numbers(effect: Effect) -> list[str]:
     """Names of the shared numbers that a fit moves; not lists, phases of recordings, choices."""
-    skip = {"seed", "merge_um", "rayleigh_mm", "along_um", "index", "rms_um"}
+    skip = {"seed", "merge_um", "rayleigh_mm", "along_um", "index", "rms_um", "contrast"}
     return [
         p.name
         for p in effect.searched()

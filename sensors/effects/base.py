@@ -45,6 +45,7 @@ class Effect(ABC):
     statement : sentence for a process engineer, with {parameter} fields
     channels : what of the law it changes, and is found by
     also : what it changes besides, beside edges
+    faint : whether `fields` hold for a faint effect alone, so that a fit has to go on from there
     frame : what its signature follows
     covariate : key of `sensors.covariates.COVARIATES` against which it shows
     rivals : effects that look alike
@@ -62,6 +63,7 @@ class Effect(ABC):
     statement: ClassVar[str]
     channels: ClassVar[tuple[Channel, ...]]
     also: ClassVar[tuple[Channel, ...]] = ()
+    faint: ClassVar[bool] = False
     frame: ClassVar[Frame]
     covariate: ClassVar[str]
     rivals: ClassVar[tuple[str, ...]]
