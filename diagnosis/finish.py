@@ -84,7 +84,7 @@ def level_change(ws: Workspace, model: Model, nominal_sd_mm: float) -> float:
 
 
 def _scatter_mm(values_mm: Field) -> float:
-    """Standard deviation of values of which some are spikes, mm."""
+    """Return the standard deviation of values of which some are spikes, mm."""
     around = values_mm - np.median(values_mm)
     cap = 3 * 1.4826 * float(np.median(np.abs(around)))
     return float(np.sqrt(np.minimum(np.square(around), cap**2).mean() / 0.995))

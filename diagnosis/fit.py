@@ -202,7 +202,7 @@ def _fit_linear(
     if polish and names:
         best = _polish_linear(point, names, ws, states, masks, best)
     if polish and best.effect.faint and not best.effect.is_null:
-        best = _fit_searched(_larger(best.effect), ws, model, masks, polish)
+        return _fit_searched(_larger(best.effect), ws, model, masks, polish)
     return best
 
 
