@@ -33,7 +33,7 @@ LEAST_GAIN = 1e-3
 
 The means of instruments that are as their maker says were up to 0.04 off.
 """
-LEAST_SHARE = 0.03
+LEAST_SHARE = 0.06
 """Share of the largest effect's gain below which another one mends what its law leaves."""
 LEAST_SHOWN = 0.05
 """Rms departure, in deviations, below which held-out readings can't speak of an effect."""

@@ -181,9 +181,18 @@ def test_groove_mirrors_the_spot_across(view_of, side):
     # seen from nearer, spots lie closer in the columns, which they share in pairs
     assert np.allclose(light, second / first * (1 + 2 * y / base), rtol=0.06)
     for power in (1.0, 2.0):
-        effect = Interreflection(weight=0.1, reach_mm=5.0, power=power)
-        weight = 0.1 * np.exp(-((2 * np.abs(y) / 5.0) ** power)) * light
-        assert np.allclose(effect.signature(view)[:, 40], weight * (apparent - depth), atol=1e-5)
+        effect = Interreflection(weight=0.1, reach_mm=5.0, power=power, contrast=0.3)
+        fallen = (2 * np.abs(y) / 5.0) ** power
+        ratio = 0.1 * np.exp(-fallen) * light
+        pull = ratio / (1 + ratio) * (apparent - depth)
+        assert np.allclose(effect.signature(view)[:, 40], pull, atol=1e-5)
+        # the logarithm of the ratio scatters by both spots' brightness
+        scatter = 0.3 * np.sqrt(1 + np.exp(fallen)) * np.abs(pull) / (1 + ratio)
+        bare = geometric_law(view, None)
+        noisier = effect.apply(bare, view).white_sd_mm[:, 40]
+        assert np.allclose(noisier, np.hypot(bare.white_sd_mm, scatter), atol=1e-5)
+        faint = Interreflection(weight=1e-4, reach_mm=5.0, power=power)
+        assert np.allclose(1e-4 * faint.fields(view)[0], faint.signature(view), atol=1e-6)
 
 
 def test_second_spot_pulls_the_column_in_which_it_is_seen(view_of):
@@ -225,11 +234,14 @@ def test_blur_averages_what_the_line_s_width_does_on_its_way(view_of):
 
 def test_strong_reflection_makes_the_reading_jump(view_of):
     view = view_of("groove", y_mm=np.array([6.0, 1.0]))
-    effect = Interreflection(weight=0.9, reach_mm=5.0, kind="jump")
-    change = effect.signature(view)[:, 40]
+    # the facing wall turns to the camera: its spot may be the brighter one
+    light = view.mirror.landed_light[1, 40] * np.exp(-2 / 5.0)
     pull = (view.mirror.landed_mm - view.depth_mm)[1, 40]
-    assert change[0] == 0.0
-    assert np.isclose(change[1], pull)
+    for weight, jumps in ((0.95 / light, 0.0), (1.05 / light, pull)):
+        effect = Interreflection(weight=weight, reach_mm=5.0, kind="jump")
+        change = effect.signature(view)[:, 40]
+        assert change[0] == 0.0
+        assert np.isclose(change[1], jumps)
 
 
 def test_flats_have_no_facing_wall(view_of):
