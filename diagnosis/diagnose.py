@@ -148,6 +148,7 @@ def diagnose(
             model, before, everything, scene, datasheet, laser, placed, noise, lateral
         )
 
+    plainly = dict(placed)
     explanation = explain(
         patches, noise, place_again, rng, withheld=withheld, share_own=not single, notes=notes,
         progress=progress,
@@ -209,7 +210,7 @@ def diagnose(
     found, beside = averaged_grain(found, beside, withheld)
     found = tuple(sorted([*found, *beside], key=lambda f: -f.heldout_gain))
     progress("drawing maps")
-    final, shifts = settled(explanation.patches, noise, model, not single)
+    final, shifts = settled(explanation.patches, patches, noise, model, not single)
     trusted = trust(ws, final)
     # a mismatch is held against the noise of an instrument without it
     usual = 1.0 if nominal is None else nominal.sd_mm / noise.sd_mm
@@ -217,8 +218,8 @@ def diagnose(
         usual = max(usual, 1 / blur.quieter(ws.patches[0].view))
     maps = [
         map_recording(
-            k, r, placed[r.name], scene, datasheet, laser[r.name], noise, final, shifts, lateral,
-            usual=usual, trusted=trusted,
+            k, r, placed[r.name], plainly[r.name], scene, datasheet, laser[r.name], noise, final,
+            shifts, lateral, usual=usual, trusted=trusted,
         )  # fmt: skip
         for k, r in enumerate(everything)
     ]

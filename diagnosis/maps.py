@@ -72,6 +72,7 @@ def map_recording(
     number: int,
     recording: Recording,
     placement: Placement,
+    plainly: Placement,
     scene: Scene,
     datasheet: Datasheet,
     laser: Laser,
@@ -87,6 +88,8 @@ def map_recording(
 
     Parameters
     ----------
+    placement, plainly : found under the model, and under the plain one
+    shifts : what is left to do from there for the "final" and for the "plain" model
     usual : size of the noise that departures are held against, over the recording's
     trusted : how far what the model changes at depth edges is borne out; wholly where left out
     """
@@ -96,7 +99,7 @@ def map_recording(
     plain_shift, final_shift = shifts["plain"][number], shifts["final"][number]
     effects = model.of(number)
     names = (
-        "plain", "final", "offset", "sd", "final_sd", "noise", "final_noise", "change", "bent",
+        "final", "offset", "sd", "final_sd", "noise", "final_noise", "change", "bent",
         "edge", "lost", "gone", "soft",
     )  # fmt: skip
     pieces: dict[str, list[Field]] = {k: [] for k in names}
@@ -133,14 +136,22 @@ def map_recording(
         for poses in places:
             yield mean_from(poses, acting)
 
-    def columns_of(view: View) -> Field:
+    def columns_of(view: View, placed: Placement = placement) -> Field:
         """Change of depth (n, m, 9) by the placement, each in its prior deviations."""
         columns = pose_columns(
             view.poses, laser, view.hits.depth_mm, hits_normal(scene, view.hits),
-            placement.centre_mm,
+            placed.centre_mm,
         )  # fmt: skip
         seen = np.isfinite(view.depth_mm)[..., None]
         return np.asarray(np.where(seen, columns, 0.0) * PRIOR_SD)
+
+    def plain_nearby() -> Field:
+        """Expect plain readings from where the plain model puts the recording, to first order."""
+        means = []
+        for view in views(plainly.poses):
+            bare = np.broadcast_to(law_of(view, (), noise).mean_mm, view.shape)
+            means.append(bare + columns_of(view, plainly) @ plain_shift)
+        return np.concatenate(means)
 
     few = max(1, n * m // LEVELLED_BY)
     rigid: list[Field] = []
@@ -153,7 +164,6 @@ def map_recording(
         soft = edge_softness(view, plain, edge, lateral_mm)
         before = predict(view, (), noise, softness=soft)
         after = predict(view, effects, noise, softness=soft, level=model.level)
-        pieces["plain"].append(before.mean_mm + columns @ plain_shift)
         pieces["final"].append(after.mean_mm + columns @ final_shift)
         pieces["offset"].append((after.mean_mm - view.depth_mm).astype(np.float32))
         pieces["edge"].append(edge)
@@ -180,10 +190,12 @@ def map_recording(
     depth[repeated_rows(recording.depth_mm)] = np.nan
     # a step to first order leaves edges behind: it is also taken by casting anew
     there = {
-        name: move(placement.poses, PRIOR_SD * shift, placement.centre_mm)
-        for name, shift in (("plain", plain_shift), ("final", final_shift))
-    }
-    expected = expectations(whole.pop("plain"), (), there["plain"])
+        name: move(placed.poses, PRIOR_SD * shift, placed.centre_mm)
+        for name, placed, shift in (
+            ("plain", plainly, plain_shift), ("final", placement, final_shift)
+        )
+    }  # fmt: skip
+    expected = expectations(plain_nearby(), (), there["plain"])
     plain = final = _best(depth, whole["noise"], expected)
     if effects:
         again = register(

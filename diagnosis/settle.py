@@ -74,11 +74,19 @@ def _stays(patch: Patch, shift: Field, noise: NoiseModel) -> bool:
 
 
 def settled(
-    patches: Sequence[Patch], noise: NoiseModel, model: Model, share_own: bool
+    patches: Sequence[Patch],
+    plainly: Sequence[Patch],
+    noise: NoiseModel,
+    model: Model,
+    share_own: bool,
 ) -> tuple[Model, dict[str, dict[int, Field]]]:
     """Return the model with held-out recordings' own parameters, and each one's placements.
 
     Placements are those under the "plain" and the "final" model, by recording.
+
+    Parameters
+    ----------
+    patches, plainly : where the model and where the plain one puts the recordings
     """
     out: dict[str, dict[int, Field]] = {}
     if share_own:
@@ -91,8 +99,8 @@ def settled(
                 {k: v for k, v in values.items() if k not in own.get(r, {})}
             )
         model = replace(model, own=own)
-    for name, which in (("plain", Model()), ("final", model)):
-        out[name] = _placed(patches, noise, which)
+    for name, seen, which in (("plain", plainly, Model()), ("final", patches, model)):
+        out[name] = _placed(seen, noise, which)
     return model, out
 
 
