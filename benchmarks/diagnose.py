@@ -93,7 +93,7 @@ def entry(case: tuple[str, dict[str, object], str, float, str], scale: float) ->
     return {"name": name, **more, parameter: value}
 
 
-def _recordings(name: str, effects: Sequence[dict[str, object]]) -> list[Recording]:
+def recordings(name: str, effects: Sequence[dict[str, object]]) -> list[Recording]:
     """Two recordings, the same but for the effects in them."""
     return [
         record(
@@ -109,7 +109,7 @@ def bench_workspace(name: str) -> Workspace:
     sheet, scene = datasheet(POINTS), part(name)
     laser = Laser.from_datasheet(sheet)
     patches = []
-    for k, made in enumerate(_recordings(name, [])):
+    for k, made in enumerate(recordings(name, [])):
         placed = register(scene, made, laser, valid=np.isfinite(made.depth_mm), sd_mm=0.001)
         patches += cut(k, made, placed, scene, sheet, laser, lateral_mm=0.03)
     noise = calibrate(
@@ -132,7 +132,7 @@ def strength(ws: Workspace, effect: dict[str, object], part_name: str) -> float:
 
 def _simulated_nats(ws: Workspace, thing: Effect, part_name: str) -> float:
     """Nats that the law of an effect gains on the bench's recordings, taken with it."""
-    made = _recordings(part_name, [thing.to_mapping()])
+    made = recordings(part_name, [thing.to_mapping()])
     patches = tuple(
         replace(p, depth_mm=r.depth_mm, kept={}) for p, r in zip(ws.patches, made, strict=True)
     )

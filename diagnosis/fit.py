@@ -34,7 +34,7 @@ CORNER_COSTS = 5.0
 ALIKE = math.radians(12.0)
 """Turns of corners of one kind differ by less."""
 SEARCHES = 45
-STRONGER = (1.0, 1.5, 2.3, 3.5)
+STRONGER = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Strengths from which a search goes on where the one found holds for faint effects."""
 PEAKS = 4
 LEAST_CYCLES = 2.5
@@ -201,7 +201,7 @@ def _fit_linear(
     names = [p.name for p in point.searched(linear=False) if _moves(p.name, point)]
     if polish and names:
         best = _polish_linear(point, names, ws, states, masks, best)
-    if polish and best.effect.faint and not best.effect.is_null:
+    if best.effect.faint and not best.effect.is_null:
         return _fit_searched(_larger(best.effect), ws, model, masks, polish)
     return best
 

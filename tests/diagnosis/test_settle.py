@@ -1,0 +1,124 @@
+"""Recordings are placed anew under a model, held-out ones too; drifts, levels, strong effects."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.diagnose import bench_workspace, recordings
+from benchmarks.relief import datasheet, part, record
+from diagnosis.explain import left_by_placement, shows
+from diagnosis.finish import level_change
+from diagnosis.fit import fit_effect
+from diagnosis.patch import cut
+from diagnosis.registration import PRIOR_SD, Placement
+from diagnosis.settle import registered_under
+from diagnosis.workspace import Model, Workspace
+from sensors.effects.base import Effect
+from sensors.effects.interreflection import Interreflection
+from sensors.effects.thermal_drift import ThermalDrift
+from sensors.laser import Laser
+from sensors.view import View
+
+
+def begun(view: View, start_time_s: float) -> View:
+    """Return a view of a recording that began then."""
+    return View(
+        view.scene, view.datasheet, view.poses, view.time_s, laser=view.laser,
+        start_time_s=start_time_s,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def ws() -> Workspace:
+    return bench_workspace("valley")
+
+
+def test_a_held_out_recording_is_placed_anew(ws: Workspace) -> None:
+    scene, sheet = part("domes"), datasheet(100)
+    laser = Laser.from_datasheet(sheet)
+    made = record(scene, sheet, [], name="r", seed=4, profiles=70, pitch_mm=0.6, misplaced=6.0)
+    commanded = Placement(
+        shift=np.zeros(PRIOR_SD.size), centre_mm=np.zeros(3),
+        covariance=np.eye(PRIOR_SD.size), poses=made.poses,
+    )  # fmt: skip
+    patches = cut(
+        0, made, commanded, scene, sheet, laser, lateral_mm=0.03,
+        held_out=np.ones(made.depth_mm.shape, dtype=bool),
+    )  # fmt: skip
+    assert not any(p.fit.any() for p in patches)
+    placed = {"r": commanded}
+    found = registered_under(
+        Model(), patches, [made], scene, sheet, {"r": laser}, placed, ws.noise, 0.03
+    )
+    off = [
+        np.nanmedian(np.abs(made.depth_mm - scene.cast(laser, poses).depth_mm))
+        for poses in (made.poses, placed["r"].poses)
+    ]
+    assert off[1] < 0.01 < off[0]
+    assert all(p.scored.any() for p in found)
+
+
+def test_a_drift_is_told_by_the_recording_that_shows_it_most(ws: Workspace) -> None:
+    drift = ThermalDrift(amplitude_um=200.0, time_constant_s=0.2)
+    late = tuple(
+        replace(p, view=begun(p.view, 0.0 if p.recording == 0 else 5.0)) for p in ws.patches
+    )
+    sizes = [
+        left_by_placement(drift, own, [p.counted for p in own], ws.noise)
+        for own in ([p for p in late if p.recording == r] for r in (0, 1))
+    ]
+    every = left_by_placement(drift, late, [p.counted for p in late], ws.noise)
+    assert every == pytest.approx(max(sizes))
+    assert sizes[0] > 0.3 > 0.05 > sizes[1]
+    # what the late recording can't show isn't for it to judge
+    judged = [replace(p, fit=p.fit & (p.recording == 0), scored=~p.fit | (p.recording == 1))
+              for p in late]  # fmt: skip
+    assert not shows(drift, judged, ws.noise)
+
+
+def test_the_level_of_the_noise_is_what_every_recording_bears_out(ws: Workspace) -> None:
+    plain = ws.predict(Model())
+
+    def rougher(factors: tuple[float, float]) -> Workspace:
+        patches = tuple(
+            replace(
+                p, depth_mm=q.mean_mm + factors[p.recording] * (p.depth_mm - q.mean_mm), kept={}
+            )
+            for p, q in zip(ws.patches, plain, strict=True)
+        )
+        return replace(ws, patches=patches)
+
+    sd_mm = ws.noise.sd_mm
+    assert level_change(rougher((1.5, 1.5)), Model(), sd_mm) == pytest.approx(np.log(1.5), abs=0.05)
+    assert level_change(rougher((1.5, 1.2)), Model(), sd_mm) == pytest.approx(np.log(1.2), abs=0.05)
+    assert abs(level_change(rougher((1.5, 1.0)), Model(), sd_mm)) < 0.05
+    assert level_change(rougher((1.5, 0.7)), Model(), sd_mm) == 0.0
+
+
+def test_a_strong_reflection_is_fitted_beyond_what_is_linear(ws: Workspace) -> None:
+    true = Interreflection(weight=0.6, reach_mm=8.0, power=1.0)
+    made = recordings("valley", [true.to_mapping()])
+    patches = tuple(
+        replace(p, depth_mm=r.depth_mm, kept={}) for p, r in zip(ws.patches, made, strict=True)
+    )
+    there, model = replace(ws, patches=patches), Model()
+    predictions = there.predict(model)
+    base, masks = there.log_densities(model), there.masks_for(Interreflection)
+
+    def gain(effect: Effect) -> float:
+        after = there.log_densities(there.levelled(model.with_effect(effect)))
+        gains = [a - b for a, b in zip(after, base, strict=True)]
+        return float(there.block_scores(gains, masks).sum())
+
+    quick, found = (
+        fit_effect(
+            Interreflection, there, model, predictions, there.states(predictions), polish=polish
+        )
+        for polish in (False, True)
+    )
+    assert quick is not None
+    assert found is not None
+    # readings that scatter so much count as spikes to first order; the law knows better
+    assert quick.gain > 0.3 * gain(true)
+    assert found.gain > 0.98 * gain(true)
