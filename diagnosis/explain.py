@@ -4,6 +4,7 @@ What gains nothing on held-out readings is no explanation: it is dropped with wh
 it, and the selection goes on without that name.
 """
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -39,6 +40,8 @@ LEAST_SHOWN = 0.05
 """Rms departure, in deviations, below which held-out readings can't speak of an effect."""
 LEAST_UNSHOWN = 0.03
 """The same in the fitted recording that shows it most, below which its word isn't enough."""
+PASSING = ("time", "travel")
+"""Frames of what one recording may show and another not."""
 TRIALS = 4
 PLACED = 3
 """Times that recordings are placed under a model at most, where that still moves them."""
@@ -66,15 +69,21 @@ class Explanation:
 
 
 def shows(effect: Effect, patches: Sequence[Patch], noise: NoiseModel) -> bool:
-    """Whether held-out readings can speak of an effect, or fitted ones have hardly shown it.
+    """Whether held-out readings can speak of an effect, or fitted ones show it no better.
 
-    What fades with time may be over before the held-out recording begins.
+    What fades with time may be over before the held-out recording begins, and a slip along the
+    travel moves nothing where that recording looks at flats.
     """
-    if effect.frame != "time" or phase_is_own(effect):
+    if effect.frame not in PASSING or effect.covariate in EDGE_COVARIATES:
         return True
-    held = left_by_placement(effect, patches, [p.scored for p in patches], noise)
-    fitted = left_by_placement(effect, patches, [p.fit for p in patches], noise)
-    return held > LEAST_SHOWN or fitted < LEAST_UNSHOWN
+    waves = [effect]
+    if phase_is_own(effect):
+        waves = [effect.with_parameters(phase_rad=phase) for phase in (0.0, 0.5 * math.pi)]
+    held, fitted = (
+        max(left_by_placement(wave, patches, masks, noise) for wave in waves)
+        for masks in ([p.scored for p in patches], [p.fit for p in patches])
+    )
+    return held > LEAST_SHOWN or fitted < max(LEAST_UNSHOWN, 2 * held)
 
 
 def left_by_placement(
