@@ -36,6 +36,8 @@ The means of instruments that are as their maker says were up to 0.04 off.
 """
 LEAST_SHARE = 0.06
 """Share of the largest effect's gain below which another one mends what its law leaves."""
+MUCH = 0.03
+"""Nats per held-out reading that are more than a law leaves, however much it gains."""
 LEAST_SHOWN = 0.05
 """Rms departure, in deviations, below which held-out readings can't speak of an effect."""
 LEAST_UNSHOWN = 0.03
@@ -145,7 +147,7 @@ def explain(
         model, kept = drop_idle(ws, refit_linear(ws, model), selection.choices, rng)
         held = [p for p in patches if p.scored.any()]
         gains, _ = heldout_gains(ws, model, held, share_own)
-        least = max(LEAST_GAIN, LEAST_SHARE * max(gains.values()))
+        least = max(LEAST_GAIN, min(LEAST_SHARE * max(gains.values()), MUCH))
         idle = {e.name for e in model.effects if gains[e.name] < least}
         unseen = {e.name for e in model.effects if e.name in idle and not shows(e, patches, noise)}
         if unseen:
