@@ -64,8 +64,7 @@ class Prediction:
 def law_of(view: View, effects: Sequence[Effect], noise: NoiseModel | None) -> Law:
     """Law under the sensor's own effects, each replaced by that of its name in `effects`.
 
-    What moves the sensor acts to first order: it changes the depth of the ray's hit, not what the
-    other effects make of it.
+    What moves the sensor comes first: the others act where it really is.
     """
     kept = _TRIALS.setdefault(view, {})
     noise_mm = None if noise is None else noise.sd_mm
@@ -93,11 +92,7 @@ def _law_of(view: View, effects: Sequence[Effect], noise_mm: float | None) -> La
                 true = effect.moved(true)
         else:
             others.append(effect)
-    law = _applied(view, tuple(others), noise_mm)
-    if true is view:
-        return law
-    change = true.depth_mm - view.depth_mm
-    return replace(law, mean_mm=law.mean_mm + np.where(np.isfinite(change), change, 0.0))
+    return _applied(true, tuple(others), noise_mm)
 
 
 def _applied(view: View, effects: tuple[Effect, ...], noise_mm: float | None) -> Law:

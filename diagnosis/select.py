@@ -22,7 +22,7 @@ from diagnosis.rates import screen_rates
 from diagnosis.screen import screen_mean
 from diagnosis.workspace import Model, Workspace, bootstrap_interval
 from sensors.effects import CATALOGUE
-from sensors.effects.base import Effect
+from sensors.effects.base import Effect, MotionEffect
 
 MOST = 4
 RIVAL_SHARE = 0.5
@@ -244,6 +244,9 @@ def crossfitted(
     trial = ws.levelled(model.with_effect(fitted.effect, fitted.own))
     if phase_is_own(fitted.effect):
         small, rest = own_parts(masks)
+        if issubclass(kind, MotionEffect):
+            # solved where it is linear, it moves edges as well, and they tell it from a blur
+            _, rest = own_parts(ws.masks())
         trial = settle_own(ws, trial, small, only=fitted.effect.name)
         return _gain(ws, trial, base, rest)
     if fitted.effect.faint or linear_count(fitted.effect, ws) == 0:
