@@ -215,11 +215,10 @@ def _larger(effect: Effect) -> tuple[Effect, ...]:
 
 
 def _moves(name: str, effect: Effect) -> bool:
-    """Whether a nonlinear parameter is worth a search: shared, and not a phase or a seed."""
+    """Whether a nonlinear parameter is worth a search: shared, and not a phase."""
     p = effect.parameter(name)
     unknown = getattr(effect, name) is None
-    fixed = ("phase_rad", "seed", "index", "rms_um", "contrast")
-    return p.owner == "instrument" and name not in fixed and not unknown
+    return p.owner == "instrument" and name != "phase_rad" and not unknown
 
 
 def _polish_linear(
@@ -333,12 +332,7 @@ def _fit_searched(
         except RecipeError:
             return None
     gain, best = max(scored, key=lambda s: s[0])
-    names = [
-        p.name
-        for p in best.searched()
-        if p.owner == "instrument"
-        and p.name not in ("seed", "merge_um", "rayleigh_mm", "along_um", "index", "contrast")
-    ]
+    names = [p.name for p in best.searched() if p.owner == "instrument"]
     if not polish or not names:
         return Fitted(effect=best, own={}, gain=gain, free=max(len(names), 1))
     start = np.array([_number(best, n) for n in names])

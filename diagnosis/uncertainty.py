@@ -51,12 +51,10 @@ def intervals(ws: Workspace, model: Model) -> Intervals:
 
 def fitted_numbers(effect: Effect) -> list[str]:
     """Names of the shared numbers that a fit moves; not lists, phases of recordings, choices."""
-    skip = {"seed", "merge_um", "rayleigh_mm", "along_um", "index", "rms_um", "contrast"}
     return [
         p.name
         for p in effect.searched()
         if p.owner == "instrument"
-        and p.name not in skip
         and (getattr(effect, p.name) is not None)
         and p.name != "patch_mm"
     ]

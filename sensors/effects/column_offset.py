@@ -60,6 +60,7 @@ class ColumnOffset(AdditiveEffect):
         default=0.0,
         null=0.0,
         linear=True,
+        fixed=True,
     )
     seed: int = parameter(
         "which pattern; belongs to the instrument, not to a scan",

@@ -60,6 +60,7 @@ class EdgeMixing(Effect):
         low=0.0,
         high=100000.0,
         typical=500.0,
+        fixed=True,
     )
     weakest: float = parameter(
         "share of the line's light that makes a peak; with less the reading is left alone",
@@ -73,6 +74,7 @@ class EdgeMixing(Effect):
         low=0.0,
         high=10000.0,
         typical=0.0,
+        fixed=True,
     )
 
     def changed(self, law: Law, view: View) -> Law:

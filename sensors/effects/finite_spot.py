@@ -59,6 +59,7 @@ class FiniteSpot(Effect):
         low=0.0,
         high=500.0,
         typical=0.0,
+        fixed=True,
     )
     rayleigh_mm: float = parameter(
         "distance from focus at which the line is √2 wider; 0: no defocus",
@@ -66,6 +67,7 @@ class FiniteSpot(Effect):
         low=0.0,
         high=10000.0,
         typical=0.0,
+        fixed=True,
     )
 
     lean: float = parameter(

@@ -80,6 +80,7 @@ class Interreflection(Effect):
         low=0.0,
         high=1.0,
         typical=0.2,
+        fixed=True,
     )
     kind: str = parameter(
         "centre of gravity of both spots, or the brighter one",

@@ -42,6 +42,8 @@ class Parameter:
         Range of the uniform prior of a recording's parameter.
     choices : tuple of str
         For a parameter that is a word.
+    fixed : bool
+        Whether a fit leaves it as it is: known of the instrument or material, or hardly seen.
     kind : "number", "integer", "list" or "choice"
     """
 
@@ -60,11 +62,12 @@ class Parameter:
     prior: tuple[float, float] | None
     choices: tuple[str, ...]
     kind: Literal["number", "integer", "list", "choice"]
+    fixed: bool
 
     @property
     def searched(self) -> bool:
-        """Whether a fit may move it: a number that isn't fixed by choice."""
-        return self.kind == "number"
+        """Whether a fit may move it: a number that isn't fixed."""
+        return self.kind == "number" and not self.fixed
 
     def fits(self, value: object) -> bool:
         """Whether `value` is of this parameter's kind and within its bounds."""
@@ -105,6 +108,7 @@ def parameter(
     prior: tuple[float, float] | None = None,
     choices: tuple[str, ...] = (),
     kind: Literal["number", "integer", "list", "choice"] = "number",
+    fixed: bool = False,
     default: Value = None,
 ) -> Any:
     """Declare a field of an effect; see `Parameter`.
@@ -129,6 +133,7 @@ def parameter(
         prior=(low, high) if prior is None and owner == "recording" else prior,
         choices=choices,
         kind="choice" if choices else kind,
+        fixed=fixed,
     )
     if default is None and not left_open:
         default = typical

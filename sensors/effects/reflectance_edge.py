@@ -58,6 +58,7 @@ class ReflectanceEdge(Effect):
         low=0.0,
         high=10000.0,
         typical=0.0,
+        fixed=True,
     )
 
     def changed(self, law: Law, view: View) -> Law:

@@ -76,6 +76,7 @@ class VolumeScattering(Effect):
         low=1.0,
         high=2.5,
         typical=1.5,
+        fixed=True,
     )
 
     def fields(self, view: View) -> tuple[Floats, ...]:
