@@ -244,11 +244,14 @@ def crossfitted(
     trial = ws.levelled(model.with_effect(fitted.effect, fitted.own))
     if phase_is_own(fitted.effect):
         small, rest = own_parts(masks)
-        if issubclass(kind, MotionEffect):
-            # solved where it is linear, it moves edges as well, and they tell it from a blur
-            _, rest = own_parts(ws.masks())
         trial = settle_own(ws, trial, small, only=fitted.effect.name)
-        return _gain(ws, trial, base, rest)
+        blocks = _gain(ws, trial, base, rest)
+        if issubclass(kind, MotionEffect):
+            # edges move as well and may tell it from a blur; solved to first order, it may be
+            # too far off there for them to speak against it
+            whole = _gain(ws, trial, base, own_parts(ws.masks())[1])
+            blocks = max(blocks, whole, key=np.sum)
+        return blocks
     if fitted.effect.faint or linear_count(fitted.effect, ws) == 0:
         blocks = _gain(ws, trial, base, masks)
         return blocks - fitted.free / blocks.size

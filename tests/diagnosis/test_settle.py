@@ -12,11 +12,13 @@ from diagnosis.finish import level_change
 from diagnosis.fit import fit_effect
 from diagnosis.patch import cut
 from diagnosis.registration import PRIOR_SD, Placement
+from diagnosis.select import crossfitted
 from diagnosis.settle import registered_under
 from diagnosis.workspace import Model, Workspace
 from sensors.effects.base import Effect
 from sensors.effects.interreflection import Interreflection
 from sensors.effects.thermal_drift import ThermalDrift
+from sensors.effects.travel_ripple import TravelRipple
 from sensors.laser import Laser
 from sensors.view import View
 
@@ -122,3 +124,19 @@ def test_a_strong_reflection_is_fitted_beyond_what_is_linear(ws: Workspace) -> N
     # readings that scatter so much count as spikes to first order; the law knows better
     assert quick.gain > 0.3 * gain(true)
     assert found.gain > 0.98 * gain(true)
+
+
+def test_edges_do_not_speak_against_a_ripple() -> None:
+    """On flat steps it shows at edges alone, where what was solved to first order is too far off."""
+    ws, true = bench_workspace("steps"), TravelRipple(amplitude_um=60.0, period_mm=5.0)
+    made = recordings("steps", [true.to_mapping()])
+    patches = tuple(
+        replace(p, depth_mm=r.depth_mm, kept={}) for p, r in zip(ws.patches, made, strict=True)
+    )
+    there, model = replace(ws, patches=patches), Model()
+    predictions, base = there.predict(model), there.log_densities(model)
+    found = fit_effect(TravelRipple, there, model, predictions, there.states(predictions))
+    assert found is not None
+    assert isinstance(found.effect, TravelRipple)
+    assert found.effect.period_mm == pytest.approx(5.0, rel=0.02)
+    assert crossfitted(there, model, TravelRipple, found, base).sum() > 4
