@@ -127,7 +127,7 @@ def test_a_strong_reflection_is_fitted_beyond_what_is_linear(ws: Workspace) -> N
 
 
 def test_edges_do_not_speak_against_a_ripple() -> None:
-    """On flat steps it shows at edges alone, where what was solved to first order is too far off."""
+    """Flat steps show it at edges alone, where what was solved to first order is too far off."""
     ws, true = bench_workspace("steps"), TravelRipple(amplitude_um=60.0, period_mm=5.0)
     made = recordings("steps", [true.to_mapping()])
     patches = tuple(
