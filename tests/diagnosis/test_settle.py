@@ -127,7 +127,7 @@ def test_a_strong_reflection_is_fitted_beyond_what_is_linear(ws: Workspace) -> N
 
 
 def test_edges_do_not_speak_against_a_ripple() -> None:
-    """Flat steps show it at edges alone, where what was solved to first order is too far off."""
+    """What was solved to first order may be too far off there."""
     ws, true = bench_workspace("steps"), TravelRipple(amplitude_um=60.0, period_mm=5.0)
     made = recordings("steps", [true.to_mapping()])
     patches = tuple(
@@ -139,4 +139,7 @@ def test_edges_do_not_speak_against_a_ripple() -> None:
     assert found is not None
     assert isinstance(found.effect, TravelRipple)
     assert found.effect.period_mm == pytest.approx(5.0, rel=0.02)
-    assert crossfitted(there, model, TravelRipple, found, base).sum() > 4
+    assert crossfitted(there, model, TravelRipple, found, base).sum() > 1500
+    # a period a little off: flats gain 1000 nats, edges lose 280 of them
+    off = replace(found, effect=found.effect.with_parameters(period_mm=5.2))
+    assert crossfitted(there, model, TravelRipple, off, base).sum() > 900
