@@ -43,13 +43,14 @@ LEAST_SHOWN = 0.05
 """Rms departure, in deviations, below which held-out readings can't speak of an effect."""
 LEAST_UNSHOWN = 0.03
 """The same in the fitted recording that shows it most, below which its word isn't enough."""
+NOISY = 0.9
+"""Flicker beyond which a blur scatters about as much as it may."""
 LEAST_NOISY = 0.015
-"""The same in nats for a blur that scatters as much as it may.
+"""Nats per held-out reading below which such a blur is of no use.
 
 All that it says may be that edges are noisier than a coarse law has them: of opened cases, eight
 such blurs that weren't there gained less, three more, and seven true ones more.
 """
-NOISY = 0.9
 PASSING = ("time", "travel")
 """Frames of what one recording may show and another not."""
 TRIALS = 4
@@ -96,8 +97,10 @@ def shows(effect: Effect, patches: Sequence[Patch], noise: NoiseModel) -> bool:
     return held > LEAST_SHOWN or fitted < max(LEAST_UNSHOWN, 2 * held)
 
 
-def _as_noisy_as_can_be(effect: Effect) -> bool:
-    return isinstance(effect, MotionBlur) and effect.flicker > NOISY
+def _least_of(effect: Effect) -> float:
+    """Nats per held-out reading that an effect must gain, whatever the others do."""
+    noisy = isinstance(effect, MotionBlur) and effect.flicker > NOISY
+    return LEAST_NOISY if noisy else LEAST_GAIN
 
 
 def left_by_placement(
@@ -159,11 +162,8 @@ def explain(
         model, kept = drop_idle(ws, refit_linear(ws, model), selection.choices, rng)
         held = [p for p in patches if p.scored.any()]
         gains, _ = heldout_gains(ws, model, held, share_own)
-        least = max(LEAST_GAIN, min(LEAST_SHARE * max(gains.values()), MUCH))
-        idle = {
-            e.name for e in model.effects
-            if gains[e.name] < (max(least, LEAST_NOISY) if _as_noisy_as_can_be(e) else least)
-        }  # fmt: skip
+        least = min(LEAST_SHARE * max(gains.values()), MUCH)
+        idle = {e.name for e in model.effects if gains[e.name] < max(least, _least_of(e))}
         unseen = {e.name for e in model.effects if e.name in idle and not shows(e, patches, noise)}
         if unseen:
             notes.append(f"{', '.join(sorted(unseen))}: the held-out readings can't show it")

@@ -23,7 +23,7 @@ from diagnosis.score import CLIP
 from diagnosis.trust import Trust, bending_effects
 from diagnosis.workspace import Model
 from sensors.datasheet import Datasheet
-from sensors.effects.base import Effect, MotionEffect
+from sensors.effects.base import Effect
 from sensors.laser import Laser
 from sensors.recording import Recording, repeated_rows
 from sensors.scene import Scene
@@ -118,17 +118,10 @@ def map_recording(
             yield view
 
     def mean_from(poses: Field, acting: Sequence[Effect]) -> Field:
-        """Expect readings from poses; what moves the sensor is cast, too."""
-        means = []
-        for view in views(poses):
-            there, still = view, []
-            for effect in acting:
-                if isinstance(effect, MotionEffect) and not effect.undrawn(view):
-                    there = effect.moved(there)
-                else:
-                    still.append(effect)
-            means.append(np.broadcast_to(law_of(there, still, noise).mean_mm, view.shape))
-        return np.concatenate(means)
+        """Expect readings from poses."""
+        return np.concatenate(
+            [np.broadcast_to(law_of(v, acting, noise).mean_mm, v.shape) for v in views(poses)]
+        )
 
     def expectations(first: Field, acting: Sequence[Effect], *places: Field) -> Iterator[Field]:
         """Yield one expectation after the other, so that few are held at once."""

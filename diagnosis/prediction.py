@@ -16,8 +16,8 @@ from scipy.special import ndtr
 from diagnosis.noise import Field, Mask, NoiseModel
 from sensors.beam import as_wide
 from sensors.datasheet import Datasheet
-from sensors.effects.base import Effect, MotionEffect
-from sensors.law import Law, geometric_law, sheet_effects
+from sensors.effects.base import Effect
+from sensors.law import Law, as_moved, geometric_law, sheet_effects
 from sensors.perlin import PerlinField
 from sensors.uncertainty import sigma_mm
 from sensors.view import KEPT_POINTS, View
@@ -83,15 +83,7 @@ def law_of(view: View, effects: Sequence[Effect], noise: NoiseModel | None) -> L
 def _law_of(view: View, effects: Sequence[Effect], noise_mm: float | None) -> Law:
     found = {effect.name: effect for effect in effects}
     own = [found.pop(e.name, e) for e in as_wide(sheet_effects(view), found)]
-    true, others = view, []
-    for effect in [*own, *found.values()]:
-        if isinstance(effect, MotionEffect) and not effect.undrawn(view):
-            if not effect.is_null:
-                for key in effect.needs:
-                    view.datasheet.require(key)
-                true = effect.moved(true)
-        else:
-            others.append(effect)
+    true, others = as_moved(view, [*own, *found.values()])
     return _applied(true, tuple(others), noise_mm)
 
 

@@ -10,7 +10,6 @@ from diagnosis.noise import Field, NoiseModel
 from diagnosis.patch import Patch, cut
 from diagnosis.prediction import predict
 from diagnosis.registration import PRIOR_SD, Placement, register
-from diagnosis.score import placements, whitened
 from diagnosis.workspace import Model, Workspace
 from sensors.datasheet import Datasheet
 from sensors.laser import Laser
@@ -39,7 +38,7 @@ def registered_under(
     move, or are looked at in strips, stay where they are.
     """
     out: list[Patch] = []
-    moved = _placed(patches, noise, model)
+    moved = _by_all(patches, noise, model)
     for number, recording in enumerate(recordings):
         own = [p for p in patches if p.recording == number]
         patch = own[0]
@@ -88,7 +87,6 @@ def settled(
     ----------
     patches, plainly : where the model and where the plain one puts the recordings
     """
-    out: dict[str, dict[int, Field]] = {}
     if share_own:
         held = [p for p in patches if p.scored.any()]
         small, _ = judging_masks(held, True)
@@ -99,13 +97,11 @@ def settled(
                 {k: v for k, v in values.items() if k not in own.get(r, {})}
             )
         model = replace(model, own=own)
-    for name, seen, which in (("plain", plainly, Model()), ("final", patches, model)):
-        out[name] = _placed(seen, noise, which)
-    return model, out
+    return model, {
+        "plain": _by_all(plainly, noise, Model()), "final": _by_all(patches, noise, model)
+    }  # fmt: skip
 
 
-def _placed(patches: Sequence[Patch], noise: NoiseModel, model: Model) -> dict[int, Field]:
-    """Best placement of each recording under a model, by all its readings, held out or not."""
-    predictions = Workspace.build(patches, noise).predict(model)
-    raw = [whitened(p, q, noise) for p, q in zip(patches, predictions, strict=True)]
-    return placements(patches, raw, [p.counted for p in patches])
+def _by_all(patches: Sequence[Patch], noise: NoiseModel, model: Model) -> dict[int, Field]:
+    """Place each recording by all its readings, held out or not."""
+    return Workspace.build(patches, noise).placements(model, [p.counted for p in patches])

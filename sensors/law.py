@@ -224,7 +224,7 @@ def law_with(
         Where the datasheet leaves out what an effect needs.
     """
     drawn = draw_effects(effects, rng_of)
-    true, others = _moved(view, drawn)
+    true, others = as_moved(view, drawn)
     law = geometric_law(true, surface)
     for effect in others:
         law = effect.apply(law, true)
@@ -260,7 +260,7 @@ def true_view(view: View, rng_of: RngOf | None = None) -> View:
     `view` itself where none moves the sensor. The same streams as in `plain_law` are used, so
     that both agree.
     """
-    return _moved(view, draw_effects(sheet_effects(view), rng_of))[0]
+    return as_moved(view, draw_effects(sheet_effects(view), rng_of))[0]
 
 
 def sheet_effects(view: View) -> tuple["Effect", ...]:
@@ -282,7 +282,7 @@ def draw_effects(effects: Sequence["Effect"], rng_of: RngOf | None) -> tuple["Ef
     )
 
 
-def _moved(view: View, effects: Sequence["Effect"]) -> tuple[View, list["Effect"]]:
+def as_moved(view: View, effects: Sequence["Effect"]) -> tuple[View, list["Effect"]]:
     """Apply what moves the sensor, where it is known by how much; return the rest in order."""
     if not effects:
         return view, []
