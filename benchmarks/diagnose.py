@@ -93,7 +93,7 @@ def entry(case: tuple[str, dict[str, object], str, float, str], scale: float) ->
     return {"name": name, **more, parameter: value}
 
 
-def recordings(name: str, effects: Sequence[dict[str, object]]) -> list[Recording]:
+def _recordings(name: str, effects: Sequence[dict[str, object]]) -> list[Recording]:
     """Two recordings, the same but for the effects in them."""
     return [
         record(
@@ -109,7 +109,7 @@ def bench_workspace(name: str) -> Workspace:
     sheet, scene = datasheet(POINTS), part(name)
     laser = Laser.from_datasheet(sheet)
     patches = []
-    for k, made in enumerate(recordings(name, [])):
+    for k, made in enumerate(_recordings(name, [])):
         placed = register(scene, made, laser, valid=np.isfinite(made.depth_mm), sd_mm=0.001)
         patches += cut(k, made, placed, scene, sheet, laser, lateral_mm=0.03)
     noise = calibrate(
@@ -118,6 +118,15 @@ def bench_workspace(name: str) -> Workspace:
         pitch_mm=(0.44, PITCH_MM), missing_share=0.0, from_reference=False,
     )  # fmt: skip
     return Workspace.build(patches, replace(noise, tail_share=0.0))
+
+
+def taken_with(ws: Workspace, name: str, effect: Effect) -> Workspace:
+    """Return a part's `bench_workspace` with the recordings taken again with an effect in them."""
+    made = _recordings(name, [effect.to_mapping()])
+    patches = tuple(
+        replace(p, depth_mm=r.depth_mm, kept={}) for p, r in zip(ws.patches, made, strict=True)
+    )
+    return replace(ws, patches=patches)
 
 
 def strength(ws: Workspace, effect: dict[str, object], part_name: str) -> float:
@@ -132,11 +141,7 @@ def strength(ws: Workspace, effect: dict[str, object], part_name: str) -> float:
 
 def _simulated_nats(ws: Workspace, thing: Effect, part_name: str) -> float:
     """Nats that the law of an effect gains on the bench's recordings, taken with it."""
-    made = recordings(part_name, [thing.to_mapping()])
-    patches = tuple(
-        replace(p, depth_mm=r.depth_mm, kept={}) for p, r in zip(ws.patches, made, strict=True)
-    )
-    there = replace(ws, patches=patches)
+    there = taken_with(ws, part_name, thing)
     plain, true = (there.log_densities(m) for m in (Model(), Model(effects=(thing,))))
     return float(there.block_scores([t - p for t, p in zip(true, plain, strict=True)]).sum())
 

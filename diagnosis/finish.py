@@ -14,7 +14,7 @@ import numpy as np
 
 from diagnosis.finding import Finding
 from diagnosis.found import FoundEffect
-from diagnosis.noise import Field, NoiseModel, calibrate
+from diagnosis.noise import Field, NoiseModel, calibrate, mad_sd
 from diagnosis.patch import Patch
 from diagnosis.workspace import Model, Workspace
 from sensors.effects.anisotropic_lay import AnisotropicLay
@@ -86,7 +86,7 @@ def level_change(ws: Workspace, model: Model, nominal_sd_mm: float) -> float:
 def _scatter_mm(values_mm: Field) -> float:
     """Return the standard deviation of values of which some are spikes, mm."""
     around = values_mm - np.median(values_mm)
-    cap = 3 * 1.4826 * float(np.median(np.abs(around)))
+    cap = 3 * mad_sd(values_mm)
     return float(np.sqrt(np.minimum(np.square(around), cap**2).mean() / 0.995))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from diagnosis.linear import Fitted, linear_count, solve_linear
+from diagnosis.linear import Fitted, has_fields, is_linear, solve_linear
 from diagnosis.noise import Field, Mask
 from diagnosis.prediction import Prediction, starting
 from diagnosis.rangewise import strongest_rows
@@ -67,9 +67,8 @@ def fit_effect(
         return None
     if not points:
         return None
-    if start is not None and start.faint:
-        found = _fit_searched(points, ws, model, masks, polish)
-    elif linear_count(points[0], ws) > 0:
+    # a faint one's fields are where to begin, no more
+    if has_fields(points[0], ws) if start is None else is_linear(start, ws):
         found = _fit_linear(points, ws, model, states, masks, polish)
     else:
         found = _fit_searched(points, ws, model, masks, polish)

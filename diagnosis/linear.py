@@ -40,10 +40,14 @@ class Fitted:
     free: int
 
 
-def linear_count(effect: Effect, ws: Workspace) -> int:
-    """How many fields the mean is linear in; 0 where it isn't."""
-    basis = _basis(effect, ws, 0)
-    return 0 if basis is None else len(basis)
+def has_fields(effect: Effect, ws: Workspace) -> bool:
+    """Whether the mean is linear in something, for faint effects at least."""
+    return _basis(effect, ws, 0) is not None
+
+
+def is_linear(effect: Effect, ws: Workspace) -> bool:
+    """Whether the mean is linear in something, however strong the effect."""
+    return not effect.faint and has_fields(effect, ws)
 
 
 def solve_linear(

@@ -144,7 +144,7 @@ def calibrate(
     beyond: list[Field] = []
     sizes = [high_pass(r, v) for r, v in zip(residuals_mm, valid, strict=True)]
     used_all = np.concatenate([f[u] for f, u in sizes]) if sizes else np.zeros(0)
-    scale = _mad_sd(used_all)
+    scale = mad_sd(used_all)
     for field, used in sizes:
         near = used & (np.abs(field) < CLIP_SD * scale)
         a, b = _covariance(field, near, ly, lx)
@@ -202,7 +202,7 @@ def high_pass(field: Field, valid: Mask, width: int = 41) -> tuple[Field, Mask]:
     for _ in range(3):
         middle = local_mean(clean, used, window)
         rest = np.where(used, field - middle, np.nan)
-        scale = _mad_sd(rest[used])
+        scale = mad_sd(rest[used])
         spikes = used & (np.abs(rest) > CLIP_SD * scale)
         clean = np.where(spikes, middle + np.clip(rest, -scale, scale), np.where(used, field, 0.0))
     rest = np.where(used, field - middle, np.nan)
@@ -251,7 +251,8 @@ def _taper(lag: int) -> Field:
     return np.where(distance < 0.5, 1.0, 0.5 * (1 + np.cos(2 * np.pi * (distance - 0.5))))
 
 
-def _mad_sd(values: Field) -> float:
+def mad_sd(values: Field) -> float:
+    """Return a standard deviation by the median, 0 of no values."""
     if values.size == 0:
         return 0.0
     return float(1.4826 * np.median(np.abs(values - np.median(values))))

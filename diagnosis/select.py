@@ -16,7 +16,7 @@ from diagnosis.families import effect_families, fillet_families, free_families
 from diagnosis.finding import Finding, Screening
 from diagnosis.fit import fit_effect
 from diagnosis.heldout import own_parts, settle_own
-from diagnosis.linear import Fitted, linear_count, phase_is_own
+from diagnosis.linear import Fitted, is_linear, phase_is_own
 from diagnosis.noise import Field, Mask
 from diagnosis.rates import screen_rates
 from diagnosis.screen import screen_mean
@@ -252,7 +252,7 @@ def crossfitted(
             whole = _gain(ws, trial, base, own_parts(ws.masks())[1])
             blocks = max(blocks, whole, key=np.sum)
         return blocks
-    if fitted.effect.faint or linear_count(fitted.effect, ws) == 0:
+    if not is_linear(fitted.effect, ws):
         blocks = _gain(ws, trial, base, masks)
         return blocks - fitted.free / blocks.size
     # a recording elsewhere on the part says nothing of the form here
@@ -327,7 +327,7 @@ def refit_linear(ws: Workspace, model: Model) -> Model:
     """Solve each effect's linear part on all readings, the others in place."""
     for effect in model.effects:
         rest = model.without(effect.name)
-        if effect.faint or linear_count(effect, ws) == 0:
+        if not is_linear(effect, ws):
             continue
         fitted = fit_effect(
             type(effect), ws, rest, (), ws.states(ws.predict(rest)), start=effect, polish=False

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.diagnose import bench_workspace, recordings
+from benchmarks.diagnose import bench_workspace, taken_with
 from benchmarks.relief import datasheet, part, record
 from diagnosis.explain import left_by_placement, shows
 from diagnosis.finish import level_change
@@ -100,11 +100,7 @@ def test_the_level_of_the_noise_is_what_every_recording_bears_out(ws: Workspace)
 
 def test_a_strong_reflection_is_fitted_beyond_what_is_linear(ws: Workspace) -> None:
     true = Interreflection(weight=0.6, reach_mm=8.0, power=1.0)
-    made = recordings("valley", [true.to_mapping()])
-    patches = tuple(
-        replace(p, depth_mm=r.depth_mm, kept={}) for p, r in zip(ws.patches, made, strict=True)
-    )
-    there, model = replace(ws, patches=patches), Model()
+    there, model = taken_with(ws, "valley", true), Model()
     predictions = there.predict(model)
     base, masks = there.log_densities(model), there.masks_for(Interreflection)
 
@@ -128,12 +124,8 @@ def test_a_strong_reflection_is_fitted_beyond_what_is_linear(ws: Workspace) -> N
 
 def test_edges_do_not_speak_against_a_ripple() -> None:
     """What was solved to first order may be too far off there."""
-    ws, true = bench_workspace("steps"), TravelRipple(amplitude_um=60.0, period_mm=5.0)
-    made = recordings("steps", [true.to_mapping()])
-    patches = tuple(
-        replace(p, depth_mm=r.depth_mm, kept={}) for p, r in zip(ws.patches, made, strict=True)
-    )
-    there, model = replace(ws, patches=patches), Model()
+    true = TravelRipple(amplitude_um=60.0, period_mm=5.0)
+    there, model = taken_with(bench_workspace("steps"), "steps", true), Model()
     predictions, base = there.predict(model), there.log_densities(model)
     found = fit_effect(TravelRipple, there, model, predictions, there.states(predictions))
     assert found is not None
