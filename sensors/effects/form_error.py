@@ -16,8 +16,8 @@ from sensors.view import View
 
 Floats = NDArray[np.float64]
 
-STEEPEST_DEG = 80.0
-"""Incidence beyond which the law is held constant."""
+MOST = 6.0
+"""Change of depth over the displacement, at most: about what is seen at 80° of incidence."""
 
 
 def orders(count: int) -> list[tuple[int, int]]:
@@ -28,9 +28,11 @@ def orders(count: int) -> list[tuple[int, int]]:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FormError(AdditiveEffect):
-    """Low orders of a cosine series over the part's two longest sides, along the normal.
+    """Low orders of a cosine series over the part's two longest sides, along the shortest.
 
-    Beside them, or without them, a radius in every concave corner that the model has sharp.
+    A warped part bends out of its two longest sides and carries its walls along: they don't
+    grow outwards. Beside the waves, or without them, a radius in every concave corner that the
+    model has sharp.
     """
 
     name: ClassVar = "form_error"
@@ -39,8 +41,8 @@ class FormError(AdditiveEffect):
         "model and takes that along when it moves."
     )
     equation: ClassVar = (
-        "h = Σ c_ij cos(iπu) cos(jπv), outwards; δz = h / (n·d); a fillet of radius r fills "
-        "corners up to t = r tan(τ/2) from the crease"
+        "h = Σ c_ij cos(iπu) cos(jπv) along the shortest side w; δz = h (n·w) / (n·d); a fillet "
+        "of radius r fills corners up to t = r tan(τ/2) from the crease"
     )
     source: ClassVar = (
         "Cosine series of low order over the bounding box; 10 to 500 µm; last resort from a "
@@ -111,13 +113,14 @@ class FormError(AdditiveEffect):
         return replace(law, mean_mm=law.mean_mm - filled)
 
     def fields(self, view: View) -> tuple[Floats, ...]:
-        """Return each wave's change of depth; a facet seen edge-on counts as 80°."""
+        """Return each wave's change of depth."""
         low, high = view.scene.vertices_mm.min(axis=0), view.scene.vertices_mm.max(axis=0)
-        axes = sorted(np.argsort(low - high, kind="stable")[:2])
-        u, v = ((view.part_mm[..., a] - low[a]) / (high[a] - low[a]) for a in axes)
-        facing = np.maximum(view.cos_incidence, math.cos(math.radians(STEEPEST_DEG)))
-        outwards = -1e-3 / (facing * np.hypot(1.0, view.laser.slope_x))
+        *long, thin = np.argsort(low - high, kind="stable")
+        u, v = ((view.part_mm[..., a] - low[a]) / (high[a] - low[a]) for a in sorted(long))
+        out = np.einsum("nk,nmk->nm", view.poses[:, thin, :3], view.normal)
+        nearer = np.clip(out / np.maximum(view.cos_incidence, 1e-9), -MOST, MOST)
+        raised = -1e-3 * nearer / np.hypot(1.0, view.laser.slope_x)
         return tuple(
-            outwards * np.cos(i * math.pi * u) * np.cos(j * math.pi * v)
+            raised * np.cos(i * math.pi * u) * np.cos(j * math.pi * v)
             for i, j in orders(len(self.coefficients_um))
         )

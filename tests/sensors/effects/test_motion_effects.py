@@ -147,21 +147,40 @@ def test_form_moves_with_the_part(view_of):
     assert np.allclose(effect.signature(one)[:, ::-1], effect.signature(turned), atol=1e-12)
 
 
-def test_form_is_a_cosine_series_along_the_normal(view_of):
+def test_form_is_a_cosine_series_along_the_shortest_side(view_of):
     assert orders(5) == [(0, 1), (1, 0), (0, 2), (1, 1), (2, 0)]
-    tilted = view_of("plate")
+    plate = view_of("plate")
     for index, (i, j) in enumerate(orders(5)):
         effect = FormError(coefficients_um=tuple(100.0 * (k == index) for k in range(5)))
-        u, v = (tilted.part_mm[..., :2] + 150.0).transpose(2, 0, 1) / 300.0
+        u, v = (plate.part_mm[..., :2] + 150.0).transpose(2, 0, 1) / 300.0
         expected = -0.1 * np.cos(i * np.pi * u) * np.cos(j * np.pi * v)
-        assert np.allclose(effect.signature(tilted), expected, atol=1e-12)
+        assert np.allclose(effect.signature(plate), expected, atol=1e-12)
 
 
-def test_form_outwards_is_nearer_by_the_cosine(view_of):
+def test_form_seen_along_it_is_the_same_on_every_slope(view_of):
     view = view_of("plate", solid={"tilt_y_deg": 40.0})
-    effect = FormError(coefficients_um=(0.0, 0.0, 100.0))
     low, high = view.scene.vertices_mm.min(axis=0), view.scene.vertices_mm.max(axis=0)
-    long = sorted(np.argsort(low - high, kind="stable")[:2])
-    v = (view.part_mm[..., long[1]] - low[long[1]]) / (high[long[1]] - low[long[1]])
-    expected = -0.1 * np.cos(2 * np.pi * v) / math.cos(math.radians(40.0))
-    assert np.allclose(effect.signature(view), expected, atol=1e-9)
+    v = (view.part_mm[..., 1] - low[1]) / (high[1] - low[1])
+    change = FormError(coefficients_um=(0.0, 0.0, 100.0)).signature(view)
+    assert np.allclose(change, -0.1 * np.cos(2 * np.pi * v), atol=1e-9)
+
+
+def test_form_moves_what_it_displaces_along_the_ray(view_of):
+    """A slanted sensor: the displaced plane is met n·w / (n·d) times the displacement earlier."""
+    straight = view_of("plate")
+    turn = np.eye(4)
+    turn[:3, :3] = [
+        [1, 0, 0], [0, math.cos(0.5), -math.sin(0.5)], [0, math.sin(0.5), math.cos(0.5)]
+    ]  # fmt: skip
+    slanted = straight.posed(straight.poses @ turn)
+    effect = FormError(coefficients_um=(100.0,))
+    v = (slanted.part_mm[..., 1] + 150.0) / 300.0
+    expected = -0.1 * np.cos(np.pi * v) / math.cos(0.5)
+    assert np.allclose(effect.signature(slanted)[slanted.valid], expected[slanted.valid], atol=1e-9)
+
+
+def test_form_does_not_move_walls_outwards(view_of):
+    """A wall moves along itself: it reads its own displacement once, not 1 / cos of it."""
+    view = view_of("step", y_mm=np.linspace(-25, 25, 200))
+    change = FormError(coefficients_um=(100.0, 50.0)).signature(view)
+    assert np.nanmax(np.abs(change)) <= 0.15 + 1e-12
