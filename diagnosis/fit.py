@@ -132,7 +132,7 @@ def _grid(kind: type[Effect], ws: Workspace, states: Sequence[Whitened]) -> tupl
         count = min(ws.patches[0].shape[1], 64)
         return (effect.with_parameters(values_um=(0.0,) * count),)
     if effect.name == "form_error":
-        return tuple(effect.with_parameters(coefficients_um=(0.0,) * n) for n in (5, 14))
+        return tuple(effect.with_parameters(coefficients_um=(0.0,) * n) for n in (5, 14, 27, 44))
     longest = max(ws.patches, key=lambda p: p.shape[0])
     if effect.name in ("stage_vibration", "travel_ripple"):
         return _peaks(effect, ws, states)
