@@ -41,6 +41,7 @@ from diagnosis.settle import registered_under, settled
 from diagnosis.trust import trust
 from diagnosis.workspace import Model, Workspace
 from sensors.datasheet import Datasheet
+from sensors.effects.form_error import FormError
 from sensors.effects.motion_blur import MotionBlur
 from sensors.recording import Recording
 from sensors.scene import Scene
@@ -182,8 +183,10 @@ def diagnose(
             if len(finishes) > 1:
                 gains["roughness_level"] = min(plain - level, plain - whole)
             beside += [plainly_found(e, gains[e.name], finish_intervals(e)) for e in finishes]
-    if "pose_error" not in withheld:
-        # what the model takes for physics is no misplacement
+    warped = any(isinstance(e, FormError) and e.coefficients_um for e in model.effects)
+    if "pose_error" not in withheld and not warped:
+        # what the model takes for physics is no misplacement; a warped part's low waves turn and
+        # shift it, so that how it lies can't be told from how the sensor sits
         moved = ws.placements(model)
         mounting = mounting_error(
             [r.poses for r in fit_on],
