@@ -194,8 +194,10 @@ def _fit_linear(
         fitted = solve_linear(point, ws, states, masks)
         if fitted is None:
             return None
+        last = solved[-1][0] if solved else fitted
         solved.append((fitted, point))
-    # a point with more numbers must gain what they cost
+        if fitted.free > last.free and fitted.gain - fitted.free < last.gain - last.free:
+            break  # more numbers must gain what they cost, or yet more of them are no use
     best, point = max(solved, key=lambda s: s[0].gain - s[0].free)
     names = [p.name for p in point.searched(linear=False) if _moves(p.name, point)]
     if polish and names:
