@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
+from benchmarks.diagnose import bench_workspace, taken_with
+from diagnosis.fit import fit_effect
 from diagnosis.linear import _robust, _Rows
+from diagnosis.workspace import Model
+from sensors.effects.form_error import FormError, orders
 from sensors.effects.line_bow import LineBow
 
 
@@ -33,3 +37,22 @@ def test_nothing_gained_without_coefficients() -> None:
                  values=values)  # fmt: skip
     assert rows.gain(np.zeros(1)) == 0
     assert abs(float(rows.unfitted.mean())) < 0.1
+
+
+def test_a_form_has_the_waves_that_readings_bear() -> None:
+    """2.5 periods over the part need more than the 14 waves that end at two."""
+    sizes = {(2, 0): 60.0, (4, 0): 40.0, (5, 0): 40.0}
+    true = FormError(coefficients_um=tuple(sizes.get(o, 0.0) for o in orders(20)))
+    there = taken_with(bench_workspace("wedge"), "wedge", true)
+    predictions = there.predict(Model())
+    states = there.states(predictions)
+    few = FormError(coefficients_um=(0.0,) * 14)
+    found, without = (
+        fit_effect(FormError, there, Model(), predictions, states, start=start)
+        for start in (None, few)
+    )
+    assert found is not None
+    assert without is not None
+    assert isinstance(found.effect, FormError)
+    assert len(found.effect.coefficients_um) >= 20
+    assert found.gain > without.gain + 500
