@@ -348,11 +348,13 @@ def batches(folder: Path) -> dict[str, Path]:
     for number, (name, text) in enumerate(found.items()):
         paths[name] = folder / f"{number}.yaml"
         paths[name].write_text(text)
-    many = folder / "many"
-    many.mkdir()
-    paths["one car door, 200 scans of 500 × 1024"] = recipe_in(
-        many, profiles=500, points=1024, parts="  - builtin: car_door", work="scans: 200"
-    )
+    for profiles, points in ((500, 1024), (1000, 2048)):
+        many = folder / f"many{profiles}"
+        many.mkdir()
+        paths[f"one car door, 200 scans of {profiles} × {points}"] = recipe_in(
+            many, profiles=profiles, points=points, parts="  - builtin: car_door",
+            work="scans: 200",
+        )  # fmt: skip
     return paths
 
 
