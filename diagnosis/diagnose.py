@@ -27,7 +27,7 @@ from diagnosis.inputs import (
     lateral_mm,
     repeats,
     tiles,
-    without_speckle,
+    with_brightness,
 )
 from diagnosis.leftover import held_findings
 from diagnosis.locate import Region
@@ -123,22 +123,22 @@ def diagnose(
         check_fits(datasheet, r, notes)
 
     placed: dict[str, Placement] = {}
+    for recording in everything:
+        progress(f"registering {recording.name}")
+        valid = np.isfinite(in_range(recording.depth_mm, datasheet))
+        placed[recording.name] = register(
+            scene, recording, laser[recording.name], valid=valid, sd_mm=datasheet.step_mm / 2
+        )
+    scene, everything = with_brightness(everything, placed, scene, datasheet, laser)
     patches: list[Patch] = []
     lateral = lateral_mm(everything[0])
     for number, recording in enumerate(everything):
-        progress(f"registering {recording.name}")
-        valid = np.isfinite(in_range(recording.depth_mm, datasheet))
-        placement = register(
-            scene, recording, laser[recording.name], valid=valid, sd_mm=datasheet.step_mm / 2
-        )
-        placed[recording.name] = placement
         shape = recording.depth_mm.shape
-        held_out = tiles(*shape) if single else np.full(shape, recording in held)
-        of_recording = (placement, scene, datasheet, laser[recording.name])
-        everything[number] = without_speckle(recording, *of_recording)
+        held_out = tiles(*shape) if single else np.full(shape, number >= len(fit_on))
         patches += cut(
-            number, everything[number], *of_recording, lateral_mm=lateral, held_out=held_out
-        )
+            number, recording, placed[recording.name], scene, datasheet, laser[recording.name],
+            lateral_mm=lateral, held_out=held_out,
+        )  # fmt: skip
     check_overlap(patches)
     progress("calibrating the noise")
     noise, nominal = calibrated_noise(patches, references, datasheet, notes)

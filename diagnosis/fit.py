@@ -33,7 +33,6 @@ CORNER_COSTS = 5.0
 """Nats that a fillet in a corner must gain."""
 ALIKE = math.radians(12.0)
 """Turns of corners of one kind differ by less."""
-SEARCHES = 45
 STRONGER = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Strengths from which a search goes on where the one found holds for faint effects."""
 PEAKS = 4
@@ -319,7 +318,8 @@ def _fit_searched(
 ) -> Fitted | None:
     """Search on the full log density: grid first, then a simplex."""
     # what leaves the mean alone leaves the placement alone
-    still = None if "mean" in points[0].channels else ws.placements(model)
+    moves = {"mean"} & {*points[0].channels, *points[0].also}
+    still = None if moves else ws.placements(model)
 
     def total(trial: Model) -> float:
         level = ws.levelled(trial, placements=still)
@@ -337,19 +337,18 @@ def _fit_searched(
     if not polish or not names:
         return Fitted(effect=best, own={}, gain=gain, free=max(len(names), 1))
     start = np.array([_number(best, n) for n in names])
-    step = np.array(
-        [
-            max(0.4 * abs(s), 0.05 * abs(_typical(best, n)), 1e-4)
-            for s, n in zip(start, names, strict=True)
-        ]
-    )
+    typical = np.array([abs(_typical(best, n)) for n in names])
+    step = np.maximum(np.maximum(0.4 * np.abs(start), 0.05 * typical), 1e-4)
+    # sizes may be wrong by a factor: threshold and matt part of a gloss lie along a valley
+    sizes = (start >= 0.125 * typical) & [best.parameter(n).low >= 0 for n in names] & (start > 0)
     top = (gain, best)
 
     def cost(u: Field) -> float:
         nonlocal top
+        there = np.where(sizes, start * np.exp(np.clip(0.4 * u, -9, 9)), start + u * step)
         values = {
-            n: float(np.clip(s + d * w, best.parameter(n).low, best.parameter(n).high))
-            for n, s, d, w in zip(names, start, u, step, strict=True)
+            n: float(np.clip(v, best.parameter(n).low, best.parameter(n).high))
+            for n, v in zip(names, there, strict=True)
         }
         try:
             trial = best.with_parameters(values)
@@ -366,7 +365,7 @@ def _fit_searched(
         method="Nelder-Mead",
         options={
             "initial_simplex": np.vstack([np.zeros(len(names)), np.eye(len(names))]),
-            "maxfev": min(SEARCHES, 14 * len(names) + 6),
+            "maxfev": 5 * len(names) ** 2 + 15,
             "xatol": 0.02,
             "fatol": 0.3,
         },

@@ -1,6 +1,6 @@
 """What a diagnosis is given: checked, and refused with a reason where it can't be used."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +9,7 @@ from diagnosis.brightness import surface_brightness
 from diagnosis.finding import Finding
 from diagnosis.noise import Mask
 from diagnosis.patch import Patch
+from diagnosis.printed import find_print
 from diagnosis.registration import Placement
 from sensors.datasheet import Datasheet
 from sensors.laser import Laser
@@ -116,11 +117,28 @@ def tiles(profiles: int, points: int) -> Mask:
     return np.asarray((rows + 2 * columns) % 4 == 0)
 
 
-def without_speckle(
-    recording: Recording, placement: Placement, scene: Scene, datasheet: Datasheet, laser: Laser
-) -> Recording:
-    """Keep the surface's part of a recording's brightness."""
-    if recording.intensity is None:
-        return recording
-    view = View(scene, datasheet, placement.poses, recording.time_s, laser=laser)
-    return replace(recording, intensity=surface_brightness(recording.intensity, view))
+def with_brightness(
+    recordings: Sequence[Recording],
+    placed: Mapping[str, Placement],
+    scene: Scene,
+    datasheet: Datasheet,
+    laser: Mapping[str, Laser],
+) -> tuple[Scene, list[Recording]]:
+    """Return the part with its print, and recordings with the surface's part of their brightness.
+
+    Parameters
+    ----------
+    placed, laser : of each recording, by its name
+    """
+    views = [
+        View(scene, datasheet, placed[r.name].poses, r.time_s, laser=laser[r.name])
+        for r in recordings
+    ]
+    kept = []
+    for recording, view in zip(recordings, views, strict=True):
+        if recording.intensity is not None:
+            bright = surface_brightness(recording.intensity, view)
+            recording = replace(recording, intensity=bright)
+        kept.append(recording)
+    found = find_print([r.intensity for r in recordings], views)
+    return scene.finished(found), kept

@@ -313,10 +313,11 @@ def refit(ws: Workspace, model: Model, *, rounds: int = 1) -> Model:
             rest = model.without(effect.name)
             predictions = ws.predict(rest)
             states = ws.states(predictions)
-            everywhere = ws.masks() if effect.covariate in BESIDE_EDGES else None
+            # chosen by a few flats that may tell little more than which of them are dark
+            anew = effect.covariate in BESIDE_EDGES
             fitted = fit_effect(
-                type(effect), ws, rest, predictions, states, masks=everywhere,
-                start=effect.shared(), polish=True,
+                type(effect), ws, rest, predictions, states, masks=ws.masks() if anew else None,
+                start=None if anew else effect.shared(), polish=True,
             )  # fmt: skip
             if fitted is not None and not fitted.effect.is_null:
                 model = ws.levelled(rest.with_effect(fitted.effect, fitted.own))

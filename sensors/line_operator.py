@@ -250,11 +250,18 @@ def lean_mm(view: View, sd_mm: Floats | float, *, creases: bool = False) -> Floa
     ----------
     creases : only where the line bends, not at what is printed on a face
     """
-    line = bright_line(view, sd_mm)
+    # what is known of the part itself is sharper than a recording, which its own line blurred
+    printed = view.reflectance is not None and not creases
+    line = bright_line(view, sd_mm, _reflectance if printed else None)
     leans = line.whole & (line.light > 0)
     if creases:
         leans &= np.abs(line.spot_mm - view.depth_mm) > BENT * sd_mm
     return np.where(leans, line.depth_mm - line.even_mm, 0.0)
+
+
+def _reflectance(view: View) -> Floats:
+    assert view.reflectance is not None
+    return view.reflectance.at(view.part_mm)
 
 
 @njit(cache=True)

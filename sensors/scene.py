@@ -11,6 +11,7 @@ from sensors.sweep import sweep, sweepable
 
 if TYPE_CHECKING:
     from sensors.embree import Rays, Tree
+    from sensors.view import Reflectance
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -70,13 +71,23 @@ class Scene:
         self.normals = _normals(vertices, triangles)
         for array in (self.vertices_mm, self.faces, self.normals):
             array.flags.writeable = False
+        self.reflectance: Reflectance | None = None
+        """Brightness of the part over its own coordinates, where it is known."""
         self._tree: Tree | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"vertices_mm": self.vertices_mm, "faces": self.faces}
+        kept = ("vertices_mm", "faces", "reflectance")
+        return {name: getattr(self, name) for name in kept}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         Scene.__init__(self, state["vertices_mm"], state["faces"])
+        self.reflectance = state["reflectance"]
+
+    def finished(self, reflectance: "Reflectance | None") -> "Scene":
+        """Return the same part with a brightness of its own."""
+        other = object.__new__(Scene)
+        other.__dict__.update(self.__dict__, reflectance=reflectance)
+        return other
 
     @property
     def tree(self) -> "Tree":

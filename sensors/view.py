@@ -64,7 +64,7 @@ class View:
     hits : Hits, optional
         First hits where they are already known; cast when needed otherwise.
     reflectance : Reflectance, optional
-        Brightness of the part over its own coordinates.
+        Brightness of the part over its own coordinates; the scene's where left out.
     intensity : (n, m) array, optional
         Brightness that a recording gives, 0 to 1; comes before `reflectance`.
     start_time_s : float, optional
@@ -89,7 +89,7 @@ class View:
         self.poses = np.asarray(poses, dtype=np.float64)
         self.time_s = np.asarray(time_s, dtype=np.float64)
         self.laser = Laser.from_datasheet(datasheet) if laser is None else laser
-        self.reflectance = reflectance
+        self.reflectance = scene.reflectance if reflectance is None else reflectance
         self.intensity = intensity
         self.start_time_s = start_time_s
         if self.poses.ndim != 3 or self.poses.shape[1:] != (4, 4):

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, Self
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -95,6 +95,15 @@ class SpecularDropout(Effect):
         typical="weak",
         choices=('weak', 'strong'),
     )
+
+    def variants(self, view: View) -> tuple[Self, ...]:
+        """Return darker matt parts: flats tell them over the threshold alone."""
+        low = self.parameter("threshold").low
+        return tuple(
+            self.with_parameters(matt=self.matt * k, threshold=self.threshold * k)
+            for k in (0.1, 0.3)
+            if self.threshold * k >= low
+        )
 
     def changed(self, law: Law, view: View) -> Law:
         """Add the probability of a missing return, and lean to what does return."""

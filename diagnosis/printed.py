@@ -1,0 +1,121 @@
+"""What is printed on a part: bright and dark with a sharp border, from all recordings together.
+
+A recorded brightness is blurred by the line and torn by speckle, and a line leans to the bright
+side by the brightness *within* its width. Recordings of one part see the same print: pooled over
+its x-y plane they place a border to a fraction of the pitch. Between the two levels around a place
+(Chan and Vese, IEEE Trans. Image Process. 10 (2001) 266, in a window) nothing is taken to lie.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from diagnosis.brightness import by_direction
+from diagnosis.noise import Field
+from sensors.view import View
+
+CELLS = 0.3
+"""Side of a cell of the map over the pitch of the readings."""
+BLUR = 1.5
+"""Standard deviation over the pitch, that pools readings before a border is drawn."""
+WINDOW = 8.0
+"""Standard deviation over the blur, of the window within which levels are the same."""
+ROUNDS = 4
+TURNS = 3
+"""A direction's brightness is told better once the print on it is known."""
+MOST_CELLS = 9_000_000
+STEEPEST_COS = 0.5
+"""Faces that are hit at more than 60° tell nothing: much of them lies in one cell."""
+LEAST_STEP = 0.3
+"""Step of the logarithm that is a print, around most readings.
+
+Speckle of a contrast of 0.4 leaves 0.12 in a single recording; less than a print is shading, too.
+"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Print:
+    """Relative brightness over a part's x-y plane, in cells (a, b) from a corner, mm."""
+
+    corner_mm: Field
+    cell_mm: float
+    level: Field
+
+    def at(self, part_mm: Field) -> Field:
+        """Return the brightness (...,) at points (..., 3), part frame, mm; NaN where they are."""
+        place = (part_mm[..., :2] - self.corner_mm) / self.cell_mm
+        known = np.asarray(np.isfinite(place).all(axis=-1))
+        cell = np.clip(np.where(known[..., None], place, 0.0), 0, np.array(self.level.shape) - 1)
+        a, b = np.moveaxis(cell.astype(np.int64), -1, 0)
+        return np.asarray(np.where(known, self.level[a, b], np.nan))
+
+
+def find_print(intensities: Sequence[Field | None], views: Sequence[View]) -> Print | None:
+    """Find a print that all recordings show; None where brightness follows directions alone.
+
+    Parameters
+    ----------
+    intensities : (n, m) each, as recorded
+    views : of the part at the placements of the recordings
+    """
+    found: Print | None = None
+    for _ in range(TURNS):
+        places, logs, pitches = [], [], []
+        for intensity, view in zip(intensities, views, strict=True):
+            if intensity is None:
+                return None
+            plain = intensity if found is None else intensity / found.at(view.part_mm)
+            rest = intensity / by_direction(plain, view)
+            with np.errstate(invalid="ignore"):
+                lit = np.isfinite(view.depth_mm) & (rest > 0) & (view.cos_incidence > STEEPEST_COS)
+            if not lit.any():
+                return None
+            places.append(view.part_mm[lit][:, :2])
+            logs.append(np.log(rest[lit]))
+            steps = np.abs(view.travel_step_mm), np.abs(np.diff(view.column_x_mm))
+            pitches.append(float(np.sqrt(np.median(steps[0]) * np.median(steps[1]))))
+        found = _drawn(np.concatenate(places), np.concatenate(logs), float(np.median(pitches)))
+        if found is None:
+            break
+    return found
+
+
+def _drawn(place_mm: Field, log: Field, pitch_mm: float) -> Print | None:
+    """Draw the borders between two levels, readings (N, 2) of a brightness's logarithm (N,)."""
+    corner = place_mm.min(axis=0) - WINDOW * pitch_mm
+    extent = place_mm.max(axis=0) + WINDOW * pitch_mm - corner
+    cell = max(CELLS * pitch_mm, float(np.sqrt(extent.prod() / MOST_CELLS)))
+    shape = tuple(np.ceil(extent / cell).astype(int))
+    index = np.ravel_multi_index(tuple(((place_mm - corner) / cell).astype(int).T), shape)
+    count = _binned(index, None, shape)
+    total = _binned(index, log, shape)
+    blur = BLUR * pitch_mm / cell
+    near = gaussian_filter(count, blur)
+    smooth = gaussian_filter(total, blur) / np.maximum(near, 1e-9)
+    wide = WINDOW * blur
+    middle = gaussian_filter(total, wide) / np.maximum(gaussian_filter(count, wide), 1e-12)
+    low = high = middle
+    for _ in range(ROUNDS):
+        bright = smooth > middle
+        low, high = (_level(total, count, side, wide) for side in (~bright, bright))
+        middle = 0.5 * (low + high)
+    step = high - low
+    if np.median(step.ravel()[index]) < LEAST_STEP:
+        return None
+    level = np.where(step < LEAST_STEP, smooth, np.where(smooth > middle, high, low))
+    return Print(corner_mm=corner, cell_mm=cell, level=np.exp(level))
+
+
+def _binned(index: NDArray[np.int64], values: Field | None, shape: tuple[int, ...]) -> Field:
+    size = int(np.prod(shape))
+    return np.bincount(index, values, size).reshape(shape).astype(np.float64)
+
+
+def _level(total: Field, count: Field, side: NDArray[np.bool_], wide: float) -> Field:
+    """Mean of what lies on one side, in a window."""
+    return np.asarray(
+        gaussian_filter(total * side, wide) / np.maximum(gaussian_filter(count * side, wide), 1e-12)
+    )

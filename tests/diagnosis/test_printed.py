@@ -1,0 +1,65 @@
+"""Prints: drawn sharply from blurred and speckled brightness, and only where there are any."""
+
+import numpy as np
+import pytest
+
+from benchmarks.relief import datasheet, part, poses
+from diagnosis.printed import find_print
+from sensors.view import View
+
+PITCH_MM = 0.15
+PERIOD_MM = 4.0
+
+
+def view_of(name: str, count: int = 160) -> View:
+    return View(part(name), datasheet(160), poses(count, pitch_mm=PITCH_MM), np.arange(count) / 200)
+
+
+def dark(part_mm: np.ndarray) -> np.ndarray:
+    """Stripes along a slant of the part's plane."""
+    along = 0.8 * part_mm[..., 0] + 0.6 * part_mm[..., 1]
+    return np.mod(along / PERIOD_MM, 1.0) < 0.4
+
+
+def recorded(view: View, ratio: float, seed: int) -> np.ndarray:
+    """Brightness with stripes, seen through a line a third of the pitch wide, and speckle."""
+    seen = np.zeros(view.shape)
+    for offset in np.linspace(-1, 1, 9) * PITCH_MM / 2:
+        seen += np.where(dark(view.shifted(dy_mm=offset).part_mm), ratio, 1.0) / 9
+    speckle = np.exp(0.4 * np.random.default_rng(seed).standard_normal(view.shape))
+    return np.where(np.isfinite(view.depth_mm), 0.3 * seen * speckle, np.nan)
+
+
+@pytest.mark.parametrize("name", ["wedge", "domes"])
+def test_a_print_is_drawn_to_a_fraction_of_the_pitch(name: str) -> None:
+    view = view_of(name)
+    found = find_print([recorded(view, 0.3, seed) for seed in (1, 2)], [view, view])
+    assert found is not None
+    here = np.isfinite(view.depth_mm)
+    truth = np.where(dark(view.part_mm), 0.3, 1.0)
+    log = np.log(found.at(view.part_mm))[here]
+    step = log[truth[here] == 1.0].mean() - log[truth[here] == 0.3].mean()
+    assert abs(step + np.log(0.3)) < 0.15
+    # two borders in each period: a mean error of a quarter of the readings' pitch on either
+    pitch_mm = np.sqrt(PITCH_MM * np.median(np.diff(view.column_x_mm)))
+    wrong = (log > 0.5 * (log.max() + log.min())) != (truth[here] == 1.0)
+    assert wrong.mean() < 2 * 0.25 * pitch_mm / PERIOD_MM
+
+
+def test_no_print_is_found_where_brightness_follows_the_slope() -> None:
+    view = view_of("wedge")
+    shaded = np.where(view.slope_x > 0, 0.2, 1.0)
+    speckle = np.exp(0.4 * np.random.default_rng(3).standard_normal(view.shape))
+    assert find_print([0.3 * shaded * speckle], [view]) is None
+
+
+def test_without_brightness_nothing_is_known_of_a_print() -> None:
+    view = view_of("wedge")
+    assert find_print([recorded(view, 0.3, 1), None], [view, view]) is None
+
+
+def test_a_print_has_no_brightness_where_there_is_no_part() -> None:
+    view = view_of("wedge")
+    found = find_print([recorded(view, 0.3, 1)], [view])
+    assert found is not None
+    assert np.isnan(found.at(np.full((2, 3), np.nan))).all()
