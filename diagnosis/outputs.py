@@ -8,6 +8,8 @@ import h5py
 import numpy as np
 
 from diagnosis.diagnose import Diagnosis
+from diagnosis.printed import Print
+from sensors.effects.reflectance_edge import ReflectanceEdge
 from sensors.typed_yaml import plain
 
 FORMAT = "profilometer-diagnosis"
@@ -20,7 +22,10 @@ def write_outputs(
     part_name: str = "part",
     progress: Callable[[str], None] = lambda text: None,
 ) -> None:
-    """Write the four files into a folder, which is made where it isn't there."""
+    """Write the four files into a folder, which is made where it isn't there.
+
+    Where a print was found to lean readings, it is written as well, for a recipe.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     text = json.dumps(plain(as_json(result)), indent=1, ensure_ascii=False)
     (folder / "diagnosis.json").write_text(text + "\n", encoding="utf-8")
@@ -34,6 +39,9 @@ def write_outputs(
                 group.create_dataset(
                     key, data=getattr(maps, key), compression="gzip", compression_opts=4
                 )
+    printed = result.fit_patches[0].view.scene.reflectance
+    if isinstance(printed, Print) and any(e.name == ReflectanceEdge.name for e in result.effects):
+        printed.save(folder)
     progress("writing the report")
     from diagnosis.report import write_report
 

@@ -8,8 +8,10 @@ its x-y plane they place a border to a fraction of the pitch. Between the two le
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
@@ -17,6 +19,7 @@ from diagnosis.brightness import by_direction
 from diagnosis.noise import Field
 from sensors.view import View
 
+PICTURE = "reflectance.png"
 CELLS = 0.3
 """Side of a cell of the map over the pitch of the readings."""
 BLUR = 1.5
@@ -51,6 +54,22 @@ class Print:
         cell = np.clip(np.where(known[..., None], place, 0.0), 0, np.array(self.level.shape) - 1)
         a, b = np.moveaxis(cell.astype(np.int64), -1, 0)
         return np.asarray(np.where(known, self.level[a, b], np.nan))
+
+    def save(self, folder: Path) -> None:
+        """Write reflectance.png and, with a recipe's lines for it, reflectance.yaml.
+
+        Brightness counts from the 99th percentile, so that a recipe's `surface` keeps its own.
+        """
+        from matplotlib.image import imsave
+
+        grey = np.minimum(self.level / np.quantile(self.level, 0.99), 1.0)
+        # a picture's first row is at the far y
+        imsave(folder / PICTURE, grey.T[::-1], cmap="gray", vmin=0.0, vmax=1.0)
+        far = self.corner_mm + self.cell_mm * np.array(self.level.shape)
+        (x, y) = ([float(low), float(high)] for low, high in zip(self.corner_mm, far, strict=True))
+        lines = {"reflectance": {"picture": {"path": PICTURE, "x_mm": x, "y_mm": y}}}
+        text = yaml.safe_dump(lines, sort_keys=False, default_flow_style=None)
+        (folder / "reflectance.yaml").write_text(text, encoding="utf-8")
 
 
 def find_print(intensities: Sequence[Field | None], views: Sequence[View]) -> Print | None:

@@ -1,10 +1,14 @@
 """Prints: drawn sharply from blurred and speckled brightness, and only where there are any."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+import yaml
 
 from benchmarks.relief import datasheet, part, poses
 from diagnosis.printed import find_print
+from sensors.reflectance import Picture, ReflectanceMap
 from sensors.view import View
 
 PITCH_MM = 0.15
@@ -44,6 +48,20 @@ def test_a_print_is_drawn_to_a_fraction_of_the_pitch(name: str) -> None:
     pitch_mm = np.sqrt(PITCH_MM * np.median(np.diff(view.column_x_mm)))
     wrong = (log > 0.5 * (log.max() + log.min())) != (truth[here] == 1.0)
     assert wrong.mean() < 2 * 0.25 * pitch_mm / PERIOD_MM
+
+
+def test_a_saved_print_is_a_recipes_reflectance(tmp_path: Path) -> None:
+    view = view_of("wedge")
+    found = find_print([recorded(view, 0.3, seed) for seed in (1, 2)], [view, view])
+    assert found is not None
+    found.save(tmp_path)
+    lines = yaml.safe_load((tmp_path / "reflectance.yaml").read_text())["reflectance"]
+    picture = Picture(**{**lines["picture"], "path": str(tmp_path / lines["picture"]["path"])})
+    again = ReflectanceMap(picture=picture).at(view.part_mm)
+    ratio = np.log(again / found.at(view.part_mm))
+    # cells that lie across a border are read between their two levels
+    assert (np.abs(ratio - np.median(ratio)) < 0.02).mean() > 0.9
+    assert again.max() == 1.0
 
 
 def test_no_print_is_found_where_brightness_follows_the_slope() -> None:
