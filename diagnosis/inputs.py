@@ -9,7 +9,7 @@ from diagnosis.brightness import surface_brightness
 from diagnosis.finding import Finding
 from diagnosis.noise import Mask
 from diagnosis.patch import Patch
-from diagnosis.printed import find_print
+from diagnosis.printed import MOST_READINGS, find_print
 from diagnosis.registration import Placement
 from sensors.datasheet import Datasheet
 from sensors.laser import Laser
@@ -130,15 +130,21 @@ def with_brightness(
     ----------
     placed, laser : of each recording, by its name
     """
-    views = [
-        View(scene, datasheet, placed[r.name].poses, r.time_s, laser=laser[r.name])
-        for r in recordings
-    ]
-    kept = []
-    for recording, view in zip(recordings, views, strict=True):
-        if recording.intensity is not None:
-            bright = surface_brightness(recording.intensity, view)
-            recording = replace(recording, intensity=bright)
-        kept.append(recording)
-    found = find_print([r.intensity for r in recordings], views)
+    few = sum(r.depth_mm.size for r in recordings) <= MOST_READINGS
+    views, kept = [], []
+    for recording in recordings:
+        if recording.intensity is None:
+            kept.append(recording)
+            continue
+        view = View(
+            scene, datasheet, placed[recording.name].poses, recording.time_s,
+            laser=laser[recording.name],
+        )  # fmt: skip
+        bright = surface_brightness(recording.intensity, view)
+        kept.append(replace(recording, intensity=bright))
+        if few:
+            views.append(view)
+    if len(views) < len(recordings):
+        return scene, kept
+    found = find_print([r.intensity for r in recordings if r.intensity is not None], views)
     return scene.finished(found), kept

@@ -30,6 +30,8 @@ ROUNDS = 4
 TURNS = 3
 """A direction's brightness is told better once the print on it is known."""
 MOST_CELLS = 9_000_000
+MOST_READINGS = 3_000_000
+"""Readings that a print is drawn from at most: more take memory, and are finer than their line."""
 STEEPEST_COS = 0.5
 """Faces that are hit at more than 60° tell nothing: much of them lies in one cell."""
 LEAST_STEP = 0.3
@@ -58,7 +60,7 @@ class Print:
     def save(self, folder: Path) -> None:
         """Write reflectance.png and, with a recipe's lines for it, reflectance.yaml.
 
-        Brightness counts from the 99th percentile, so that a recipe's `surface` keeps its own.
+        Brightness is relative: 1 is its 99th percentile.
         """
         from matplotlib.image import imsave
 
@@ -72,7 +74,7 @@ class Print:
         (folder / "reflectance.yaml").write_text(text, encoding="utf-8")
 
 
-def find_print(intensities: Sequence[Field | None], views: Sequence[View]) -> Print | None:
+def find_print(intensities: Sequence[Field], views: Sequence[View]) -> Print | None:
     """Find a print that all recordings show; None where brightness follows directions alone.
 
     Parameters
@@ -84,8 +86,6 @@ def find_print(intensities: Sequence[Field | None], views: Sequence[View]) -> Pr
     for _ in range(TURNS):
         places, logs, pitches = [], [], []
         for intensity, view in zip(intensities, views, strict=True):
-            if intensity is None:
-                return None
             plain = intensity if found is None else intensity / found.at(view.part_mm)
             rest = intensity / by_direction(plain, view)
             with np.errstate(invalid="ignore"):

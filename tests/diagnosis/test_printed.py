@@ -7,12 +7,18 @@ import pytest
 import yaml
 
 from benchmarks.relief import datasheet, part, poses
+from diagnosis.inputs import with_brightness
 from diagnosis.printed import find_print
+from diagnosis.registration import Placement
+from sensors.line_operator import lean_mm
+from sensors.recording import Recording
 from sensors.reflectance import Picture, ReflectanceMap
+from sensors.scene import Scene
 from sensors.view import View
 
 PITCH_MM = 0.15
 PERIOD_MM = 4.0
+LINE_SD_MM = 0.07
 
 
 def view_of(name: str, count: int = 160) -> View:
@@ -23,6 +29,14 @@ def dark(part_mm: np.ndarray) -> np.ndarray:
     """Stripes along a slant of the part's plane."""
     along = 0.8 * part_mm[..., 0] + 0.6 * part_mm[..., 1]
     return np.mod(along / PERIOD_MM, 1.0) < 0.4
+
+
+class Striped:
+    """The stripes as a part's reflectance."""
+
+    def at(self, part_mm: np.ndarray) -> np.ndarray:
+        """Return 0.3 on the dark stripes, else 1."""
+        return np.where(dark(part_mm), 0.3, 1.0)
 
 
 def recorded(view: View, ratio: float, seed: int) -> np.ndarray:
@@ -71,13 +85,56 @@ def test_no_print_is_found_where_brightness_follows_the_slope() -> None:
     assert find_print([0.3 * shaded * speckle], [view]) is None
 
 
-def test_without_brightness_nothing_is_known_of_a_print() -> None:
-    view = view_of("wedge")
-    assert find_print([recorded(view, 0.3, 1), None], [view, view]) is None
-
-
 def test_a_print_has_no_brightness_where_there_is_no_part() -> None:
     view = view_of("wedge")
     found = find_print([recorded(view, 0.3, 1)], [view])
     assert found is not None
     assert np.isnan(found.at(np.full((2, 3), np.nan))).all()
+
+
+def test_a_print_tells_more_of_a_lean_than_the_brightness_it_is_drawn_from() -> None:
+    view = view_of("wedge")
+    true = View(
+        view.scene.finished(Striped()), view.datasheet, view.poses, view.time_s, laser=view.laser
+    )
+    truth = lean_mm(true, LINE_SD_MM)
+    made = [
+        Recording(
+            name=name, depth_mm=view.depth_mm, poses=view.poses, time_s=view.time_s,
+            intensity=recorded(view, 0.3, seed),
+        )
+        for seed, name in enumerate("abc")
+    ]  # fmt: skip
+    still = Placement(
+        shift=np.zeros(9), centre_mm=np.zeros(3), covariance=np.eye(9), poses=view.poses
+    )
+    scene, kept = with_brightness(
+        made, dict.fromkeys("abc", still), view.scene, view.datasheet,
+        dict.fromkeys("abc", view.laser),
+    )  # fmt: skip
+
+    def told(part: Scene) -> float:
+        seen = View(
+            part, view.datasheet, view.poses, view.time_s, laser=view.laser,
+            intensity=kept[0].intensity,
+        )  # fmt: skip
+        left = lean_mm(seen, LINE_SD_MM) - truth
+        return float(1 - np.square(left).sum() / np.square(truth).sum())
+
+    assert told(scene) > 0.5
+    assert told(scene) > told(view.scene) + 0.2
+
+
+def test_without_brightness_in_each_recording_the_part_stays_as_it_is() -> None:
+    view = view_of("wedge", 20)
+    made = Recording(
+        name="a", depth_mm=view.depth_mm, poses=view.poses, time_s=view.time_s
+    )
+    still = Placement(
+        shift=np.zeros(9), centre_mm=np.zeros(3), covariance=np.eye(9), poses=view.poses
+    )
+    scene, kept = with_brightness(
+        [made], {"a": still}, view.scene, view.datasheet, {"a": view.laser}
+    )
+    assert scene is view.scene
+    assert kept == [made]
