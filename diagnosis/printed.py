@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from diagnosis.brightness import by_direction
 from diagnosis.noise import Field
+from sensors.typed_yaml import dump_yaml
 from sensors.view import View
 
 PICTURE = "reflectance.png"
@@ -70,8 +70,7 @@ class Print:
         far = self.corner_mm + self.cell_mm * np.array(self.level.shape)
         (x, y) = ([float(low), float(high)] for low, high in zip(self.corner_mm, far, strict=True))
         lines = {"reflectance": {"picture": {"path": PICTURE, "x_mm": x, "y_mm": y}}}
-        text = yaml.safe_dump(lines, sort_keys=False, default_flow_style=None)
-        (folder / "reflectance.yaml").write_text(text, encoding="utf-8")
+        (folder / "reflectance.yaml").write_text(dump_yaml(lines), encoding="utf-8")
 
 
 def find_print(intensities: Sequence[Field], views: Sequence[View]) -> Print | None:

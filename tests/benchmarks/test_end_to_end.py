@@ -34,7 +34,9 @@ def test_the_datasets_are_what_their_names_say(tmp_path):
         *((len(r.file.parts), r.file.specimens, r.file.scans) for r in recipes.values()),
         strict=True,
     )
-    assert (parts, specimens, scans) == ((3, 3, 1), (4, 8, 1), (2, 8, 200))
+    assert (parts, specimens, scans) == (
+        (3, 3, 1, 1), (4, 8, 1, 1), (2, 8, 200, 200),
+    )  # fmt: skip
 
 
 @pytest.fixture

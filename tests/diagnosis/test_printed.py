@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from benchmarks.relief import datasheet, part, poses
 from diagnosis.inputs import with_brightness
@@ -14,6 +13,7 @@ from sensors.line_operator import lean_mm
 from sensors.recording import Recording
 from sensors.reflectance import Picture, ReflectanceMap
 from sensors.scene import Scene
+from sensors.typed_yaml import load_yaml
 from sensors.view import View
 
 PITCH_MM = 0.15
@@ -69,7 +69,7 @@ def test_a_saved_print_is_a_recipes_reflectance(tmp_path: Path) -> None:
     found = find_print([recorded(view, 0.3, seed) for seed in (1, 2)], [view, view])
     assert found is not None
     found.save(tmp_path)
-    lines = yaml.safe_load((tmp_path / "reflectance.yaml").read_text())["reflectance"]
+    lines = load_yaml(tmp_path / "reflectance.yaml").data["reflectance"]
     picture = Picture(**{**lines["picture"], "path": str(tmp_path / lines["picture"]["path"])})
     again = ReflectanceMap(picture=picture).at(view.part_mm)
     ratio = np.log(again / found.at(view.part_mm))
