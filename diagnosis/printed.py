@@ -81,21 +81,23 @@ def find_print(intensities: Sequence[Field], views: Sequence[View]) -> Print | N
     intensities : (n, m) each, as recorded
     views : of the part at the placements of the recordings
     """
+    lit, pitches = [], []
+    for intensity, view in zip(intensities, views, strict=True):
+        with np.errstate(invalid="ignore"):
+            told = np.isfinite(view.depth_mm) & (view.cos_incidence > STEEPEST_COS)
+            lit.append(told & (intensity > 0))
+        if not lit[-1].any():
+            return None
+        steps = np.abs(view.travel_step_mm), np.abs(np.diff(view.column_x_mm))
+        pitches.append(float(np.sqrt(np.median(steps[0]) * np.median(steps[1]))))
+    place = np.concatenate([v.part_mm[here][:, :2] for v, here in zip(views, lit, strict=True)])
     found: Print | None = None
     for _ in range(TURNS):
-        places, logs, pitches = [], [], []
-        for intensity, view in zip(intensities, views, strict=True):
+        logs = []
+        for intensity, view, here in zip(intensities, views, lit, strict=True):
             plain = intensity if found is None else intensity / found.at(view.part_mm)
-            rest = intensity / by_direction(plain, view)
-            with np.errstate(invalid="ignore"):
-                lit = np.isfinite(view.depth_mm) & (rest > 0) & (view.cos_incidence > STEEPEST_COS)
-            if not lit.any():
-                return None
-            places.append(view.part_mm[lit][:, :2])
-            logs.append(np.log(rest[lit]))
-            steps = np.abs(view.travel_step_mm), np.abs(np.diff(view.column_x_mm))
-            pitches.append(float(np.sqrt(np.median(steps[0]) * np.median(steps[1]))))
-        found = _drawn(np.concatenate(places), np.concatenate(logs), float(np.median(pitches)))
+            logs.append(np.log((intensity / by_direction(plain, view))[here]))
+        found = _drawn(place, np.concatenate(logs), float(np.median(pitches)))
         if found is None:
             break
     return found
@@ -111,14 +113,13 @@ def _drawn(place_mm: Field, log: Field, pitch_mm: float) -> Print | None:
     count = _binned(index, None, shape)
     total = _binned(index, log, shape)
     blur = BLUR * pitch_mm / cell
-    near = gaussian_filter(count, blur)
-    smooth = gaussian_filter(total, blur) / np.maximum(near, 1e-9)
+    smooth = _mean(total, count, blur)
     wide = WINDOW * blur
-    middle = gaussian_filter(total, wide) / np.maximum(gaussian_filter(count, wide), 1e-12)
+    middle = _mean(total, count, wide)
     low = high = middle
     for _ in range(ROUNDS):
         bright = smooth > middle
-        low, high = (_level(total, count, side, wide) for side in (~bright, bright))
+        low, high = (_mean(total * side, count * side, wide) for side in (~bright, bright))
         middle = 0.5 * (low + high)
     step = high - low
     if np.median(step.ravel()[index]) < LEAST_STEP:
@@ -132,8 +133,7 @@ def _binned(index: NDArray[np.int64], values: Field | None, shape: tuple[int, ..
     return np.bincount(index, values, size).reshape(shape).astype(np.float64)
 
 
-def _level(total: Field, count: Field, side: NDArray[np.bool_], wide: float) -> Field:
-    """Mean of what lies on one side, in a window."""
-    return np.asarray(
-        gaussian_filter(total * side, wide) / np.maximum(gaussian_filter(count * side, wide), 1e-12)
-    )
+def _mean(total: Field, count: Field, sd: float) -> Field:
+    """Mean of the readings in a window, `sd` cells."""
+    near = np.maximum(gaussian_filter(count, sd), 1e-12)
+    return np.asarray(gaussian_filter(total, sd) / near)
