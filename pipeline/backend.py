@@ -37,12 +37,20 @@ class Backend:
 
     @contextmanager
     def started(self) -> Iterator["Backend"]:
-        """Have the other processes begin to load what scans need, while the recipe is read."""
-        if self.jobs > 1 and not self.scheduler:
-            for name, threads in THREADS.items():  # heeded by what isn't loaded here yet
-                os.environ.setdefault(name, threads)
-            self._others().submit(os.getpid)
-        yield self
+        """Have the other processes begin to load what scans need, while the recipe is read.
+
+        They end with the context, at once: they hold nothing that isn't written.
+        """
+        if self.jobs == 1 or self.scheduler:
+            yield self
+            return
+        for name, threads in THREADS.items():  # heeded by what isn't loaded here yet
+            os.environ.setdefault(name, threads)
+        self._others().submit(os.getpid)
+        try:
+            yield self
+        finally:
+            self._others().shutdown(kill_workers=True)
 
     def results(self, task: Task, each: Iterable[Arguments]) -> Iterator[Any]:
         """Run a task on each of some arguments; give results as they come, in any order."""

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import trimesh
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
@@ -58,6 +57,8 @@ class Creases:
 @lru_cache(maxsize=4)
 def concave_creases(scene: Scene) -> Creases:
     """Find the concave creases of a part."""
+    import trimesh  # half a second that few scans need
+
     mesh = trimesh.Trimesh(scene.vertices_mm, scene.faces, process=False)
     turn = mesh.face_adjacency_angles
     sharp = ~mesh.face_adjacency_convex & (turn > LEAST_TURN) & (turn < MOST_TURN)

@@ -1,0 +1,45 @@
+"""How the command line's process ends: at once, with what is to be done at exit done."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+HOME = Path(__file__).resolve().parents[2]
+
+
+@pytest.mark.parametrize(("words", "code"), [(["--version"], 0), (["verify", "missing"], 2)])
+def test_what_is_to_be_done_at_exit_is_done_and_the_code_stays(words, code):
+    text = (
+        "import atexit, sys\n"
+        "from flawforge import cli\n"
+        f"sys.argv[1:] = {words!r}\n"
+        "def main(main=cli.main):\n"
+        "    atexit.register(print, 'done')\n"
+        "    return main()\n"
+        "cli.main = main\n"
+        "class Late:\n"
+        "    def __del__(self): print('taken down')\n"
+        "late = Late()\n"
+        "cli.command()\n"
+    )
+    run = subprocess.run([sys.executable, "-c", text], cwd=HOME, capture_output=True, text=True)
+    assert run.returncode == code, run.stderr
+    assert run.stdout.splitlines()[-1] == "done"
+
+
+@pytest.mark.parametrize(("words", "code"), [(["--help"], 0), (["generate"], 2)])
+def test_the_parser_s_own_exits_keep_their_code(words, code):
+    run = subprocess.run(
+        [sys.executable, "-m", "flawforge.cli", *words], cwd=HOME, capture_output=True, text=True
+    )
+    assert run.returncode == code
+    assert run.stdout or run.stderr
+
+
+def test_a_fault_is_shown_and_counts_as_one():
+    text = "from flawforge import cli\ncli.main = lambda: 1 / 0\ncli.command()\n"
+    run = subprocess.run([sys.executable, "-c", text], cwd=HOME, capture_output=True, text=True)
+    assert run.returncode == 1
+    assert "ZeroDivisionError" in run.stderr
