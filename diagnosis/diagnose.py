@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from diagnosis.calibration import calibrated_noise, nominal_noise, nominal_sd_mm
 from diagnosis.empirical_fit import fit_empirical
-from diagnosis.explain import LEAST_GAIN, explain
+from diagnosis.explain import explain
 from diagnosis.finding import Finding
-from diagnosis.finish import averaged_grain, finish_effects, finish_intervals
+from diagnosis.finish import averaged_grain, finish_effects, finish_intervals, sunken
 from diagnosis.found import (
     FoundEffect,
     commanded_gain,
@@ -36,13 +36,14 @@ from diagnosis.mounting import mounting_error
 from diagnosis.noise import NoiseModel
 from diagnosis.patch import Patch, cut, in_range
 from diagnosis.registration import Placement, register
-from diagnosis.select import Selection
+from diagnosis.select import LEAST_GAIN, Selection
 from diagnosis.settle import registered_under, settled
 from diagnosis.trust import trust
 from diagnosis.workspace import Model, Workspace
 from sensors.datasheet import Datasheet
 from sensors.effects.form_error import FormError
 from sensors.effects.motion_blur import MotionBlur
+from sensors.effects.volume_scattering import VolumeScattering
 from sensors.recording import Recording
 from sensors.scene import Scene
 from sensors.surface import Surface
@@ -183,6 +184,8 @@ def diagnose(
             if len(finishes) > 1:
                 gains["roughness_level"] = min(plain - level, plain - whole)
             beside += [plainly_found(e, gains[e.name], finish_intervals(e)) for e in finishes]
+            if nominal is not None and VolumeScattering.name not in withheld:
+                model = sunken(ws, model, finishes)
     warped = any(isinstance(e, FormError) and e.coefficients_um for e in model.effects)
     if "pose_error" not in withheld and not warped:
         # what the model takes for physics is no misplacement; a warped part's low waves turn and

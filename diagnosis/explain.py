@@ -16,7 +16,9 @@ from diagnosis.linear import phase_is_own
 from diagnosis.noise import Mask, NoiseModel
 from diagnosis.patch import Patch
 from diagnosis.prediction import predict
+from diagnosis.screen import lists_edges
 from diagnosis.select import (
+    LEAST_GAIN,
     SEARCHED_READINGS,
     Progress,
     Selection,
@@ -30,11 +32,6 @@ from diagnosis.workspace import Model, Workspace
 from sensors.effects.base import Effect
 from sensors.effects.motion_blur import MotionBlur
 
-LEAST_GAIN = 1e-3
-"""Nats per held-out reading below which an effect is of no use: 0.045 of the noise.
-
-The means of instruments that are as their maker says were up to 0.04 off.
-"""
 LEAST_SHARE = 0.06
 """Share of the largest effect's gain below which another one mends what its law leaves."""
 MUCH = 0.03
@@ -45,11 +42,17 @@ LEAST_UNSHOWN = 0.03
 """The same in the fitted recording that shows it most, below which its word isn't enough."""
 NOISY = 0.9
 """Flicker beyond which a blur scatters about as much as it may."""
-LEAST_NOISY = 0.015
+LEAST_NOISY = 0.018
 """Nats per held-out reading below which such a blur is of no use.
 
-All that it says may be that edges are noisier than a coarse law has them: of opened cases, eight
-such blurs that weren't there gained less, three more, and seven true ones more.
+All that it says may be that edges are noisier than a coarse law has them: of opened cases, nine
+such blurs that weren't there gained less, one more, and six true ones of seven more.
+"""
+LEAST_LISTED = 0.01
+"""The same for an effect on depth edges of which the sensor's file says what they do.
+
+It may mend the maker's coarse law: of opened cases, four such effects that weren't there gained
+less, and all true ones more.
 """
 PASSING = ("time", "travel")
 """Frames of what one recording may show and another not."""
@@ -97,10 +100,17 @@ def shows(effect: Effect, patches: Sequence[Patch], noise: NoiseModel) -> bool:
     return held > LEAST_SHOWN or fitted < max(LEAST_UNSHOWN, 2 * held)
 
 
-def _least_of(effect: Effect) -> float:
-    """Nats per held-out reading that an effect must gain, whatever the others do."""
-    noisy = isinstance(effect, MotionBlur) and effect.flicker > NOISY
-    return LEAST_NOISY if noisy else LEAST_GAIN
+def _least_of(effect: Effect, listed: bool) -> float:
+    """Nats per held-out reading that an effect must gain, whatever the others do.
+
+    Parameters
+    ----------
+    listed : whether the sensor's file says what depth edges do
+    """
+    if isinstance(effect, MotionBlur) and effect.flicker > NOISY:
+        return LEAST_NOISY
+    at_edges = effect.covariate in EDGE_COVARIATES - {"hidden"}
+    return LEAST_LISTED if listed and at_edges else LEAST_GAIN
 
 
 def left_by_placement(
@@ -143,6 +153,7 @@ def explain(
     share_own : whether a part of the held-out readings serves each recording's own parameters
     """
     banned = set(withheld)
+    listed = lists_edges(patches[0])
     ws = Workspace.build([p for p in patches if p.fit.any()], noise)
     selection: Selection | None = None
     for trial in range(TRIALS):
@@ -163,7 +174,7 @@ def explain(
         held = [p for p in patches if p.scored.any()]
         gains, _ = heldout_gains(ws, model, held, share_own)
         least = min(LEAST_SHARE * max(gains.values()), MUCH)
-        idle = {e.name for e in model.effects if gains[e.name] < max(least, _least_of(e))}
+        idle = {e.name for e in model.effects if gains[e.name] < max(least, _least_of(e, listed))}
         unseen = {e.name for e in model.effects if e.name in idle and not shows(e, patches, noise)}
         if unseen:
             notes.append(f"{', '.join(sorted(unseen))}: the held-out readings can't show it")

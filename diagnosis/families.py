@@ -27,6 +27,8 @@ SKIPPED = {
     "stage_vibration", "travel_ripple", "column_offset",
 }  # fmt: skip
 """Effects that other tests cover: spectrum, free-form maps, placements, rows, columns."""
+SCAN = "scan:"
+"""How the covariate of one scan's own map begins; its number follows."""
 MOST_POINTS = 4
 FILLETS_MM = (0.8, 1.6, 3.2)
 """Radii that are looked for in concave corners."""
@@ -106,7 +108,7 @@ def free_families(patches: Sequence[Patch]) -> Iterator[Family]:
             for p in patches
         ]  # fmt: skip
         both = products(hats(rows, 6), hats(columns, 6))
-        yield _free(f"scan:{number}", "place in the scan", "part", both)
+        yield _free(f"{SCAN}{number}", "place in the scan", "part", both)
 
 
 def _free(name: str, words: str, frame: str, fields: Sequence[Field | None]) -> Family:

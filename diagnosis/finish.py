@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.finding import Finding
+from diagnosis.fit import fit_effect
 from diagnosis.found import FoundEffect
 from diagnosis.noise import Field, NoiseModel, calibrate, mad_sd
 from diagnosis.patch import Patch
@@ -25,8 +26,8 @@ from sensors.effects.roughness_level import RoughnessLevel
 from sensors.effects.volume_scattering import VolumeScattering
 from sensors.uncertainty import sigma_mm
 
-LEVEL_TOLERANCE = 0.07
-"""Least change of the noise's logarithm against a plate's; sealed nulls have 0.035 at most."""
+LEVEL_TOLERANCE = 0.05
+"""Least change of the noise's logarithm against a plate's; 300 sealed nulls have 0.035 at most."""
 CLAIMED_TOLERANCE = 0.1
 """The same against a size that is only claimed."""
 MOVING_DOUBT = 0.3
@@ -39,6 +40,16 @@ SQUARE_RAD = math.radians(25)
 AVERAGED = (
     " Light from within a translucent material averages speckle, too: to tell them apart, spray the"
     " part matt and record again."
+)
+FINISHED = 0.75
+"""Factor on a plate's noise below which it isn't a finish that lowers it.
+
+Speckle of a surface that is rough beyond the wavelength doesn't depend on how rough it is (Dorsch,
+Häusler and Herrmann, Appl. Opt. 33 (1994) 1306); light from many depths averages it.
+"""
+UNSUNKEN = (
+    " It averages speckle; how deep it goes hardly shows. A plate of another finish would do that,"
+    " too: to tell them apart, spray the part matt and record again."
 )
 BRIGHT = 0.6
 """Share of the readings hit squarely that are darker than those whose noise is compared."""
@@ -260,6 +271,22 @@ def finish_intervals(effect: Effect) -> dict[str, tuple[float, float, float]]:
     return out
 
 
+def sunken(ws: Workspace, model: Model, finishes: Sequence[Effect]) -> Model:
+    """Return the model with the material that averages speckle as no finish does, if it fits.
+
+    How deep it lets the light in shows at edges, if at all: flats sink as a part does that lies
+    deeper.
+    """
+    falls = any(isinstance(e, RoughnessLevel) and e.amplitude < FINISHED for e in finishes)
+    if not falls or VolumeScattering.name in model.names():
+        return model
+    states = ws.states(ws.predict(model))
+    fitted = fit_effect(VolumeScattering, ws, model, (), states, masks=ws.masks())
+    if fitted is None or fitted.effect.is_null or fitted.gain <= 0:
+        return model
+    return model.with_effect(fitted.effect, fitted.own)
+
+
 def averaged_grain(
     found: Sequence[FoundEffect], beside: Sequence[FoundEffect], withheld: Collection[str]
 ) -> tuple[tuple[FoundEffect, ...], list[FoundEffect]]:
@@ -286,11 +313,14 @@ def averaged_grain(
     low, high = (volume.effect.parameter("grain").low, volume.effect.parameter("grain").high)
     if not low <= grain <= high:
         return tuple(found), list(beside)
+    shown = volume.parameters["depth_um"][1] > 0
     both = replace(
         volume,
         effect=volume.effect.with_parameters(grain=grain),
+        statement=volume.statement + ("" if shown else UNSUNKEN),
         heldout_gain=volume.heldout_gain + level.heldout_gain,
         parameters={**volume.parameters, "grain": level.parameters["amplitude"]},
+        alternatives=volume.alternatives if shown else ((level.name, level.heldout_gain),),
     )
     return (
         tuple(both if f is volume else f for f in found),

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.families import Family, fillet_family, free_families, mean_signature
+from diagnosis.families import SCAN, Family, fillet_family, free_families, mean_signature
 from diagnosis.finding import Finding
 from diagnosis.noise import Field
 from diagnosis.patch import Patch
@@ -36,8 +36,9 @@ def held_findings(
 ) -> list[Finding]:
     """Return the findings without those in the mean that held-out readings deny.
 
-    What belongs to one recording, its rows or its time can't be asked and stays. So does what the
-    fitted recordings show beyond all doubt: it may be each recording's own.
+    What belongs to one recording, its rows or its time can't be asked and stays; but not a smooth
+    map of one scan alone, which the long waves of noise draw, too. What the fitted recordings show
+    beyond all doubt always stays: it may be each recording's own.
 
     Parameters
     ----------
@@ -45,11 +46,8 @@ def held_findings(
     ws : of the patches that were fitted
     least_gain : nats per held-out reading that a finding must gain
     """
-    asked = [
-        f
-        for f in findings
-        if f.channel == "mean" and f.family is not None and not (f.z > CERTAIN and f.size > BENT)
-    ]
+    doubtful = [f for f in findings if not (f.z > CERTAIN and f.size > BENT)]
+    asked = [f for f in doubtful if f.channel == "mean" and f.family is not None]
     if not asked:
         return list(findings)
     judging = [replace(p, fit=p.scored, kept={}) for p in held]
@@ -63,16 +61,19 @@ def held_findings(
     names = {f.name for f in asked}
     free = {f.name: f for f in free_families(both) if f.name in names}
     least = least_gain * sum(int(k.sum()) for k in readings.picks)
-    denied = set()
+    denied, alone = set(), set()
     for finding in asked:
         family = _on(finding, free, both, base, ws, model)
         blocks = None if family is None else _gains(family, *sides[family.at_edges], ws)
         if blocks is None:
+            if finding.name.startswith(f"free:{SCAN}"):
+                alone.add(id(finding))
             continue
         low, _ = bootstrap_interval(blocks, rng)
         if low <= 0 or float(blocks.sum()) < least:
             denied.add(id(finding))
-    return [f for f in findings if id(f) not in denied]
+    left = [f for f in findings if id(f) not in denied]
+    return left if any(id(f) not in alone for f in left) else []
 
 
 def _readings(

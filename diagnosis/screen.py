@@ -166,7 +166,7 @@ def screen_mean(
     away = everywhere.away_from_edges()
     findings: list[Finding] = []
     maxima = np.full(draws, -np.inf)
-    edges = everywhere.edges() if _lists_edges(patches[0]) else None
+    edges = everywhere.edges() if lists_edges(patches[0]) else None
     for family in families:
         tested = _family(family, everywhere if family.at_edges else away, edges)
         if tested is not None:
@@ -251,7 +251,7 @@ def _family(
     return finding, as_deviate(t_null / scale, dof)
 
 
-def _lists_edges(patch: Patch) -> bool:
+def lists_edges(patch: Patch) -> bool:
     """Whether the sensor's file says what depth edges do to a reading."""
     return any(e.covariate in EDGE_COVARIATES - {"hidden"} for e in sheet_effects(patch.view))
 

@@ -26,8 +26,16 @@ from sensors.effects.base import Effect, MotionEffect
 
 MOST = 4
 RIVAL_SHARE = 0.5
+LEAST_GAIN = 1e-3
+"""Nats per held-out reading below which an effect is of no use: 0.045 of the noise.
+
+The means of instruments that are as their maker says were up to 0.04 off.
+"""
 EQUAL = 0.99
-"""Share of the best effect's gain from which another one, if it isn't surely worse, is as good."""
+"""Share of the best effect's gain from which another one, if it isn't surely worse, is as good.
+
+Or if it is surely worse, by less than `LEAST_GAIN`.
+"""
 IDLE = 8.0
 """Nats below which a further effect isn't worth its name."""
 LEAST_SHARE = 0.015
@@ -207,8 +215,10 @@ def _best(
     # of two that do equally well the one with fewer numbers: a law of many imitates a constant
     for name in order:
         less, most = candidates[name][1], candidates[best][1]
+        more = most - less
         equal = float(less.sum()) > EQUAL * float(most.sum())
-        if free[name] < free[best] and equal and bootstrap_interval(most - less, rng)[0] <= 0:
+        little = float(more.sum()) < LEAST_GAIN * ws.count()
+        if free[name] < free[best] and equal and (little or bootstrap_interval(more, rng)[0] <= 0):
             best = name
     trial, blocks = candidates[best]
     gain = float(blocks.sum())
