@@ -1,4 +1,4 @@
-"""A lay is told by the direction in which it draws the noise out, along axes or not."""
+"""A lay is told by the direction in which it draws the noise out; a finish by its level."""
 
 import cmath
 import math
@@ -6,12 +6,13 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.relief import SPECKLE, datasheet, poses, record, solid
+from benchmarks.relief import SPECKLE, datasheet, part, poses, record, solid
 from diagnosis.diagnose import diagnose
 from diagnosis.finish import _stretch
 from diagnosis.noise import calibrate
 from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.recording import Recording
+from sensors.scene import Scene
 
 
 @pytest.mark.parametrize(("ratio", "angle_deg"), [(1.0, 0.0), (2.5, 0.0), (2.5, 35.0), (2.0, 90.0)])
@@ -63,3 +64,33 @@ def test_a_lay_between_the_axes_keeps_its_angle_on_the_part() -> None:
     # seen from above, the travel is mirrored: the angle on the part isn't the one in the scan
     line, travel = poses(3)[0, :2, 0], poses(3)[0, :2, 1]
     assert np.linalg.det(np.stack([line, travel])) == pytest.approx(-1.0)
+
+
+@pytest.mark.parametrize(
+    ("effect", "named"),
+    [
+        ({"name": "volume_scattering", "depth_um": 60.0, "grain": 0.55}, "volume_scattering"),
+        ({"name": "roughness_level", "amplitude": 1.5}, "roughness_level"),
+    ],
+)
+def test_what_halves_the_noise_is_no_finish(effect: dict[str, object], named: str) -> None:
+    blocks, sheet = part("steps"), datasheet(110)
+    sides = np.linspace(-30, 30, 5)
+    plate = solid(lambda x, y: np.zeros_like(x), sides, sides)
+
+    def scan(where: Scene, k: int, effects: list[dict[str, object]]) -> Recording:
+        return record(
+            where, sheet, effects, name=f"s{k}", seed=60 + k, profiles=90, speckle=SPECKLE,
+            heading_deg=90.0 * k, tilt_deg=(4.0, 3.0),
+        )  # fmt: skip
+
+    result = diagnose(
+        [scan(blocks, k, [effect]) for k in range(3)], blocks.vertices_mm, blocks.faces, sheet,
+        references=[scan(plate, k, []) for k in (4, 5)],
+    )  # fmt: skip
+    first = result.effects[0]
+    assert first.name == named
+    if named == "volume_scattering":
+        assert first.effect.grain == pytest.approx(0.55, rel=0.2)
+        # flats don't say how deep; a finish stays its rival
+        assert first.parameters["depth_um"][1] > 0 or first.alternatives

@@ -108,6 +108,30 @@ def test_a_wave_has_some_cycles_in_a_scan(
         assert getattr(point, parameter) ** turns * longest >= LEAST_CYCLES
 
 
+@pytest.mark.parametrize(("behind", "chosen"), [(0.5, "line_bow"), (1.5, "range_scale")])
+def test_fewer_numbers_win_where_more_gain_next_to_nothing(
+    ws: Workspace, monkeypatch: pytest.MonkeyPatch, behind: float, chosen: str
+) -> None:
+    worth = select.LEAST_GAIN * ws.count()
+    most = np.full(60, 200 * worth / 60)
+    gains = {"range_scale": most, "line_bow": most - behind * worth / 60}
+    numbers = {"range_scale": 4, "line_bow": 1}
+
+    def fit(kind: Any, *rest: object, **more: object) -> Fitted | None:
+        if kind.name not in gains:
+            return None
+        free, gain = numbers[kind.name], gains[kind.name].sum()
+        return Fitted(effect=kind.example(), own={}, gain=gain, free=free)
+
+    monkeypatch.setattr(select, "fit_effect", fit)
+    monkeypatch.setattr(select, "crossfitted", lambda ws, model, kind, *rest: gains[kind.name])
+    step = select._best(
+        ws, Model(), [finding("mean", 2.0)], np.random.default_rng(0), withheld=set()
+    )
+    assert step is not None
+    assert step[1].name == chosen
+
+
 @pytest.mark.parametrize(("name", "whole"), [("form_error", False), ("line_bow", True)])
 def test_form_is_judged_where_it_was_seen(
     ws: Workspace, monkeypatch: pytest.MonkeyPatch, name: str, whole: bool
