@@ -97,6 +97,8 @@ def scoreboard(scored: dict[str, Any]) -> list[str]:
     seconds = sorted(float(c["run"]["seconds"]) for c in cases)
     free = _mean(float(c["free_form_recovered"]) for c in of("one", "two"))
     posed = _mean(float(c["pose_recovered"]) for c in of("one", "two"))
+    shares = np.array([float(c["score"]["recovered"]) for c in of("one", "two")])
+    counted = shares[np.isfinite(shares)]
     mixed = [c for c in of("one", "two") if c["shuffled"]]
     seen = [c for c in of("one", medium=True) if c["facts"].get("oracle_z", 0.0) > ORACLE_SEES]
     lines = [
@@ -120,6 +122,9 @@ def scoreboard(scored: dict[str, Any]) -> list[str]:
         ("- of the true region with that of four other draws",
          _mean(c.get("ceiling", float("nan")) for c in of("one", "two", "decoy")), ""),
         ("share of the oracle's gain", mean(of("one", "two"), "recovered"), ">= 0.7"),
+        ("- no case counted above 1", _mean(np.minimum(counted, 1.0)), ""),
+        ("- half of the cases are below",
+         (float(np.median(counted)) if counted.size else float("nan"), counted.size), ""),
         ("- baseline: smooth surface, no physics", free, ""),
         ("- baseline: pose refitted only", posed, ""),
         ("- baseline: noise refitted only (moves no mean)", (0.0, free[1]), ""),
