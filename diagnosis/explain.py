@@ -46,7 +46,8 @@ LEAST_NOISY = 0.018
 """Nats per held-out reading below which such a blur is of no use.
 
 All that it says may be that edges are noisier than a coarse law has them: of opened cases, nine
-such blurs that weren't there gained less, one more, and six true ones of seven more.
+such blurs that weren't there gained less; one more, as did four in place of what has no name, and
+six true ones of seven.
 """
 LEAST_LISTED = 0.01
 """The same for an effect on depth edges of which the sensor's file says what they do.
