@@ -43,7 +43,6 @@ from diagnosis.workspace import Model, Workspace
 from sensors.datasheet import Datasheet
 from sensors.effects.form_error import FormError
 from sensors.effects.motion_blur import MotionBlur
-from sensors.effects.volume_scattering import VolumeScattering
 from sensors.recording import Recording
 from sensors.scene import Scene
 from sensors.surface import Surface
@@ -184,8 +183,8 @@ def diagnose(
             if len(finishes) > 1:
                 gains["roughness_level"] = min(plain - level, plain - whole)
             beside += [plainly_found(e, gains[e.name], finish_intervals(e)) for e in finishes]
-            if nominal is not None and VolumeScattering.name not in withheld:
-                model = sunken(ws, model, finishes)
+            if nominal is not None:
+                model = sunken(ws, model, finishes, withheld)
     warped = any(isinstance(e, FormError) and e.coefficients_um for e in model.effects)
     if "pose_error" not in withheld and not warped:
         # what the model takes for physics is no misplacement; a warped part's low waves turn and

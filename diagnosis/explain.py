@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.edges import BESIDE_EDGES, EDGE_COVARIATES
+from diagnosis.edges import BESIDE_EDGES, EDGE_COVARIATES, READ_AT_EDGES
 from diagnosis.found import heldout_gains
 from diagnosis.linear import phase_is_own
 from diagnosis.noise import Mask, NoiseModel
@@ -110,7 +110,7 @@ def _least_of(effect: Effect, listed: bool) -> float:
     """
     if isinstance(effect, MotionBlur) and effect.flicker > NOISY:
         return LEAST_NOISY
-    at_edges = effect.covariate in EDGE_COVARIATES - {"hidden"}
+    at_edges = effect.covariate in READ_AT_EDGES
     return LEAST_LISTED if listed and at_edges else LEAST_GAIN
 
 

@@ -271,14 +271,16 @@ def finish_intervals(effect: Effect) -> dict[str, tuple[float, float, float]]:
     return out
 
 
-def sunken(ws: Workspace, model: Model, finishes: Sequence[Effect]) -> Model:
+def sunken(
+    ws: Workspace, model: Model, finishes: Sequence[Effect], withheld: Collection[str]
+) -> Model:
     """Return the model with the material that averages speckle as no finish does, if it fits.
 
     How deep it lets the light in shows at edges, if at all: flats sink as a part does that lies
     deeper.
     """
     falls = any(isinstance(e, RoughnessLevel) and e.amplitude < FINISHED for e in finishes)
-    if not falls or VolumeScattering.name in model.names():
+    if not falls or VolumeScattering.name in {*withheld, *model.names()}:
         return model
     states = ws.states(ws.predict(model))
     fitted = fit_effect(VolumeScattering, ws, model, (), states, masks=ws.masks())

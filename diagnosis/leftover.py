@@ -46,8 +46,11 @@ def held_findings(
     ws : of the patches that were fitted
     least_gain : nats per held-out reading that a finding must gain
     """
-    doubtful = [f for f in findings if not (f.z > CERTAIN and f.size > BENT)]
-    asked = [f for f in doubtful if f.channel == "mean" and f.family is not None]
+    asked = [
+        f
+        for f in findings
+        if f.channel == "mean" and f.family is not None and not (f.z > CERTAIN and f.size > BENT)
+    ]
     if not asked:
         return list(findings)
     judging = [replace(p, fit=p.scored, kept={}) for p in held]

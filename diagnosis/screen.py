@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.columnwise import column_equations
-from diagnosis.edges import EDGE_COVARIATES
+from diagnosis.edges import READ_AT_EDGES
 from diagnosis.families import Family
 from diagnosis.finding import Finding, Screening, as_deviate, tail_threshold
 from diagnosis.noise import Field, Mask, NoiseModel
@@ -253,7 +253,7 @@ def _family(
 
 def lists_edges(patch: Patch) -> bool:
     """Whether the sensor's file says what depth edges do to a reading."""
-    return any(e.covariate in EDGE_COVARIATES - {"hidden"} for e in sheet_effects(patch.view))
+    return any(e.covariate in READ_AT_EDGES for e in sheet_effects(patch.view))
 
 
 def _mixed_wider(effect: Effect, patch: Patch) -> bool:

@@ -46,11 +46,12 @@ class Backend:
             return
         for name, threads in THREADS.items():  # heeded by what isn't loaded here yet
             os.environ.setdefault(name, threads)
-        self._others().submit(os.getpid)
+        others = self._others()
+        others.submit(os.getpid)
         try:
             yield self
         finally:
-            self._others().shutdown(kill_workers=True)
+            others.shutdown(kill_workers=True)
 
     def results(self, task: Task, each: Iterable[Arguments]) -> Iterator[Any]:
         """Run a task on each of some arguments; give results as they come, in any order."""
