@@ -30,8 +30,11 @@ LOCAL_COVARIATES = {"curvature_y", "edge_y", "wall_distance"}
 """Of effects on edges and in corners, whose laws are no more than good approximations there."""
 DOUBT = 0.4
 """Share of its own change of the mean by which the law of such an effect may be wrong."""
-KEPT_TRIALS = 2
-"""Laws of a view that are kept for the next who asks: a trial is placed, levelled and scored."""
+KEPT_TRIALS = 4
+"""Laws of a view that are kept for the next who asks: a trial is placed, levelled and scored.
+
+Each time two more are asked for: that of its effects on edges alone, and the file's.
+"""
 _TRIALS: WeakKeyDictionary[View, dict[tuple[Any, ...], Law]] = WeakKeyDictionary()
 _KEPT: WeakKeyDictionary[View, dict[tuple[Any, ...], Law]] = WeakKeyDictionary()
 _SHIFTS: WeakKeyDictionary[View, dict[Effect, Field]] = WeakKeyDictionary()
@@ -88,23 +91,36 @@ def _law_of(view: View, effects: Sequence[Effect], noise_mm: float | None) -> La
 
 
 def _applied(view: View, effects: tuple[Effect, ...], noise_mm: float | None) -> Law:
-    """Apply effects in order; the law under the file's own first ones is kept with the view."""
-    kept = _KEPT.setdefault(view, {})
+    """Apply effects in order.
+
+    Kept with the view are the laws under the file's own first ones, and under all but the last
+    one: that is the one which is tried.
+    """
     own = sheet_effects(view)
     shared = 0
     while shared < min(len(own), len(effects)) and effects[shared] == own[shared]:
         shared += 1
-    key = (effects[:shared], noise_mm)
-    if key not in kept:
-        law = _bare(view, noise_mm)
-        for effect in effects[:shared]:
-            law = _with(effect, law, view)
+    small = math.prod(view.shape) <= KEPT_POINTS
+    return _built(view, effects, noise_mm, {shared, len(effects) - 1} if small else {shared})
+
+
+def _built(
+    view: View, effects: tuple[Effect, ...], noise_mm: float | None, keep: set[int]
+) -> Law:
+    """Apply the last effect to the law under those before; keep what has so many effects."""
+    kept = _KEPT.setdefault(view, {})
+    key = (effects, noise_mm)
+    law = kept.pop(key, None)
+    if law is None:
+        if effects:
+            law = _with(effects[-1], _built(view, effects[:-1], noise_mm, keep), view)
+        else:
+            law = _bare(view, noise_mm)
+        if len(effects) not in keep:
+            return law
         if len(kept) >= KEPT_LAWS:
             del kept[next(iter(kept))]
-        kept[key] = law
-    law = kept[key]
-    for effect in effects[shared:]:
-        law = _with(effect, law, view)
+    kept[key] = law
     return law
 
 
