@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from challenge.cases.case import RECORDINGS
 from challenge.cases.truth import levelled
-from challenge.ceiling import KEPT
+from challenge.regions import Mask, drawn_again
 from challenge.score import Score, judge_case
 from challenge.sealed import commitment
 from challenge.shuffle import SHUFFLED
@@ -40,6 +40,7 @@ def judge(out: Path, *, partial: bool = False) -> dict[str, Any]:
     """
     public = json.loads((out / "commitments.json").read_text())
     cases: dict[str, Any] = {}
+    again = drawn_again(out)
     for name, listed in sorted(public["cases"].items()):
         key = (out / "keys" / f"{name}.key.json").read_bytes()
         kept = json.loads((out / "keys" / f"{name}.seal.json").read_text())
@@ -55,11 +56,8 @@ def judge(out: Path, *, partial: bool = False) -> dict[str, Any]:
             continue
         if not record_file.exists():
             raise ValueError(f"{name} has no answer yet: run `challenge run` first")
-        cases[name] = _case(out, name, opened, json.loads(record_file.read_text()))
-    again = out / KEPT
-    for name, overlap in json.loads(again.read_text()).items() if again.exists() else ():
-        if name in cases:
-            cases[name]["ceiling"] = overlap
+        record = json.loads(record_file.read_text())
+        cases[name] = _case(out, name, opened, record, again.get(name))
     master = json.loads((out / "keys" / "master.json").read_text())
     result = {
         "seed": master["seed"], "protocol": public["protocol"], "sealed": len(public["cases"]),
@@ -69,20 +67,29 @@ def judge(out: Path, *, partial: bool = False) -> dict[str, Any]:
     return result
 
 
-def _case(out: Path, name: str, opened: dict[str, Any], record: dict[str, Any]) -> dict[str, Any]:
+def _case(
+    out: Path,
+    name: str,
+    opened: dict[str, Any],
+    record: dict[str, Any],
+    again: tuple[Mask, Mask] | None = None,
+) -> dict[str, Any]:
     secret, facts = opened["secret"], opened["facts"]
     folder = out / "answers" / name
     answer = None
     if record["code"] == 0:
         answer = json.loads((folder / "diagnosis.json").read_text())
-    region = located = fair = None
+    sealed = region = located = fair = other = None
     gain, free, posed = 0.0, 0.0, 0.0
     maps_file = out / "keys" / f"{name}.npz"
     if maps_file.exists():
         if hashlib.sha256(maps_file.read_bytes()).hexdigest() != facts["maps_sha256"]:
             raise ValueError(f"{name}: the maps are not the committed ones")
         maps = np.load(maps_file)
-        region, fair = maps["region"], maps["fair"]
+        sealed = region = maps["region"]
+        fair = maps["fair"]
+    if again is not None:
+        region, other = again
     if answer is not None and (folder / "mismatch.h5").exists():
         last = RECORDINGS[secret["recordings"] - 1]
         located, gain, free, posed = compare(
@@ -90,8 +97,11 @@ def _case(out: Path, name: str, opened: dict[str, Any], record: dict[str, Any]) 
         )
     score: Score = judge_case(secret, facts, answer, located, region, gain)
 
-    def recovered(other: float) -> float:
-        return judge_case(secret, facts, answer, located, region, other).recovered
+    def recovered(gained: float) -> float:
+        return judge_case(secret, facts, answer, located, region, gained).recovered
+
+    def fits(place: Mask | None, true: Mask | None) -> float:
+        return judge_case(secret, facts, answer, place, true, gain).iou
 
     return {
         "secret": secret,
@@ -101,6 +111,8 @@ def _case(out: Path, name: str, opened: dict[str, Any], record: dict[str, Any]) 
         "verdict": answer["verdict"] if answer else "none",
         "effects": answer["effects"] if answer else [],
         "score": asdict(score),
+        "sealed_iou": fits(located, sealed),
+        "ceiling": float("nan") if other is None else fits(other, region),
         "free_form_recovered": recovered(free),
         "pose_recovered": recovered(posed),
         "shuffled": _shuffled(out, name, secret, facts, region, fair),

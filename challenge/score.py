@@ -53,6 +53,18 @@ class Score:
     recovered: float
 
 
+def has_place(secret: dict[str, Any]) -> bool:
+    """Whether what a case hides is in the catalogue and has a place of its own."""
+    known = secret["kind"] not in ("null", "unknown")
+    return known and not _SCATTER & set(secret["switches"])
+
+
+def overlap(one: NDArray[np.bool_], two: NDArray[np.bool_]) -> float:
+    """Intersection over union, NaN where both are empty."""
+    union = (one | two).sum()
+    return float((one & two).sum() / union) if union else float("nan")
+
+
 def clopper_pearson(hits: int, of: int, level: float = 0.95) -> tuple[float, float]:
     """Exact two-sided interval of a share."""
     tail = (1 - level) / 2
@@ -104,13 +116,11 @@ def judge_case(
     worth = [1.0 if n in right else 0.5 if n in rivals else 0.0 for n in reported]
     nan = float("nan")
     known = secret["kind"] not in ("null", "unknown")
-    placed = known and not _SCATTER & set(secret["switches"])
+    placed = has_place(secret)
     iou = nan
     if region is not None and 0.01 < region.mean() < 0.8 and placed:
-        iou = 0.0
-        if located is not None and located.shape == region.shape:
-            union = (located | region).sum()
-            iou = float((located & region).sum() / union) if union else nan
+        fits = located is not None and located.shape == region.shape
+        iou = overlap(located, region) if fits else 0.0
     oracle = float(facts.get("oracle_gain", 0.0))
     return Score(
         reported=reported,

@@ -33,11 +33,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--shuffled", type=int, default=0, metavar="N",
         help="instead, diagnose the first N cases with shuffled covariates: a baseline",
     )  # fmt: skip
-    ceiling = steps.add_parser(
-        "ceiling", help="overlap of each true region with that of other draws: of an opened set"
+    regions = steps.add_parser(
+        "regions", help="draw the true regions of an answered set again, and from other draws"
     )
-    ceiling.add_argument("set", type=Path, help="folder of the set")
-    ceiling.add_argument("--jobs", type=int, default=1, help="processes (default 1)")
+    regions.add_argument("set", type=Path, help="folder of the set")
+    regions.add_argument("--jobs", type=int, default=1, help="processes (default 1)")
     judge = steps.add_parser("judge", help="open the keys, check the seals, score the answers")
     judge.add_argument("set", type=Path, help="folder of the set")
     judge.add_argument(
@@ -88,10 +88,10 @@ def _step(arguments: argparse.Namespace) -> int:
             timeout_s=arguments.timeout,
             shuffled=arguments.shuffled,
         )
-    if arguments.step == "ceiling":
-        from challenge.ceiling import ceiling
+    if arguments.step == "regions":
+        from challenge.regions import draw_again
 
-        return ceiling(arguments.set, jobs=arguments.jobs)
+        return draw_again(arguments.set, jobs=arguments.jobs)
     if arguments.step == "payoff":
         return _payoff(arguments)
     from challenge.judge import judge

@@ -18,12 +18,12 @@ from challenge.cases.nulls import check_null
 from challenge.cases.parts import SHAPES, bent, corners, solid_of
 from challenge.cases.seeds import child
 from challenge.cases.switches import DECOY, SINGLE, UNKNOWN
-from challenge.cases.truth import facts
-from challenge.ceiling import ceiling
+from challenge.cases.truth import facts, levelled
 from challenge.judge import judge
 from challenge.proof import _stopped, scoreboard, write_page
+from challenge.regions import draw_again, drawn_again
 from challenge.run import run
-from challenge.score import clopper_pearson, judge_case
+from challenge.score import clopper_pearson, judge_case, overlap
 from challenge.sealed import FULL, SMALL, commitment, draw, seal
 from challenge.shuffle import SHUFFLED, moved_blocks, shuffle
 
@@ -211,20 +211,45 @@ def test_facts_of_a_bow(bowed):
     assert 5 < known.noise_um < 40
 
 
-def test_the_truth_is_held_against_further_draws(bowed, tmp_path):
+def test_true_regions_are_drawn_again(bowed, tmp_path):
     secret, staged, _ = bowed
-    known = facts(staged, secret, draws=2)
+    known = facts(staged, secret)
     keys = tmp_path / "keys"
     keys.mkdir()
     np.savez(keys / "case-001.npz", region=known.region)
     opened = {"secret": asdict(secret), "facts": known.figures()}
     (keys / "case-001.key.json").write_text(json.dumps(opened))
     (keys / "case-002.key.json").write_text(json.dumps(opened))  # without maps: none is judged
-    assert ceiling(tmp_path, jobs=1) == 0
-    found = json.loads((tmp_path / "ceiling.json").read_text())
-    if known.region.mean() < 0.8:
-        assert 0.3 < found["case-001"] < 1.0
-    assert np.isnan(found["case-002"])
+    assert drawn_again(tmp_path) == {}
+    (tmp_path / "regions").mkdir()
+    with pytest.raises(ValueError, match="lacks 1 of 1 cases, case-001"):
+        drawn_again(tmp_path)
+    assert draw_again(tmp_path, jobs=1) == 0
+    found = drawn_again(tmp_path)
+    assert list(found) == ["case-001"]
+    region, other = found["case-001"]
+    assert np.array_equal(region, known.region)
+    assert 0.3 < overlap(region, other) < 1.0
+
+
+def test_flats_tell_no_shift():
+    """A bow over two levels keeps its form beside their edge; a shifted slope is taken away."""
+    rng = np.random.default_rng(5)
+    rows, columns = np.indices((60, 90))
+    levels = np.where(columns < 45, 80.0, 82.0) + 0.002 * rows
+    bow = 0.01 * ((columns - 45) / 45.0) ** 2 + 1e-4 * rng.standard_normal(levels.shape)
+    soft = levels.copy()
+    soft[:, 44:46] += 0.2 * np.array([1.0, -1.0])  # a line of finite width beside the edge
+    soft[20:24] += 0.2 * (rows[20:24] - 22)  # and across it
+    flat = (np.abs(columns - 45) > 6) & (np.abs(rows - 22) > 6)
+    left = levelled(bow, flat, soft)
+    plain = np.polynomial.polynomial.polyfit(columns[0], bow.mean(0), 1)
+    expected = bow - np.polynomial.polynomial.polyval(columns, plain)
+    assert np.abs(left - left[flat].mean() - expected + expected[flat].mean()).max() < 0.005
+
+    hill = 80.0 + np.cos(rows / 9.0) * np.cos(columns / 11.0)
+    moved = 0.05 * np.gradient(hill)[0]
+    assert np.abs(levelled(moved, np.ones(hill.shape, bool), hill)).max() < 1e-9
 
 
 def test_a_null_stays_within_its_bound(bowed, monkeypatch):
