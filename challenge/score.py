@@ -119,8 +119,9 @@ def judge_case(
     placed = has_place(secret)
     iou = nan
     if region is not None and 0.01 < region.mean() < 0.8 and placed:
-        fits = located is not None and located.shape == region.shape
-        iou = overlap(located, region) if fits else 0.0
+        iou = 0.0
+        if located is not None and located.shape == region.shape:
+            iou = overlap(located, region)
     oracle = float(facts.get("oracle_gain", 0.0))
     return Score(
         reported=reported,
