@@ -80,8 +80,7 @@ def filled_mm(
 
     The fillet touches both faces at t = r tan(τ/2) from the crease, τ the angle between their
     normals. In the plane across the crease the ray meets its arc of radius r about C before the
-    face, by the first root of |P - λ u - C|² = r². Rays at a crease's ends are taken as if it
-    went on.
+    face, by the first root of |P - λ u - C|² = r². A fillet ends where its crease does.
 
     Parameters
     ----------
@@ -109,12 +108,16 @@ def filled_mm(
     ray = np.einsum("kij,kj->ki", view.poses[row, :3, :3], (view.ray / view.ray[:, 2:])[column])
     along = creases.along[own]
     way = point - creases.start_mm[own]
-    way -= np.sum(way * along, axis=1, keepdims=True) * along
+    place = np.sum(way * along, axis=1)
+    way -= place[:, None] * along
+    # samples of creases in one line are half a step apart at most
+    past = np.abs(place - 0.5 * creases.length_mm[own]) - 0.5 * creases.length_mm[own]
     distance = np.linalg.norm(way, axis=1)
     on_face = (
         (np.einsum("kij,kj->ki", creases.normals[own], normal).max(axis=1) > 1 - OWN_FACE)
         & (np.abs(np.sum(way * normal, axis=1)) <= OWN_FACE * distance + 1e-6)
         & (distance < reach[own])
+        & (past <= 0.5 * reach.max() / SAMPLES)
     )
     outwards = way / np.maximum(distance, 1e-12)[:, None]
     across, down = np.sum(ray * outwards, axis=1), np.sum(ray * normal, axis=1)
