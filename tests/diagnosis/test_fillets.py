@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import manifold3d
 import numpy as np
 import pytest
 
@@ -71,6 +72,22 @@ def test_a_corner_is_named_by_a_point_on_it() -> None:
     assert np.array_equal(there, np.where(x > 0, everywhere, 0.0))
     assert set(np.unique(crease[x > 0])) <= {-1, *np.flatnonzero(right)}
     assert not np.any(filled_mm(view, 2.0, points + [0.0, 0.0, 1.0])[0])
+
+
+def test_a_fillet_ends_with_its_wall() -> None:
+    wall = manifold3d.Manifold.cube((8.0, 4.0, 3.0), center=True)
+    floor = manifold3d.Manifold.cube((50.0, 50.0, 2.0), center=True).translate((0, 0, -2.5))
+    part = (wall + floor).to_mesh()
+    model = Scene(np.asarray(part.vert_properties, float)[:, :3], np.asarray(part.tri_verts))
+    sheet = datasheet(240)
+    view = View(model, sheet, poses(60), np.arange(60) / 200.0, laser=Laser.from_datasheet(sheet))
+    filled, _ = filled_mm(view, 1.5)
+    x, y = np.abs(view.part_mm[..., 0]), np.abs(view.part_mm[..., 1])
+    beside = ((x > 4.01) & (x < 5.4) & (y < 2.0)) | ((y > 2.01) & (y < 3.4) & (x < 4.0))
+    assert np.all(filled[beside] > 0)
+    past = np.minimum(x - 4.0, y - 2.0)
+    assert past[filled > 0].max() <= 1.5 / 16
+    assert np.any((past > 1.5 / 16) & (np.hypot(x - 4.0, y - 2.0) < 1.0))
 
 
 def test_a_part_without_corners_holds_no_fillet() -> None:
