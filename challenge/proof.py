@@ -49,15 +49,15 @@ _DOUBTS = """\
   mean only; effects on noise or on missing points have none.
 - Before the third run (protocol 3) the oracle of a long exposure was moved to where a registration
   finds the part; the runs before counted a shift that no answer can gain. Nothing else of making or
-  judging changed between the runs.
+  judging changed up to the thirteenth run.
 - A true region comes of four draws and holds their speckle; four others of the same case give
   another. Their overlap stands in the table where it was measured (`flawforge challenge regions`,
   after the keys were opened).
 - Up to protocol 3 a true region had shifts removed that flats alone can't tell: up to 1.4 points
   that no effect had made, a frame about each edge of a terrace. The fault was found on opened cases
   of the twelfth run and mended while the thirteenth ran, before its keys were opened. Its regions
-  were drawn again from the keys; the table has the overlap with those as sealed beside it. The
-  runs before stand as they were judged.
+  were drawn again from the keys, with the same speckle; the table has the overlap with those as
+  sealed beside it. The runs before stand as they were judged.
 - The free-form baseline is a polynomial surface over the sensor's frame. Shuffling permutes
   blocks of 16 x 16 points, so what is smaller than a block keeps its shape.
 - `camera_occlusion`, `edge_mixing`, `incidence_noise` and `incidence_bias` have no class of their
