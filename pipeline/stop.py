@@ -4,7 +4,8 @@ An exception out of a signal's handler is not enough. Raised within `__del__`, a
 callback or a function that compiled code calls, it is printed and forgotten: so it isn't printed,
 and the wish is repeated until it is heard. Raised while a compiled module loads, it becomes another
 error or a crash: so it waits until none loads. And it is no `KeyboardInterrupt`: where one of those
-passed the `exec` of a string, `python -m` ends by the signal, whatever exit code is chosen.
+passed the `exec` of a string, `python -m` ends by the signal, whatever exit code is chosen. Objects
+that it left half made fail in their `__del__`: from the wish on nothing of that kind is printed.
 """
 
 import signal
@@ -34,7 +35,7 @@ def stoppable() -> Iterator[None]:
     printed = sys.unraisablehook
 
     def unheard(forgotten: Any) -> None:
-        if not issubclass(forgotten.exc_type, Stopped):
+        if _wish is None:
             printed(forgotten)
 
     sys.unraisablehook = unheard
