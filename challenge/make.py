@@ -3,12 +3,9 @@
 import hashlib
 import io
 import json
-import os
 import shutil
 import sys
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +15,7 @@ from challenge.cases.case import Secret, stage, write
 from challenge.cases.nulls import check_null
 from challenge.cases.seeds import child
 from challenge.cases.truth import facts
+from challenge.processes import in_processes
 from challenge.sealed import FULL, PROTOCOL, SMALL, draw, entropy, seal, write_whole
 
 _TRIES = 5
@@ -57,14 +55,9 @@ def make(out: Path, *, seed: int | None, small: bool, jobs: int) -> int:
             _make_one(str(out), name, secret)
             print(f"{name} sealed ({k + 1} of {len(todo)})", flush=True)
     elif todo:
-        # a job is a core: each process starts afresh with one thread for its linear algebra
-        for lib in ("OMP", "OPENBLAS", "MKL"):
-            os.environ[f"{lib}_NUM_THREADS"] = "1"
-        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-            waiting = {pool.submit(_make_one, str(out), n, c): n for n, c in todo}
-            for k, ready in enumerate(as_completed(waiting)):
-                ready.result()
-                print(f"{waiting[ready]} sealed ({k + 1} of {len(todo)})", flush=True)
+        calls = [(str(out), name, secret) for name, secret in todo]
+        for k, (_, name, _) in enumerate(in_processes(_make_one, calls, jobs)):
+            print(f"{name} sealed ({k + 1} of {len(todo)})", flush=True)
     listed = {}
     for name in names:
         kept = json.loads((out / "keys" / f"{name}.seal.json").read_text())

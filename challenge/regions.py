@@ -9,9 +9,7 @@ overlap is what an answer could reach that is as good as the judge.
 import io
 import json
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +18,7 @@ from numpy.typing import NDArray
 
 from challenge.cases.case import Secret, stage
 from challenge.cases.truth import DRAWS, redraw
+from challenge.processes import in_processes
 from challenge.score import has_place
 from challenge.sealed import write_whole
 
@@ -37,11 +36,9 @@ def draw_again(out: Path, *, jobs: int) -> int:
     (out / KEPT).mkdir(exist_ok=True)
     todo = [name for name in _placed(out) if not _file(out, name).exists()]
     print(f"{len(todo)} regions to draw", flush=True)
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        waiting = {pool.submit(_draw_one, str(out), name): name for name in todo}
-        for k, ready in enumerate(as_completed(waiting)):
-            ready.result()
-            print(f"{waiting[ready]} ({k + 1} of {len(todo)})", flush=True)
+    calls = [(str(out), name) for name in todo]
+    for k, (_, name) in enumerate(in_processes(_draw_one, calls, jobs)):
+        print(f"{name} ({k + 1} of {len(todo)})", flush=True)
     return 0
 
 
