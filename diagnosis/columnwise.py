@@ -1,10 +1,11 @@
-"""Whole columns: fixed offsets of the profile's columns, the same in every recording."""
+"""Whole columns: offsets and scales of the profile's columns, the same in every recording."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import minimize, minimize_scalar
 
 from diagnosis.noise import Field, Mask
 from diagnosis.patch import Patch
@@ -14,6 +15,8 @@ from diagnosis.score import CLIP, Whitened
 COMB = 6
 """An innovation sees columns from three before to two after: columns six apart never meet."""
 MOST = 512
+SEARCHED = {"xatol": 0.05, "fatol": 0.05}
+"""Two variances to a twentieth: what is shrunk by them changes by far less."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -23,24 +26,48 @@ class Columns:
     Attributes
     ----------
     gram : (k, k); right : (k,) or (k, draws)
-    groups : how many columns share an offset
+        Where they tilt, the offsets' first and then as many slopes.
+    tilted : whether there are slopes (mm for each mm away from the working distance)
     """
 
     gram: Field
     right: Field
-    groups: int
+    tilted: bool
 
     def chi_square(self) -> tuple[Field, int]:
         """Square of the offsets in their noise, () or (draws,), and its degrees of freedom."""
         half, dof = _half(self.gram)
         return np.asarray(((half.T @ self.right) ** 2).sum(axis=0)), dof
 
-    def offsets(self) -> tuple[Field, float]:
-        """Offsets shrunk by their own noise, (k,) mm, and the nats they gain."""
-        true = likely_variance(self.gram, self.right)
-        shrunk = np.linalg.solve(self.gram + np.eye(len(self.right)) / true, self.right)
-        gain = float(shrunk @ self.right - 0.5 * shrunk @ self.gram @ shrunk)
-        return shrunk, gain
+    def level(self) -> "Columns":
+        """Return the equations of columns that don't tilt."""
+        k = len(self.right) // (1 + self.tilted)
+        return Columns(gram=self.gram[:k, :k], right=self.right[:k], tilted=False)
+
+    def shrunk(self) -> tuple[Field, float, float]:
+        """Coefficients shrunk by their own noise (k,), the nats they gain, and the evidence's.
+
+        The evidence has the coefficients integrated over: what it gains pays for all of them.
+        """
+        blocks = np.split(np.arange(len(self.right)), 1 + self.tilted)
+        true = [likely_variance(self.gram[np.ix_(b, b)], self.right[b]) for b in blocks]
+
+        def cost(log_variances: Field) -> float:
+            size = np.repeat(np.exp(0.5 * log_variances), len(blocks[0]))
+            grown = np.eye(size.size) + size[:, None] * self.gram * size
+            factor, power = cho_factor(grown, lower=True), size * self.right
+            half = np.log(np.diag(factor[0])).sum()
+            return float(half - 0.5 * power @ cho_solve(factor, power))
+
+        start = np.log(true)
+        least, variances = cost(start), start
+        if self.tilted:
+            found = minimize(cost, start, method="Nelder-Mead", options=SEARCHED)
+            least, variances = float(found.fun), np.asarray(found.x)
+        inverse = np.repeat(np.exp(-variances), len(blocks[0]))
+        values = np.linalg.solve(self.gram + np.diag(inverse), self.right)
+        gain = float(values @ self.right - 0.5 * values @ self.gram @ values)
+        return values, gain, -least
 
 
 def likely_variance(gram: Field, right: Field) -> float:
@@ -65,17 +92,21 @@ def column_equations(
     states: Sequence[Whitened],
     masks: Sequence[Mask],
     innovations: Sequence[Field] | None = None,
+    *,
+    tilted: bool = False,
 ) -> Columns:
     """Collect the columns' normal equations over all recordings.
 
     Parameters
     ----------
     innovations : for each patch (N,) or (N, draws) at its picked readings, drawn nulls
+    tilted : ask for slopes as well
     """
     m = patches[0].shape[1]
     group = max(1, -(-m // MOST))
     count = -(-m // group)
-    gram = np.zeros((count, count))
+    total = count * (1 + tilted)
+    gram = np.zeros((total, total))
     right: Field | float = 0.0
     cross: dict[int, Field] = {}
     pose: dict[int, Field] = {}
@@ -88,20 +119,17 @@ def column_equations(
         else:
             values = innovations[k]
         owner_of = np.arange(m) // group
-        combs, owners = [], []
-        for phase in range(COMB):
-            teeth = owner_of % COMB == phase
-            field = state.whiten(np.broadcast_to(teeth[None, :].astype(float), patch.shape))
-            combs.append(field[rows, columns])
-            # the one group of this phase within reach of the innovation
-            reach = owner_of[np.clip(columns[:, None] + np.arange(-3, 3)[None], 0, m - 1)]
-            hit = reach % COMB == phase
-            owners.append(
-                np.where(hit.any(axis=1), reach[np.arange(len(rows)), hit.argmax(axis=1)], 0)
-            )
-        weight = np.stack(combs, axis=1)
-        owner = np.stack(owners, axis=1)
-        matrix = weights_matrix(owner, weight, count)
+        # the one group of each phase within reach of the innovation
+        reach = owner_of[np.clip(columns[:, None] + np.arange(-3, 3)[None], 0, m - 1)]
+        weight, owner = [], []
+        for first, field in enumerate(_fields(patch, tilted=tilted)):
+            for phase in range(COMB):
+                hit = reach % COMB == phase
+                near = reach[np.arange(len(rows)), hit.argmax(axis=1)]
+                teeth = np.where(owner_of % COMB == phase, field, 0.0)
+                weight.append(state.whiten(teeth)[rows, columns])
+                owner.append(np.where(hit.any(axis=1), first * count + near, 0))
+        matrix = weights_matrix(np.stack(owner, axis=1), np.stack(weight, axis=1), total)
         whitened_columns = state.columns[rows, columns]
         gram += (matrix @ matrix.T).toarray()
         right = right + matrix @ values
@@ -115,7 +143,16 @@ def column_equations(
         solved = np.linalg.solve(pose[r], cross[r].T)
         gram -= cross[r] @ solved
         right = right - solved.T @ pose_right[r]
-    return Columns(gram=gram, right=np.asarray(right), groups=group)
+    return Columns(gram=gram, right=np.asarray(right), tilted=tilted)
+
+
+def _fields(patch: Patch, *, tilted: bool) -> list[Field]:
+    """Return what an offset and a slope of all columns do to the readings, (n, m)."""
+    fields = [np.ones(patch.shape)]
+    if tilted:
+        away = patch.view.depth_mm - patch.view.datasheet.working_distance_mm
+        fields.append(np.where(np.isfinite(away), away, 0.0))
+    return fields
 
 
 def _half(gram: Field) -> tuple[Field, int]:

@@ -19,6 +19,8 @@ from sensors.typed_yaml import RecipeError
 
 IMITATED = 1e-6
 ROUNDS = 2
+TILT_COSTS = 3.0
+"""Nats of evidence above which columns have slopes, too: twenty to one."""
 PLACED_BY = 16_000
 """Readings of a recording that settle its placement while coefficients are tried."""
 
@@ -281,11 +283,18 @@ def _solve(gram: Field, right: Field, raw: Field) -> Field:
 def _solve_columns(
     effect: Effect, ws: Workspace, states: Sequence[Whitened], masks: Sequence[Mask]
 ) -> Fitted:
-    offsets, gain = column_equations(ws.patches, states, masks).offsets()
-    um = tuple(float(v) for v in np.clip(1e3 * (offsets - offsets.mean()), -1000, 1000))
+    tilted = column_equations(ws.patches, states, masks, tilted=True)
+    values, gain, evidence = tilted.level().shrunk()
+    slopes: Field = np.zeros(0)
+    with_slopes, more, better = tilted.shrunk()
+    if better > evidence + TILT_COSTS:
+        (values, slopes), gain = np.split(with_slopes, 2), more
+        slopes = slopes - slopes.mean()
+    found = {"values_um": values - values.mean(), "slopes_um_mm": slopes}
+    in_um = {name: tuple(np.clip(1e3 * v, -1000, 1000).tolist()) for name, v in found.items()}
     return Fitted(
-        effect=effect.with_parameters(values_um=um, rms_um=0.0),
+        effect=effect.with_parameters(in_um, rms_um=0.0),
         own={},
         gain=gain,
-        free=len(um) // 2,
+        free=(values.size + slopes.size) // 2,
     )

@@ -286,7 +286,7 @@ def _columns(readings: Readings) -> tuple[Finding, Field]:
     spread = max(float(t_null.std() / scale) / np.sqrt(2 * dof), 1.0)
     z_null = as_deviate(dof + (t_null / scale - dof) / spread, dof)
     z = float(as_deviate(np.array([dof + (float(t) / scale - dof) / spread]), dof)[0])
-    offsets, gain = real.offsets()
+    offsets, gain, _ = real.shrunk()
     return (
         Finding(
             channel="mean", name="free:column", words="column of the profile", frame="sensor", z=z,

@@ -1,7 +1,7 @@
-"""Each column has an offset of its own."""
+"""Each column has an offset, and a scale, of its own."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sensors.effects.base import AdditiveEffect
 from sensors.effects.parameter import parameter
 from sensors.hats import hats
+from sensors.law import Law
 from sensors.view import View
 
 Floats = NDArray[np.float64]
@@ -17,15 +18,19 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ColumnOffset(AdditiveEffect):
-    """A fixed pattern over the columns, the same in every profile and pose."""
+    """A fixed pattern over the columns, the same in every profile and pose.
+
+    A table that turns rows into depths column by column errs by a straight line of the depth in
+    each: an offset, and a slope away from the working distance.
+    """
 
     name: ClassVar = "column_offset"
     summary: ClassVar = (
         "Every column of the profile reads a little too near or too far, always the same."
     )
     equation: ClassVar = (
-        "c(column): values at evenly spaced columns, linear between; white in the columns where "
-        "drawn from a seed"
+        "c(column) + s(column) (z - WD): values at evenly spaced columns, linear between; white in "
+        "the columns where drawn from a seed"
     )
     source: ClassVar = (
         "Fixed pattern of sensor and calibration, 1 to 10 µm; 4 to 8 µm in public recordings of "
@@ -49,6 +54,17 @@ class ColumnOffset(AdditiveEffect):
         typical=(),
         null=0.0,
         linear=True,
+        kind="list",
+    )
+    slopes_um_mm: tuple[float, ...] = parameter(
+        "what the offsets change by with each mm away from the working distance, at columns evenly "
+        "spaced over the profile",
+        unit="µm/mm",
+        low=-1000.0,
+        high=1000.0,
+        typical=(),
+        null=0.0,
+        fixed=True,
         kind="list",
     )
     rms_um: float = parameter(
@@ -75,6 +91,15 @@ class ColumnOffset(AdditiveEffect):
         columns = view.shape[1]
         pattern = np.random.default_rng(self.seed).standard_normal(columns)
         return tuple(1e-3 * f[None, :] for f in (*hats(len(self.values_um), columns), pattern))
+
+    def changed(self, law: Law, view: View) -> Law:
+        """Add the offsets, and the slopes times the way from the working distance."""
+        law = AdditiveEffect.changed(self, law, view)  # a slotted class has no bare super()
+        if not self.slopes_um_mm:
+            return law
+        slopes = 1e-3 * np.array(self.slopes_um_mm) @ hats(len(self.slopes_um_mm), view.shape[1])
+        away = view.depth_mm - view.datasheet.working_distance_mm
+        return replace(law, mean_mm=law.mean_mm + slopes * away)
 
     def words(self) -> dict[str, Any]:
         """Say the deviation of all offsets together."""
