@@ -240,6 +240,23 @@ def bright_line(
     )  # fmt: skip
 
 
+def line_mean(view: View, sd_mm: Floats | float, of: ViewFunction) -> Floats:
+    """Mean over the line of what a function says of its sub-lines' views, (n, m).
+
+    Only of those whose depth runs on from the centre's; the centre's own value where none does.
+    """
+    offsets = sub_lines(float(np.max(sd_mm)))
+    total, light = np.zeros(view.shape), np.zeros(view.shape)
+    for eta, weight in zip(offsets, gaussian_weights(offsets, sd_mm), strict=True):
+        sub = view.shifted(dy_mm=float(eta))
+        value = of(sub)
+        runs_on = np.abs(sub.depth_mm - view.depth_mm) <= STEEPEST * abs(float(eta))
+        counts = weight * (runs_on & np.isfinite(value))
+        light += counts
+        total += np.where(counts > 0, counts * value, 0.0)
+    return np.where(light > 0, total / np.where(light > 0, light, 1.0), of(view))
+
+
 def lean_mm(view: View, sd_mm: Floats | float, *, creases: bool = False) -> Floats:
     """How far a line leans to the bright side of a surface that runs on, (n, m) mm.
 

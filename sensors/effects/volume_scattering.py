@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
+from sensors.line_operator import line_mean, line_sd_mm
 from sensors.view import View
 
 Floats = NDArray[np.float64]
@@ -26,7 +27,8 @@ class VolumeScattering(Effect):
     with l the laser's direction and N the outward normal. What lies off the laser's plane the
     camera reads deeper or less deep: slopes along the travel sink by different amounts. What lies
     aside in that plane is seen by another column: a slope p_x along the line is read where light
-    came in beside it, e = q_x - q_z tan a off the column's line at the angle a.
+    came in beside it, e = q_x - q_z tan a off the column's line at the angle a. Where the line's
+    width is known, the sinking is the mean over it: faces meet within the line.
     """
 
     name: ClassVar = "volume_scattering"
@@ -95,6 +97,12 @@ class VolumeScattering(Effect):
         free = self.depth_um * 1e-3
         thick = np.where(np.isfinite(view.thickness_mm), view.thickness_mm, np.inf)
         filled = -np.expm1(-thick / free) if free > 0 else np.ones(view.shape)
+        if view.datasheet.line_width_um is None:
+            return np.asarray(filled * self._thick(view))
+        return np.asarray(filled * line_mean(view, line_sd_mm(view, None, None), self._thick))
+
+    def _thick(self, view: View) -> Floats:
+        """Sinking for each unit of free path in a part that is thick everywhere."""
         cosine = view.cos_incidence
         bent = cosine - np.sqrt(1.0 - (1.0 - np.square(cosine)) / self.index**2)
         sunk = view.ray[:, 2] + bent * view.normal[..., 2]
@@ -104,7 +112,7 @@ class VolumeScattering(Effect):
         if view.datasheet.triangulation_angle_deg is not None:
             aside = view.ray[:, 1] + bent * view.normal[..., 1]
             sunk = sunk + aside * view.depth_mm / view.datasheet.camera_offset_mm
-        return np.asarray(filled * sunk / self.index)
+        return np.asarray(sunk / self.index)
 
 
 def _slope_between_columns(view: View) -> Floats:
