@@ -165,11 +165,15 @@ def _best(
     elif "tails" in channels:
         channels.add("mean")
     shown = channels - {"mean", "missing"}
+    alike = {f.family.name.removeprefix("effect:") for f in findings if f.family}
     predictions = ws.predict(model)
     states = ws.states(predictions)
     quick: list[tuple[float, str]] = []
     for name, kind in CATALOGUE.items():
         only = channels & set(kind.channels)
+        if alike & set(kind.rivals):
+            # it looks like what was found by what it does besides: a gloss that loses no reading
+            only |= channels & set(kind.also)
         if (
             name in NOT_SEARCHED | withheld
             or name in model.names()

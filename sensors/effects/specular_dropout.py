@@ -49,7 +49,7 @@ class SpecularDropout(Effect):
     also: ClassVar = ("mean",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "half_vector"
-    rivals: ClassVar = ("camera_occlusion", "random_dropout")
+    rivals: ClassVar = ("camera_occlusion", "random_dropout", "reflectance_edge")
     separating: ClassVar = (
         "spray the part matt: these come back; shadows, which are sharp and geometric, stay"
     )
