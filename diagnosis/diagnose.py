@@ -165,26 +165,25 @@ def diagnose(
     plain_noise = noise
     beside: list[FoundEffect] = []
     strange = list(repeated)
-    if not any(f.channel == "mean" and f.size > STILL_BENT for f in left):
-        # what is left of the mean would pass for noise
-        claimed = nominal_sd_mm(nominal, surface, ws.patches[0].view)
-        finishes, finish_findings = finish_effects(ws, model, noise, nominal, claimed)
-        finishes = [e for e in finishes if e.name not in withheld]
-        if not finishes:
-            strange += finish_findings
-        else:
-            plain_noise = nominal_noise(noise, nominal, surface, ws.patches[0].view)
-            plain, level, whole = (
-                judge(held_patches, n, model, share_own=not single).log_score
-                for n in (plain_noise, replace(plain_noise, sd_mm=noise.sd_mm), noise)
-            )
-            # what has a lay has it at its level: the level alone is the lesser explanation
-            gains = {e.name: plain - whole for e in finishes}
-            if len(finishes) > 1:
-                gains["roughness_level"] = min(plain - level, plain - whole)
-            beside += [plainly_found(e, gains[e.name], finish_intervals(e)) for e in finishes]
-            if nominal is not None:
-                model = sunken(ws, model, finishes, withheld)
+    claimed = nominal_sd_mm(nominal, surface, ws.patches[0].view)
+    bent = any(f.channel == "mean" and f.size > STILL_BENT for f in left)
+    finishes, finish_findings = finish_effects(ws, model, noise, nominal, claimed, bent=bent)
+    finishes = [e for e in finishes if e.name not in withheld]
+    if not finishes:
+        strange += finish_findings
+    else:
+        plain_noise = nominal_noise(noise, nominal, surface, ws.patches[0].view)
+        plain, level, whole = (
+            judge(held_patches, n, model, share_own=not single).log_score
+            for n in (plain_noise, replace(plain_noise, sd_mm=noise.sd_mm), noise)
+        )
+        # what has a lay has it at its level: the level alone is the lesser explanation
+        gains = {e.name: plain - whole for e in finishes}
+        if len(finishes) > 1:
+            gains["roughness_level"] = min(plain - level, plain - whole)
+        beside += [plainly_found(e, gains[e.name], finish_intervals(e)) for e in finishes]
+        if nominal is not None:
+            model = sunken(ws, model, finishes, withheld)
     warped = any(isinstance(e, FormError) and e.coefficients_um for e in model.effects)
     if "pose_error" not in withheld and not warped:
         # what the model takes for physics is no misplacement; a warped part's low waves turn and

@@ -102,7 +102,13 @@ def _scatter_mm(values_mm: Field) -> float:
 
 
 def finish_effects(
-    ws: Workspace, model: Model, own: NoiseModel, nominal: NoiseModel | None, nominal_sd_mm: float
+    ws: Workspace,
+    model: Model,
+    own: NoiseModel,
+    nominal: NoiseModel | None,
+    nominal_sd_mm: float,
+    *,
+    bent: bool = False,
 ) -> tuple[list[Effect], list[Finding]]:
     """Effects on the noise's level and direction against a nominal noise.
 
@@ -110,6 +116,8 @@ def finish_effects(
     ----------
     nominal : the plates' noise; None where only a surface's file is known
     nominal_sd_mm : nominal size; 0 where nothing is claimed
+    bent : whether much of the mean is left unexplained, which passes for noise: told is no more
+        than a lay that draws the noise out by far, whose ridges bend the mean themselves
     """
     effects: list[Effect] = []
     findings: list[Finding] = []
@@ -151,7 +159,10 @@ def finish_effects(
                     "correlation", "direction of the noise", lay.ratio - 1, math.log(lay.ratio)
                 )
             )
-    return effects, findings
+    if bent:
+        lays = [e for e in effects if isinstance(e, AnisotropicLay)]
+        effects = [e for e in lays if math.log(e.ratio) > 2 * LAY_TOLERANCE]
+    return effects, findings if effects or not bent else []
 
 
 def _plates_doubt(model: Model) -> float:
