@@ -290,11 +290,18 @@ def _solve_columns(
     if better > evidence + TILT_COSTS:
         (values, slopes), gain = np.split(with_slopes, 2), more
         slopes = slopes - slopes.mean()
-    found = {"values_um": values - values.mean(), "slopes_um_mm": slopes}
-    in_um = {name: tuple(np.clip(1e3 * v, -1000, 1000).tolist()) for name, v in found.items()}
     return Fitted(
-        effect=effect.with_parameters(in_um, rms_um=0.0),
+        effect=effect.with_parameters(
+            values_um=_listed(effect, "values_um", 1e3 * (values - values.mean())),
+            scales_ppm=_listed(effect, "scales_ppm", 1e6 * slopes),
+            rms_um=0.0,
+        ),
         own={},
         gain=gain,
         free=(values.size + slopes.size) // 2,
     )
+
+
+def _listed(effect: Effect, name: str, values: Field) -> tuple[float, ...]:
+    bounds = effect.parameter(name)
+    return tuple(np.clip(values, bounds.low, bounds.high).tolist())

@@ -21,7 +21,7 @@ class ColumnOffset(AdditiveEffect):
     """A fixed pattern over the columns, the same in every profile and pose.
 
     A table that turns rows into depths column by column errs by a straight line of the depth in
-    each: an offset, and a slope away from the working distance.
+    each: an offset, and a scale from the working distance on.
     """
 
     name: ClassVar = "column_offset"
@@ -56,12 +56,12 @@ class ColumnOffset(AdditiveEffect):
         linear=True,
         kind="list",
     )
-    slopes_um_mm: tuple[float, ...] = parameter(
-        "what the offsets change by with each mm away from the working distance, at columns evenly "
-        "spaced over the profile",
-        unit="µm/mm",
-        low=-1000.0,
-        high=1000.0,
+    scales_ppm: tuple[float, ...] = parameter(
+        "relative errors of the depth from the working distance on, at columns evenly spaced over "
+        "the profile",
+        unit="ppm",
+        low=-100000.0,
+        high=100000.0,
         typical=(),
         null=0.0,
         fixed=True,
@@ -93,13 +93,13 @@ class ColumnOffset(AdditiveEffect):
         return tuple(1e-3 * f[None, :] for f in (*hats(len(self.values_um), columns), pattern))
 
     def changed(self, law: Law, view: View) -> Law:
-        """Add the offsets, and the slopes times the way from the working distance."""
+        """Add the offsets, and the scales' errors times the way from the working distance."""
         law = AdditiveEffect.changed(self, law, view)  # a slotted class has no bare super()
-        if not self.slopes_um_mm:
+        if not self.scales_ppm:
             return law
-        slopes = 1e-3 * np.array(self.slopes_um_mm) @ hats(len(self.slopes_um_mm), view.shape[1])
+        scales = 1e-6 * np.array(self.scales_ppm) @ hats(len(self.scales_ppm), view.shape[1])
         away = view.depth_mm - view.datasheet.working_distance_mm
-        return replace(law, mean_mm=law.mean_mm + slopes * away)
+        return replace(law, mean_mm=law.mean_mm + scales * away)
 
     def words(self) -> dict[str, Any]:
         """Say the deviation of all offsets together."""
