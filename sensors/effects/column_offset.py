@@ -26,7 +26,8 @@ class ColumnOffset(AdditiveEffect):
 
     name: ClassVar = "column_offset"
     summary: ClassVar = (
-        "Every column of the profile reads a little too near or too far, always the same."
+        "Every column of the profile reads a little too near or too far, always the same, or in "
+        "proportion to the depth."
     )
     equation: ClassVar = (
         "c(column) + s(column) (z - WD): values at evenly spaced columns, linear between; white in "
@@ -37,8 +38,8 @@ class ColumnOffset(AdditiveEffect):
         "industrial sensors"
     )
     statement: ClassVar = (
-        "Columns have fixed offsets of {rms_um:.1f} µm (standard deviation), the same in every "
-        "profile: stripes along the travel."
+        "Columns have fixed offsets of {rms_um:.1f} µm (standard deviation){tilted}, the same in "
+        "every profile: stripes along the travel."
     )
     channels: ClassVar = ("mean",)
     frame: ClassVar = "sensor"
@@ -102,6 +103,7 @@ class ColumnOffset(AdditiveEffect):
         return replace(law, mean_mm=law.mean_mm + scales * away)
 
     def words(self) -> dict[str, Any]:
-        """Say the deviation of all offsets together."""
+        """Say the deviation of all offsets together, and that of the scales."""
         values = np.array(self.values_um or (0.0,))
-        return {"rms_um": math.hypot(self.rms_um, float(values.std()))}
+        tilted = f" and scales wrong by {np.std(self.scales_ppm):.0f} ppm" if self.scales_ppm else ""
+        return {"rms_um": math.hypot(self.rms_um, float(values.std())), "tilted": tilted}

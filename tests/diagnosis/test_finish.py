@@ -2,17 +2,22 @@
 
 import cmath
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from benchmarks.relief import SPECKLE, datasheet, part, poses, record, solid
+from diagnosis import finish
 from diagnosis.diagnose import diagnose
 from diagnosis.finish import _stretch
 from diagnosis.noise import calibrate
+from diagnosis.workspace import Model
 from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.recording import Recording
 from sensors.scene import Scene
+from sensors.view import View
 
 
 @pytest.mark.parametrize(("ratio", "angle_deg"), [(1.0, 0.0), (2.5, 0.0), (2.5, 35.0), (2.0, 90.0)])
@@ -64,6 +69,25 @@ def test_a_lay_between_the_axes_keeps_its_angle_on_the_part() -> None:
     # seen from above, the travel is mirrored: the angle on the part isn't the one in the scan
     line, travel = poses(3)[0, :2, 0], poses(3)[0, :2, 1]
     assert np.linalg.det(np.stack([line, travel])) == pytest.approx(-1.0)
+
+
+@pytest.mark.parametrize(("ratio", "bent", "told"), [
+    (1.5, False, True), (1.5, True, False), (2.5, False, True), (2.5, True, True),
+])  # fmt: skip
+def test_beside_a_bent_mean_a_strong_lay_alone_is_told(
+    monkeypatch: pytest.MonkeyPatch, ratio: float, bent: bool, told: bool
+) -> None:
+    lay = AnisotropicLay(ratio=ratio, angle_deg=30.0)
+    monkeypatch.setattr(finish, "_lay", lambda *args, **more: lay)
+    monkeypatch.setattr(finish, "level_change", lambda *args: math.log(0.8))
+    scene, sheet = part("steps"), datasheet(40)
+    patch = SimpleNamespace(view=View(scene, sheet, poses(3), np.arange(3.0)))
+    noise: Any = SimpleNamespace(correlation_length_px=lambda: (1.0, 1.0))
+    ws: Any = SimpleNamespace(patches=[patch])
+    effects, findings = finish.finish_effects(ws, Model(), noise, noise, 0.01, bent=bent)
+    names = [e.name for e in effects]
+    assert names == [n for n, shown in (("roughness_level", not bent), (lay.name, told)) if shown]
+    assert bool(findings) == bool(effects)
 
 
 @pytest.mark.parametrize(

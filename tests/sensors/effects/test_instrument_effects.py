@@ -71,6 +71,14 @@ def test_column_values_are_joined_by_straight_lines(view_of):
     assert "8.2 µm" in effect.describe()
 
 
+def test_columns_have_their_own_scales_from_the_working_distance_on(view_of):
+    effect = ColumnOffset(scales_ppm=(0.0, 1000.0, -1000.0))
+    for away in (-20.0, 0.0, 15.0):
+        view = view_of("plate", height_mm=200.0 + away, sheet={"points_per_profile": 81})
+        change = effect.signature(view)[:, [0, 20, 40, 60, 80]]
+        assert np.allclose(change, 1e-3 * away * np.array([0, 0.5, 1.0, 0.0, -1.0]), atol=1e-12)
+
+
 @pytest.mark.parametrize("side", ["+y", "-y"])
 def test_rows_are_a_pinholes(view_of, side):
     """The row agrees with a projection by vectors."""
@@ -302,6 +310,18 @@ def test_a_column_reads_light_that_came_in_beside_it(view_of, tilt_deg, columns)
     middle = slice(20, -20)
     assert np.allclose(seen[middle] - view.depth_mm[0][middle], sunk[middle], atol=3e-4)
     assert np.abs(sunk[middle]).max() > 0.05
+
+
+def test_sunken_light_of_two_faces_is_averaged_by_the_line(view_of):
+    """At a groove's bottom both walls sink by their own amounts; far from it each by its own."""
+    y = np.array([-10.0, -8.0, 0.0, 8.0, 10.0])
+    effect = VolumeScattering(depth_um=80.0)
+    line = effect.signature(view_of("groove", y_mm=y))[:, 40]
+    thin = effect.signature(view_of("groove", y_mm=y, sheet={"line_width_um": None}))[:, 40]
+    assert np.allclose(line[[0, 1, 3, 4]], thin[[0, 1, 3, 4]], rtol=1e-6)
+    assert abs(thin[1] - thin[3]) > 0.02
+    # the walls differ a little with the depth at which they are hit
+    assert line[2] == pytest.approx(0.5 * (thin[1] + thin[3]), abs=2e-3)
 
 
 def test_thick_basis_is_the_effect(view_of):

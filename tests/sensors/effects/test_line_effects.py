@@ -14,7 +14,7 @@ from sensors.effects.motion_blur import MotionBlur
 from sensors.effects.reflectance_edge import ReflectanceEdge
 from sensors.effects.specular_dropout import SpecularDropout
 from sensors.law import geometric_law, plain_law
-from sensors.line_operator import SUB_LINES, gaussian_weights, read_line, sub_lines
+from sensors.line_operator import SUB_LINES, gaussian_weights, line_mean, read_line, sub_lines
 from sensors.reflectance import Patch, ReflectanceMap
 from sensors.view import Reason, View
 
@@ -338,3 +338,15 @@ def test_a_large_scan_is_blurred_block_by_block(view_of, monkeypatch, uneven):
     parts = effect.apply(geometric_law(view, None), view)
     assert np.array_equal(whole.mean_mm, parts.mean_mm, equal_nan=True)
     assert np.array_equal(whole.white_sd_mm, parts.white_sd_mm)
+
+
+def test_a_line_on_two_walls_has_the_mean_of_both(view_of):
+    """Past the groove's bottom at y the share of the line on the far wall is Φ(y / s)."""
+    y = np.linspace(-1.5, 1.5, 61)
+    view, sd = view_of("groove", y_mm=y), 0.3
+    slope = view.slope_y[:, 40]
+    mean = line_mean(view, sd, lambda sub: sub.slope_y)[:, 40]
+    share = np.array([0.5 * (1 + math.erf(v / sd / math.sqrt(2))) for v in y])
+    # a sub-line is half a deviation wide, and holds a fifth of the light
+    assert np.allclose(mean, slope[0] + (slope[-1] - slope[0]) * share, atol=0.2)
+    assert np.allclose(mean[abs(y) > 3 * sd], slope[abs(y) > 3 * sd])
