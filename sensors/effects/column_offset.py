@@ -105,5 +105,8 @@ class ColumnOffset(AdditiveEffect):
     def words(self) -> dict[str, Any]:
         """Say the deviation of all offsets together, and that of the scales."""
         values = np.array(self.values_um or (0.0,))
-        tilted = f" and scales wrong by {np.std(self.scales_ppm):.0f} ppm" if self.scales_ppm else ""
-        return {"rms_um": math.hypot(self.rms_um, float(values.std())), "tilted": tilted}
+        scales = f" and scales wrong by {np.std(self.scales_ppm):.0f} ppm"
+        return {
+            "rms_um": math.hypot(self.rms_um, float(values.std())),
+            "tilted": scales if self.scales_ppm else "",
+        }
