@@ -165,14 +165,14 @@ def _best(
     elif "tails" in channels:
         channels.add("mean")
     shown = channels - {"mean", "missing"}
-    alike = {f.family.name.removeprefix("effect:") for f in findings if f.family}
+    found = {f.family.effect.name for f in findings if f.family and f.family.effect}
     predictions = ws.predict(model)
     states = ws.states(predictions)
     quick: list[tuple[float, str]] = []
     for name, kind in CATALOGUE.items():
         only = channels & set(kind.channels)
-        if alike & set(kind.rivals):
-            # it looks like what was found by what it does besides: a gloss that loses no reading
+        if found & set(kind.rivals):
+            # what it does besides looks like that: a gloss that loses no reading
             only |= channels & set(kind.also)
         if (
             name in NOT_SEARCHED | withheld

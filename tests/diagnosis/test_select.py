@@ -7,12 +7,13 @@ import pytest
 
 from benchmarks.diagnose import bench_workspace
 from diagnosis import select
-from diagnosis.families import effect_families, free_families
+from diagnosis.families import Family, effect_families, free_families
 from diagnosis.finding import SUSPECT, Finding, Screening
 from diagnosis.fit import LEAST_CYCLES, _grid
 from diagnosis.linear import Fitted
 from diagnosis.select import _of_kin, fold_masks
 from diagnosis.workspace import Model, Workspace
+from sensors.effects import CATALOGUE
 
 
 @pytest.fixture(scope="module")
@@ -154,3 +155,18 @@ def test_form_is_judged_where_it_was_seen(
 def test_what_shows_for_one_of_a_kin_is_looked_for_in_all() -> None:
     assert "variance" in _of_kin("finite_spot")  # a blur's
     assert _of_kin("range_scale") == {"mean"}
+
+
+@pytest.mark.parametrize("name", ["reflectance_edge", "line_bow"])
+def test_a_gloss_is_tried_where_a_mean_like_a_print_s_was_found(
+    ws: Workspace, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    tried = []
+    monkeypatch.setattr(select, "fit_effect", lambda kind, *args, **more: tried.append(kind.name))
+    family = Family(
+        name=f"effect:{name}", words="", frame="sensor", fields=(), effect=CATALOGUE[name]()
+    )
+    found = [finding("mean", 2.0, family)]
+    assert select._best(ws, Model(), found, np.random.default_rng(0), set()) is None
+    assert name in tried
+    assert ("specular_dropout" in tried) == (name == "reflectance_edge")
