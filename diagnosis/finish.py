@@ -160,9 +160,9 @@ def finish_effects(
                 )
             )
     if bent:
-        lays = [e for e in effects if isinstance(e, AnisotropicLay)]
-        effects = [e for e in lays if math.log(e.ratio) > 2 * LAY_TOLERANCE]
-    return effects, findings if effects or not bent else []
+        lays = (e for e in effects if isinstance(e, AnisotropicLay))
+        return [lay for lay in lays if math.log(lay.ratio) > 2 * LAY_TOLERANCE], []
+    return effects, findings
 
 
 def _plates_doubt(model: Model) -> float:
