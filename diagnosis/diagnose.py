@@ -196,7 +196,7 @@ def diagnose(
         )
         if mounting is not None:
             gain = commanded_gain(
-                everything, held_patches, scene, datasheet, laser, noise, mounting, lateral
+                everything, held_patches, placed, scene, datasheet, laser, noise, mounting, lateral
             )
             beside.append(plainly_found(mounting.effect, gain, mounting.intervals))
     beside = [f for f in beside if f.heldout_gain >= LEAST_GAIN]

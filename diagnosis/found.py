@@ -1,18 +1,18 @@
 """The effects of a diagnosis as they are reported: what each gains, its intervals, its rivals."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from diagnosis.edges import EDGE_COVARIATES
 from diagnosis.heldout import Judgement, judge
-from diagnosis.mounting import Mounting
+from diagnosis.mounting import Mounting, part_lies
 from diagnosis.noise import NoiseModel
 from diagnosis.patch import Patch, cut
 from diagnosis.prediction import predict
 from diagnosis.registration import PRIOR_SD, Placement
-from diagnosis.score import log_density
+from diagnosis.score import log_density, placements, whitened
 from diagnosis.select import Choice, refit_linear
 from diagnosis.uncertainty import intervals
 from diagnosis.workspace import Model, Workspace
@@ -142,6 +142,7 @@ def sheet_with(datasheet: Datasheet, effects: Sequence[Effect]) -> Datasheet:
 def commanded_gain(
     recordings: Sequence[Recording],
     held: Sequence[Patch],
+    placed: Mapping[str, Placement],
     scene: Scene,
     datasheet: Datasheet,
     laser: dict[str, Laser],
@@ -149,31 +150,30 @@ def commanded_gain(
     mounting: Mounting,
     lateral: float,
 ) -> float:
-    """Nats per held-out reading that a common offset gains at commanded poses."""
+    """Nats per held-out reading that a common offset gains at commanded poses.
+
+    But for how the part lies: that differs from time to time, and is refitted in the directions
+    that the offset leaves open.
+    """
     names = {p.recording for p in held}
     total, count = 0.0, 0.0
     for number, recording in enumerate(recordings):
         if number not in names:
             continue
-        stay = Placement(
-            shift=np.zeros(PRIOR_SD.size),
-            centre_mm=np.zeros(3),
-            covariance=np.eye(PRIOR_SD.size),
-            poses=recording.poses,
+        stay = replace(
+            placed[recording.name], shift=np.zeros(PRIOR_SD.size), poses=recording.poses
         )
-        for patch in cut(
+        patches = cut(
             number, recording, stay, scene, datasheet, laser[recording.name], lateral_mm=lateral,
             held_out=np.ones(recording.depth_mm.shape, dtype=bool),
-        ):  # fmt: skip
-            scores = [
-                log_density(
-                    patch,
-                    predict(patch.view, e, noise, softness=patch.softness),
-                    noise,
-                    np.zeros(PRIOR_SD.size),
-                )
-                for e in ((), (mounting.effect,))
-            ]
-            total += float((scores[1] - scores[0]).sum())
-            count += float(patch.counted.sum())
+        )  # fmt: skip
+        free = part_lies(mounting.effect, recording.poses, stay)
+        masks = [p.counted & ~p.edge for p in patches]
+        for sign, effects in ((-1, ()), (1, (mounting.effect,))):
+            predictions = [predict(p.view, effects, noise, softness=p.softness) for p in patches]
+            states = [whitened(p, q, noise) for p, q in zip(patches, predictions, strict=True)]
+            lies = placements(patches, states, masks, within=free)[number]
+            for patch, prediction in zip(patches, predictions, strict=True):
+                total += sign * float(log_density(patch, prediction, noise, lies).sum())
+        count += float(sum(p.counted.sum() for p in patches))
     return total / max(count, 1.0)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
+from scipy.linalg import null_space
 from scipy.spatial.transform import Rotation
 
 from diagnosis.noise import Field
@@ -127,16 +128,32 @@ def _uncertainty(commanded: Field, placement: Placement) -> Field:
 
     Where a part's faces leave a direction open, so does a placement.
     """
+    slopes = _slopes(commanded, placement)
+    return np.asarray(slopes @ placement.covariance @ slopes.T + np.diag(SLACK**2))
+
+
+def _slopes(commanded: Field, placement: Placement) -> Field:
+    """Change of the error in the sensor's frame by each number of a placement, (6, 9)."""
     step = 1e-3 * PRIOR_SD
     middle = _in_sensor(commanded, placement)
-    slopes = np.stack(
+    return np.stack(
         [
             (_in_sensor(commanded, replace(placement, shift=placement.shift + d)) - middle) / d[k]
             for k, d in enumerate(np.diag(step))
         ],
         axis=1,
     )
-    return np.asarray(slopes @ placement.covariance @ slopes.T + np.diag(SLACK**2))
+
+
+def part_lies(effect: PoseError, commanded: Field, placement: Placement) -> Field:
+    """Directions (9, k) in which the part may lie otherwise than told: not those of the mounting.
+
+    Orthonormal, in prior deviations of a placement; its travel stays.
+    """
+    told = [k for k, name in enumerate(NAMES) if getattr(effect, name) != 0.0]
+    rigid = (_slopes(commanded, placement) * PRIOR_SD)[told, :6]
+    free = null_space(rigid / np.linalg.norm(rigid, axis=1, keepdims=True))
+    return np.vstack([free, np.zeros((PRIOR_SD.size - 6, free.shape[1]))])
 
 
 def _spread_deg(commanded: Sequence[Field]) -> float:

@@ -105,11 +105,19 @@ def _keep(patch: Patch, key: tuple[Any, ...], make: Callable[[], T]) -> T:
 
 
 def placements(
-    patches: Sequence[Patch], states: Sequence[Whitened], masks: Sequence[Mask]
+    patches: Sequence[Patch],
+    states: Sequence[Whitened],
+    masks: Sequence[Mask],
+    *,
+    within: Field | None = None,
 ) -> dict[int, Field]:
     """Best placement (9,) of each recording given whitened residuals, in prior deviations.
 
     Least squares, then again without the readings that are far off under it.
+
+    Parameters
+    ----------
+    within : (9, k), orthonormal; the directions in which it may lie, all where left out
     """
     found: dict[int, Field] = {}
     for _ in range(3):
@@ -119,13 +127,15 @@ def placements(
             r = patch.recording
             pick = mask & state.used
             columns, values = state.columns[pick], state.innovations[pick]
+            if within is not None:
+                columns = columns @ within
             if r in found:
                 near = np.abs(values - columns @ found[r]) < CLIP
                 columns, values = columns[near], values[near]
-            normal[r] = normal.get(r, np.eye(patch.columns.shape[-1])) + columns.T @ columns
+            normal[r] = normal.get(r, np.eye(columns.shape[-1])) + columns.T @ columns
             right[r] = right.get(r, 0.0) + columns.T @ values
         found = {r: np.linalg.solve(normal[r], right[r]) for r in normal}
-    return found
+    return found if within is None else {r: within @ f for r, f in found.items()}
 
 
 def placed(patch: Patch, state: Whitened, placement: Field) -> Whitened:
