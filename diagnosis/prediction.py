@@ -7,8 +7,6 @@ one, split into what is white and what is speckle so that effects act on either.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.special import ndtr
@@ -17,6 +15,7 @@ from diagnosis.noise import Field, Mask, NoiseModel
 from sensors.beam import as_wide
 from sensors.datasheet import Datasheet
 from sensors.effects.base import Effect
+from sensors.kept import Kept
 from sensors.law import Law, as_moved, geometric_law, sheet_effects
 from sensors.perlin import PerlinField
 from sensors.uncertainty import sigma_mm
@@ -35,9 +34,9 @@ KEPT_TRIALS = 4
 
 Each time two more are asked for: that of its effects on edges alone, and the file's.
 """
-_TRIALS: WeakKeyDictionary[View, dict[tuple[Any, ...], Law]] = WeakKeyDictionary()
-_KEPT: WeakKeyDictionary[View, dict[tuple[Any, ...], Law]] = WeakKeyDictionary()
-_SHIFTS: WeakKeyDictionary[View, dict[Effect, Field]] = WeakKeyDictionary()
+_TRIALS: Kept[Law] = Kept(KEPT_TRIALS)
+_LAWS: Kept[Law] = Kept(KEPT_LAWS)
+_SHIFTS: Kept[Field] = Kept(KEPT_LAWS)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -69,18 +68,11 @@ def law_of(view: View, effects: Sequence[Effect], noise: NoiseModel | None) -> L
 
     What moves the sensor comes first: the others act where it really is.
     """
-    kept = _TRIALS.setdefault(view, {})
     noise_mm = None if noise is None else noise.sd_mm
-    key = (tuple(effects), noise_mm)
-    law = kept.pop(key, None)
-    if law is None:
-        law = _law_of(view, effects, noise_mm)
-        if math.prod(view.shape) > KEPT_POINTS:
-            return law
-        if len(kept) >= KEPT_TRIALS:
-            del kept[next(iter(kept))]
-    kept[key] = law
-    return law
+    return _TRIALS.get(
+        view, (tuple(effects), noise_mm), lambda: _law_of(view, effects, noise_mm),
+        keep=_is_small(view),
+    )  # fmt: skip
 
 
 def _law_of(view: View, effects: Sequence[Effect], noise_mm: float | None) -> Law:
@@ -100,42 +92,38 @@ def _applied(view: View, effects: tuple[Effect, ...], noise_mm: float | None) ->
     shared = 0
     while shared < min(len(own), len(effects)) and effects[shared] == own[shared]:
         shared += 1
-    small = math.prod(view.shape) <= KEPT_POINTS
-    return _built(view, effects, noise_mm, {shared, len(effects) - 1} if small else {shared})
+    last = {len(effects) - 1} if _is_small(view) else set()
+    return _built(view, effects, noise_mm, {shared} | last)
+
+
+def _is_small(view: View) -> bool:
+    return math.prod(view.shape) <= KEPT_POINTS
 
 
 def _built(
     view: View, effects: tuple[Effect, ...], noise_mm: float | None, keep: set[int]
 ) -> Law:
     """Apply the last effect to the law under those before; keep what has so many effects."""
-    kept = _KEPT.setdefault(view, {})
-    key = (effects, noise_mm)
-    law = kept.pop(key, None)
-    if law is None:
-        if effects:
-            law = _with(effects[-1], _built(view, effects[:-1], noise_mm, keep), view)
-        else:
-            law = _bare(view, noise_mm)
-        if len(effects) not in keep:
-            return law
-        if len(kept) >= KEPT_LAWS:
-            del kept[next(iter(kept))]
-    kept[key] = law
-    return law
+
+    def build() -> Law:
+        if not effects:
+            return _bare(view, noise_mm)
+        return _with(effects[-1], _built(view, effects[:-1], noise_mm, keep), view)
+
+    return _LAWS.get(view, (effects, noise_mm), build, keep=len(effects) in keep)
 
 
 def _with(effect: Effect, law: Law, view: View) -> Law:
     """Apply an effect; a shift of the mean that has nothing to do with the law is kept."""
     if effect.is_null or type(effect).shift is Effect.shift:
         return effect.apply(law, view)
-    kept = _SHIFTS.setdefault(view, {})
-    if effect not in kept:
+
+    def shift() -> Field:
         for key in effect.needs:
             view.datasheet.require(key)
-        if len(kept) >= KEPT_LAWS:
-            del kept[next(iter(kept))]
-        kept[effect] = np.asarray(effect.shift(view))
-    return replace(law, mean_mm=law.mean_mm + kept[effect])
+        return np.asarray(effect.shift(view))
+
+    return replace(law, mean_mm=law.mean_mm + _SHIFTS.get(view, effect, shift))
 
 
 def plain_gain(view: View) -> Field:

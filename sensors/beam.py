@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sensors.kept import Kept
 from sensors.law import sheet_effects
 from sensors.line_operator import line_sd_mm
 from sensors.view import View
@@ -19,7 +19,7 @@ SHAPED = ("camera_occlusion", "finite_spot", "edge_mixing")
 """Effects of the geometry whose size is the line's width."""
 MOVING = ("finite_spot", "edge_mixing")
 """Those of them that move a reading."""
-_SHIFTS: WeakKeyDictionary[View, NDArray[np.float64]] = WeakKeyDictionary()
+_SHIFTS: Kept[NDArray[np.float64]] = Kept(1)
 
 
 def as_wide(listed: Sequence["Effect"], found: Mapping[str, "Effect"]) -> list["Effect"]:
@@ -68,11 +68,13 @@ def listed_sd_mm(view: View) -> float:
 
 def listed_shift_mm(view: View) -> NDArray[np.float64]:
     """Return what the listed line's width makes of each reading, (n, m) mm; kept with the view."""
-    if view not in _SHIFTS:
-        shifts = [e.shift(view) for e in sheet_effects(view) if e.name in MOVING and not e.is_null]
-        known = [s for s in shifts if s is not None]
-        _SHIFTS[view] = sum(known, np.zeros(view.shape))
-    return _SHIFTS[view]
+
+    def shift() -> NDArray[np.float64]:
+        moving = (e for e in sheet_effects(view) if e.name in MOVING and not e.is_null)
+        known = [s for s in (e.shift(view) for e in moving) if s is not None]
+        return sum(known, np.zeros(view.shape))
+
+    return _SHIFTS.get(view, None, shift)
 
 
 def weakest_light(view: View) -> float:

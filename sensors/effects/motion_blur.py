@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 from sensors.beam import listed_sd_mm, listed_shift_mm, merging_mm, weakest_light
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
+from sensors.kept import Kept
 from sensors.law import Law
 from sensors.light import matt
 from sensors.line_operator import STEEPEST, Line, between_rows, read_line
@@ -18,7 +18,7 @@ from sensors.view import Reason, View
 
 Floats = NDArray[np.float64]
 
-_STANDING: WeakKeyDictionary[View, dict[tuple[float, float], Line]] = WeakKeyDictionary()
+_STANDING: Kept[Line] = Kept(4)
 SHARES = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
 """Exposures that are tried first, in times between profiles."""
 NOTHING_MM = 1e-9
@@ -171,11 +171,8 @@ def _read(view: View, line: Smear) -> Line:
 
 def _standing(view: View, line: Smear) -> Line:
     """Read a line that doesn't move; kept for the next exposure that is tried."""
-    kept = _STANDING.setdefault(view, {})
     key = float(line.variance[0]), line.step_mm
-    if key not in kept:
-        kept[key] = _read(view, line)
-    return kept[key]
+    return _STANDING.get(view, key, lambda: _read(view, line))
 
 
 def _beside(law: Law, view: View, line: Smear, read_mm: Floats) -> Floats:

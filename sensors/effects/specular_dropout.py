@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +11,14 @@ from scipy.special import expit
 from sensors.beam import merging_mm
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
+from sensors.kept import Kept
 from sensors.law import Law
 from sensors.line_operator import Line, bright_line, line_sd_mm
 from sensors.view import View
 
 Floats = NDArray[np.float64]
 
-_EVEN: WeakKeyDictionary[View, dict[tuple[float, float], Line]] = WeakKeyDictionary()
+_EVEN: Kept[Line] = Kept(2)
 STEEPEST_DEG = 80.0
 """Incidence beyond which the law is held constant."""
 
@@ -135,9 +135,7 @@ class SpecularDropout(Effect):
 
 def _even(view: View, sd_mm: float, merge_mm: float) -> Line:
     """Read the line as if it were equally bright; kept for the next who asks."""
-    kept = _EVEN.setdefault(view, {})
-    if (sd_mm, merge_mm) not in kept:
-        kept[sd_mm, merge_mm] = bright_line(
-            view, sd_mm, lambda sub: np.ones((1, 1)), merge_mm=merge_mm
-        )
-    return kept[sd_mm, merge_mm]
+    return _EVEN.get(
+        view, (sd_mm, merge_mm),
+        lambda: bright_line(view, sd_mm, lambda sub: np.ones((1, 1)), merge_mm=merge_mm),
+    )  # fmt: skip
