@@ -105,8 +105,7 @@ class ColumnOffset(AdditiveEffect):
     def words(self) -> dict[str, Any]:
         """Say the deviation of all offsets together, and that of the scales."""
         values = np.array(self.values_um or (0.0,))
-        scales = f" and scales wrong by {np.std(self.scales_ppm):.0f} ppm"
-        return {
-            "rms_um": math.hypot(self.rms_um, float(values.std())),
-            "tilted": scales if self.scales_ppm else "",
-        }
+        tilted = ""
+        if self.scales_ppm:
+            tilted = f" and scales wrong by {np.std(self.scales_ppm):.0f} ppm"
+        return {"rms_um": math.hypot(self.rms_um, float(values.std())), "tilted": tilted}

@@ -77,6 +77,7 @@ def test_columns_have_their_own_scales_from_the_working_distance_on(view_of):
         view = view_of("plate", height_mm=200.0 + away, sheet={"points_per_profile": 81})
         change = effect.signature(view)[:, [0, 20, 40, 60, 80]]
         assert np.allclose(change, 1e-3 * away * np.array([0, 0.5, 1.0, 0.0, -1.0]), atol=1e-12)
+    assert "816 ppm" in effect.describe()
 
 
 @pytest.mark.parametrize("side", ["+y", "-y"])
