@@ -10,9 +10,7 @@ from diagnosis.heldout import Judgement, judge
 from diagnosis.mounting import Mounting, part_lies
 from diagnosis.noise import NoiseModel
 from diagnosis.patch import Patch, cut
-from diagnosis.prediction import predict
 from diagnosis.registration import PRIOR_SD, Placement
-from diagnosis.score import log_density, placements, whitened
 from diagnosis.select import Choice, refit_linear
 from diagnosis.uncertainty import intervals
 from diagnosis.workspace import Model, Workspace
@@ -169,11 +167,10 @@ def commanded_gain(
         )  # fmt: skip
         free = part_lies(mounting.effect, recording.poses, stay)
         masks = [p.counted & ~p.edge for p in patches]
-        for sign, effects in ((-1, ()), (1, (mounting.effect,))):
-            predictions = [predict(p.view, effects, noise, softness=p.softness) for p in patches]
-            states = [whitened(p, q, noise) for p, q in zip(patches, predictions, strict=True)]
-            lies = placements(patches, states, masks, within=free)[number]
-            for patch, prediction in zip(patches, predictions, strict=True):
-                total += sign * float(log_density(patch, prediction, noise, lies).sum())
+        ws = Workspace.build(patches, noise)
+        for sign, model in ((-1, Model()), (1, Model(effects=(mounting.effect,)))):
+            lies = ws.placements(model, masks, within=free)
+            densities = ws.log_densities(model, placements=lies)
+            total += sign * sum(float(d.sum()) for d in densities)
         count += float(sum(p.counted.sum() for p in patches))
     return total / max(count, 1.0)
