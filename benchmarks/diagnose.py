@@ -124,7 +124,7 @@ def taken_with(ws: Workspace, name: str, effect: Effect) -> Workspace:
     """Return a part's `bench_workspace` with the recordings taken again with an effect in them."""
     made = _recordings(name, [effect.to_mapping()])
     patches = tuple(
-        replace(p, depth_mm=r.depth_mm, kept={}) for p, r in zip(ws.patches, made, strict=True)
+        replace(p, depth_mm=r.depth_mm) for p, r in zip(ws.patches, made, strict=True)
     )
     return replace(ws, patches=patches)
 
@@ -158,7 +158,7 @@ def _expected_nats(ws: Workspace, thing: Effect) -> float:
         most = np.where(patch.edge, CLIP * plain.sd_mm, 0.3)
         change = np.where(both, np.nan_to_num(other.mean_mm) - np.nan_to_num(plain.mean_mm), 0.0)
         signals.append(
-            replace(state, innovations=state.whiten(np.clip(change, -most, most)), kept={})
+            replace(state, innovations=state.whiten(np.clip(change, -most, most)))
         )
         p, q = other.p_missing, plain.p_missing
         nats += float((p * np.log(p / q) + (1 - p) * np.log((1 - p) / (1 - q)))[plain.seen].sum())

@@ -53,7 +53,7 @@ def held_findings(
     ]
     if not asked:
         return list(findings)
-    judging = [replace(p, fit=p.scored, kept={}) for p in held]
+    judging = [replace(p, fit=p.scored) for p in held]
     both = [*ws.patches, *judging]
     base = replace(ws, patches=tuple(both)).predict(model)
     count = len(ws.patches)

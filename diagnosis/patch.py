@@ -5,8 +5,7 @@ nothing is resampled and neighbours stay neighbours.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -27,7 +26,7 @@ STRIPS = 5
 SPIKE_SD = 6.0
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False, weakref_slot=True)
 class Patch:
     """One recording's profiles `rows`, with what geometry says of them.
 
@@ -67,7 +66,6 @@ class Patch:
     edge: Mask
     fit: Mask
     scored: Mask
-    kept: dict[str, Any] = field(default_factory=dict)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -199,7 +197,6 @@ def strip_of(patch: Patch, part: slice) -> Patch:
         edge=patch.edge[part],
         fit=patch.fit[part],
         scored=patch.scored[part],
-        kept={},
     )
 
 

@@ -5,9 +5,8 @@ a missing return scores the log probability of missing. The placement is profile
 generalised least squares on the readings that may be fitted, the same for every model.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,12 +14,13 @@ from diagnosis.noise import Field, Mask, NoiseModel
 from diagnosis.patch import SPIKE_SD, Patch, spikes
 from diagnosis.prediction import Prediction
 from diagnosis.whitening import Whitener
+from sensors.kept import Kept
 
 LOG_ROOT_2PI = 0.5 * np.log(2 * np.pi)
 CLIP = 4.0
-KEPT = 3
 LOG_STRAY = float(np.log(1e-4))
-T = TypeVar("T")
+_WHITENERS: Kept[Whitener] = Kept(3)
+_COLUMNS: Kept[Field] = Kept(3)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -47,7 +47,6 @@ class Whitened:
     sd_mm: Field
     innovations: Field
     columns: Field
-    kept: dict[int, Any] = field(default_factory=dict)
 
     def whiten(self, field_mm: Field) -> Field:
         """Whiten a change of the mean (n, m), mm."""
@@ -73,13 +72,13 @@ def whitened(patch: Patch, prediction: Prediction, noise: NoiseModel) -> Whitene
 
 
 def _whitener(patch: Patch, used: Mask, noise: NoiseModel) -> Whitener:
-    key = ("whitener", id(noise), hash(np.packbits(used).tobytes()))
-    return _keep(patch, key, lambda: Whitener.build(noise, used))
+    key = noise, hash(np.packbits(used).tobytes())
+    return _WHITENERS.get(patch, key, lambda: Whitener.build(noise, used))
 
 
 def _columns(patch: Patch, whitener: Whitener, sd_mm: Field, noise: NoiseModel) -> Field:
     used = whitener.used
-    key = ("columns", id(noise), hash(np.packbits(used).tobytes()), hash(sd_mm.tobytes()))
+    key = noise, hash(np.packbits(used).tobytes()), hash(sd_mm.tobytes())
 
     def whiten_all() -> Field:
         count = patch.columns.shape[-1]
@@ -91,17 +90,7 @@ def _columns(patch: Patch, whitener: Whitener, sd_mm: Field, noise: NoiseModel) 
             axis=-1,
         )
 
-    return _keep(patch, key, whiten_all)
-
-
-def _keep(patch: Patch, key: tuple[Any, ...], make: Callable[[], T]) -> T:
-    """Make a value once; the last few of a kind are kept with the patch."""
-    kept: dict[tuple[Any, ...], T] = patch.kept.setdefault(key[0], {})
-    if key not in kept:
-        if len(kept) >= KEPT:
-            del kept[next(iter(kept))]
-        kept[key] = make()
-    return kept[key]
+    return _COLUMNS.get(patch, key, whiten_all)
 
 
 def placements(
@@ -145,7 +134,6 @@ def placed(patch: Patch, state: Whitened, placement: Field) -> Whitened:
         state,
         residual_mm=state.residual_mm - moved,
         innovations=state.innovations - np.where(state.used, state.columns @ placement, 0.0),
-        kept={},
     )
 
 

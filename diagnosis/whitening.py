@@ -6,13 +6,13 @@ a whitened reading; missing neighbours only change the weights, so edges and gap
 """
 
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from diagnosis.noise import Field, Mask, NoiseModel
+from sensors.kept import Kept
 
 # earlier neighbours as (rows up, columns): the current profile's last three, then profiles before
 NEIGHBOURS = np.array(
@@ -49,7 +49,7 @@ class Whitener:
         """Solve the conditionals for the patterns of neighbours that `used` shows."""
         pattern = _patterns(used, NEIGHBOURS)
         met = np.unique(pattern[used]) if used.any() else np.zeros(0, dtype=np.int32)
-        solved = _SOLVED.setdefault(noise, _Conditionals(noise))
+        solved = _SOLVED.get(noise, None, lambda: _Conditionals(noise))
         solved.solve(met)
         return cls(
             used=used, pattern=pattern, weights=solved.weights, deviation=solved.deviation
@@ -96,7 +96,7 @@ class _Conditionals:
             self._known[code] = True
 
 
-_SOLVED: WeakKeyDictionary[NoiseModel, _Conditionals] = WeakKeyDictionary()
+_SOLVED: Kept[_Conditionals] = Kept(1)
 
 
 def _between(noise: NoiseModel, lag: NDArray[np.int64]) -> Field:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sensors.datasheet import Datasheet
+from sensors.kept import Kept
 from sensors.laser import Laser
 from sensors.sight import camera_visible
 
@@ -25,7 +26,6 @@ Floats = NDArray[np.float64]
 
 # Shifted views of scans up to this many points are kept for the next effect that asks.
 KEPT_POINTS = 200_000
-KEPT_VIEWS = 64
 
 
 class Reason(IntEnum):
@@ -97,13 +97,12 @@ class View:
         if self.time_s.shape != self.poses.shape[:1]:
             raise ValueError(f"time_s must be ({len(self.poses)},), got {self.time_s.shape}")
         self._given_hits = hits
-        self._kept: dict[tuple[object, ...], View] = {}
         self._seen: dict[float, NDArray[np.bool_]] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         kept = ("scene", "datasheet", "poses", "time_s", "laser", "reflectance", "intensity")
         state = {key: self.__dict__[key] for key in (*kept, "start_time_s", "_given_hits")}
-        return state | {"_kept": {}, "_seen": {}}
+        return state | {"_seen": {}}
 
     # ---- the scan itself
 
@@ -387,20 +386,16 @@ class View:
         if not any(d.any() for d in parts):
             return self
         key = tuple(d.tobytes() for d in parts)
-        if key in self._kept:
-            self._kept[key] = self._kept.pop(key)  # the last one to go
-            return self._kept[key]
+        n, m = self.shape
+        return _SHIFTED.get(self, key, lambda: self._moved(parts), keep=n * m <= KEPT_POINTS)
+
+    def _moved(self, parts: list[Floats]) -> "View":
         move = np.stack(np.broadcast_arrays(*parts), axis=-1) + np.zeros((len(self.poses), 1))
         poses = self.poses.copy()
         poses[:, :3, 3] += np.einsum("nij,nj->ni", poses[:, :3, :3], move)
-        view = self.posed(poses)
-        n, m = self.shape
-        if n * m <= KEPT_POINTS:
-            self._kept[key] = view
-            if len(self._kept) > KEPT_VIEWS:
-                del self._kept[next(iter(self._kept))]
-        return view
+        return self.posed(poses)
 
 
+_SHIFTED: Kept[View] = Kept(64)
 # A quantity at each point of a view, broadcastable to (n, m).
 ViewFunction = Callable[[View], Floats]

@@ -13,7 +13,7 @@ from diagnosis.workspace import Model
 def test_a_strip_without_readings_is_passed_over() -> None:
     ws = bench_workspace("wedge")
     one, other = ws.patches
-    empty = replace(other, fit=np.zeros(other.shape, dtype=bool), kept={})
+    empty = replace(other, fit=np.zeros(other.shape, dtype=bool))
     patches = [one, other, empty]
     some = replace(ws, patches=tuple(patches))
     states = some.states(some.predict(Model()))

@@ -85,7 +85,7 @@ def test_the_level_of_the_noise_is_what_every_recording_bears_out(ws: Workspace)
     def rougher(factors: tuple[float, float]) -> Workspace:
         patches = tuple(
             replace(
-                p, depth_mm=q.mean_mm + factors[p.recording] * (p.depth_mm - q.mean_mm), kept={}
+                p, depth_mm=q.mean_mm + factors[p.recording] * (p.depth_mm - q.mean_mm)
             )
             for p, q in zip(ws.patches, plain, strict=True)
         )

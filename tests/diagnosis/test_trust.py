@@ -40,7 +40,7 @@ def test_a_law_that_they_bear_out_counts_whole(ws: Workspace) -> None:
     known[0] = False
     both = zip(ws.patches, ws.predict(Model()), ws.predict(WIDE), strict=True)
     moved = tuple(
-        replace(p, depth_mm=p.depth_mm + full.mean_mm - plain.mean_mm, kept={})
+        replace(p, depth_mm=p.depth_mm + full.mean_mm - plain.mean_mm)
         for p, plain, full in both
     )
     assert np.all(trust(replace(ws, patches=moved), WIDE).shares[known] > 0.85)
