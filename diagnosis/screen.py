@@ -23,6 +23,7 @@ from diagnosis.rowwise import RowTests
 from diagnosis.score import CLIP, Whitened
 from sensors.effects.base import Effect
 from sensors.effects.edge_mixing import EdgeMixing
+from sensors.effects.finite_spot import FiniteSpot
 from sensors.law import sheet_effects
 
 DRAWS = 48
@@ -43,6 +44,8 @@ along a narrower line.
 """
 WIDER_TOLERANCE = 0.2
 """The same for two levels mixed by a wider line than is listed; opened nulls had 0.19 at most."""
+BEAM_TOLERANCE = 0.15
+"""The same for a line that is wider by now; eleven opened nulls had 0.07 at most."""
 WHOLE_TOLERANCE = 1.25
 """The same for the rms of all edges in any direction; one of those nulls had 1.11."""
 TOGETHER = 4.0
@@ -236,8 +239,7 @@ def _family(
     if family.effect is not None and family.at_edges and edges is not None:
         count, whole = edges
         size = math.sqrt(max(t - dof, 0.0) / max(count, 1))
-        wider = _mixed_wider(family.effect, readings.patches[0])
-        tolerance = WIDER_TOLERANCE if wider else LISTED_TOLERANCE
+        tolerance = _listed_tolerance(family.effect, readings.patches[0])
         if whole > WHOLE_TOLERANCE:
             size, tolerance = whole, WHOLE_TOLERANCE
     else:
@@ -256,12 +258,15 @@ def lists_edges(patch: Patch) -> bool:
     return any(e.covariate in READ_AT_EDGES for e in sheet_effects(patch.view))
 
 
-def _mixed_wider(effect: Effect, patch: Patch) -> bool:
-    """Whether an effect mixes levels by a wider line than the sensor's file lists."""
-    listed = [e for e in sheet_effects(patch.view) if isinstance(e, EdgeMixing)]
-    if not listed or not isinstance(effect, EdgeMixing):
-        return False
-    return (effect.line_sd_um or 0.0) > (listed[0].line_sd_um or 0.0)
+def _listed_tolerance(effect: Effect, patch: Patch) -> float:
+    """Size that a signature on edges may have by the faults of what the sensor's file lists."""
+    if isinstance(effect, FiniteSpot) and effect.beam_um > 0:
+        return BEAM_TOLERANCE
+    mixing = [e for e in sheet_effects(patch.view) if isinstance(e, EdgeMixing)]
+    if mixing and isinstance(effect, EdgeMixing):
+        wider = (effect.line_sd_um or 0.0) > (mixing[0].line_sd_um or 0.0)
+        return WIDER_TOLERANCE if wider else LISTED_TOLERANCE
+    return LISTED_TOLERANCE
 
 
 def _typical_sd(readings: Readings) -> float:

@@ -245,10 +245,9 @@ class Effect(ABC):
         self._refuse_unknown(new)
         return dataclasses.replace(self, **new)  # type: ignore[type-var]  # every effect is one
 
-    @classmethod
-    def searched(cls, *, linear: bool | None = None) -> tuple[Parameter, ...]:
+    def searched(self, *, linear: bool | None = None) -> tuple[Parameter, ...]:
         """Numbers that a fit may move; only the linear or nonlinear ones where asked."""
-        found = (p for p in cls.parameters() if p.searched)
+        found = (p for p in self.parameters() if p.searched)
         return tuple(p for p in found if linear is None or p.linear == linear)
 
     def vector(self, names: Iterable[str]) -> Floats:

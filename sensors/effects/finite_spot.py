@@ -6,16 +6,26 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from sensors.beam import listed_sd_mm, told_sd_mm, wider_mm
 from sensors.effects.base import Effect
-from sensors.effects.parameter import parameter
+from sensors.effects.parameter import Parameter, parameter
+from sensors.kept import Kept
 from sensors.law import Law
 from sensors.line_operator import gaussian_weights, lean_mm, line_sd_mm, read_line, sub_lines
 from sensors.view import View
 
+_ROUNDED: Kept[NDArray[np.float64]] = Kept(1)
+TIMES_WIDER = (0.5, 1.4, 2.0, 2.8)
+"""Widths that are tried first, in times of the line that the file tells of."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FiniteSpot(Effect):
-    """Mean over a Gaussian footprint on the surface that runs on from the centre."""
+    """Mean over a Gaussian footprint on the surface that runs on from the centre.
+
+    What a file tells of edges was measured with the line as it was. A line that is wider by now
+    (`beam_um`) adds to that what a matt surface under it reads beyond one under the former.
+    """
 
     name: ClassVar = "finite_spot"
     summary: ClassVar = (
@@ -78,9 +88,36 @@ class FiniteSpot(Effect):
         typical=0.0,
     )
 
+    beam_um: float = parameter(
+        "standard deviation that the line has by now, where the file's figures on edges were "
+        "measured with another; 0: as it was then",
+        unit="µm",
+        low=0.0,
+        high=500.0,
+        typical=0.0,
+    )
+
+    def searched(self, *, linear: bool | None = None) -> tuple[Parameter, ...]:
+        """Return the numbers that a fit may move: none of what was measured for the file."""
+        found = Effect.searched(self, linear=linear)
+        return tuple(p for p in found if (p.name == "beam_um") == (self.beam_um > 0))
+
+    def grid(self, view: View) -> tuple[Self, ...]:
+        """Return lines wider and narrower than the one the file tells of; any without one."""
+        if told_sd_mm(view) == 0.0:
+            return Effect.grid(self, view)
+        beam_um, high = 1e3 * listed_sd_mm(view), self.parameter("beam_um").high
+        wide = [min(beam_um * times, high) for times in TIMES_WIDER]
+        return tuple(self.with_parameters(beam_um=um) for um in wide)
+
+    def words(self) -> dict[str, float]:
+        """Say how wide the line is by now."""
+        return {"line_sd_um": self.beam_um} if self.beam_um else {}
+
     def variants(self, view: View) -> tuple[Self, ...]:
         """Return the line leaning to the bright side, where the brightness is known."""
-        if view.brightness is None or view.datasheet.triangulation_angle_deg is None:
+        placed = view.datasheet.triangulation_angle_deg is not None
+        if self.beam_um or view.brightness is None or not placed:
             return ()
         return (self.with_parameters(lean=0.3),)
 
@@ -89,7 +126,14 @@ class FiniteSpot(Effect):
         return replace(law, mean_mm=law.mean_mm + self.shift(view))
 
     def shift(self, view: View) -> NDArray[np.float64]:
-        """Return the footprint's mean less the centre's depth."""
+        """Return the footprint's mean less the centre's depth; a wider line's change with it."""
+        if self.beam_um == 0:
+            return self._rounded(view)
+        told = self.with_parameters(beam_um=0.0)
+        rounded = _ROUNDED.get(view, told, lambda: told._rounded(view))
+        return rounded + wider_mm(view, 1e-3 * self.beam_um)
+
+    def _rounded(self, view: View) -> NDArray[np.float64]:
         sd = line_sd_mm(view, self.line_sd_um, self.rayleigh_mm)
         offsets = sub_lines(float(np.max(sd)))
         line = read_line(view, offsets, gaussian_weights(offsets, sd))

@@ -6,19 +6,16 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.beam import listed_sd_mm, listed_shift_mm, merging_mm, weakest_light
+from sensors.beam import listed_sd_mm, listed_shift_mm, read_beam, standing, weakest_light
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
-from sensors.kept import Kept
 from sensors.law import Law
-from sensors.light import matt
-from sensors.line_operator import STEEPEST, Line, between_rows, read_line
+from sensors.line_operator import STEEPEST, between_rows
 from sensors.smear import Smear, smear
 from sensors.view import Reason, View
 
 Floats = NDArray[np.float64]
 
-_STANDING: Kept[Line] = Kept(4)
 SHARES = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
 """Exposures that are tried first, in times between profiles."""
 NOTHING_MM = 1e-9
@@ -105,19 +102,19 @@ class MotionBlur(Effect):
         if np.ptp(start) + np.ptp(end) <= 1e-9 * way.max():
             start, end = start[:1], end[:1]
         moving = smear(sd, start, end)
-        line = _read(view, moving)
+        line = read_beam(view, moving)
         lit = np.isfinite(line.depth_mm) & (line.light >= weakest_light(view))
         mean = line.depth_mm + _beside(law, view, moving, line.depth_mm)
         still = smear(sd, 0.0, 0.0, step_mm=moving.step_mm)
         own: Floats | float = 0.0
         if sd > 0:
-            standing = _standing(view, still)
+            stood = standing(view, still)
             # what the file says of a standing line beyond this reading fades in a longer one
-            told = view.depth_mm + listed_shift_mm(view) - standing.depth_mm
+            told = view.depth_mm + listed_shift_mm(view) - stood.depth_mm
             told = np.where(np.abs(told) <= STEEPEST * sd, told, 0.0)
             mean += np.sqrt(still.variance / moving.variance)[:, None] * told
             # a standing line has its spread, too: that is in the law's noise
-            own = np.square(standing.spread_mm)
+            own = np.square(stood.spread_mm)
         wider = moving.variance - still.variance
         share = way**2 / 12 / np.where(wider > 0, wider, 1.0)
         spread = np.sqrt(np.fmax(np.square(line.spread_mm) - own, 0.0) * share[:, None])
@@ -158,21 +155,6 @@ class MotionBlur(Effect):
         """Return how far the sensor gets during an exposure at most."""
         start, end = self.way_mm(view)
         return float(np.max(np.abs(end - start)))
-
-
-def _read(view: View, line: Smear) -> Line:
-    """Read a smeared line; where the camera's place is stated, matt light that it sees."""
-    seen = view.datasheet.triangulation_angle_deg is not None
-    return read_line(
-        view, line.offsets_mm, list(line.light[..., None]), within_mm=line.within_mm,
-        camera=seen, visible=seen, radiance=matt if seen else None, merge_mm=merging_mm(view),
-    )  # fmt: skip
-
-
-def _standing(view: View, line: Smear) -> Line:
-    """Read a line that doesn't move; kept for the next exposure that is tried."""
-    key = float(line.variance[0]), line.step_mm
-    return _STANDING.get(view, key, lambda: _read(view, line))
 
 
 def _beside(law: Law, view: View, line: Smear, read_mm: Floats) -> Floats:
