@@ -7,6 +7,7 @@ from diagnosis.found import sheet_with
 from diagnosis.prediction import law_of
 from sensors.effects import effects_of
 from sensors.effects.edge_mixing import EdgeMixing
+from sensors.effects.finite_spot import FiniteSpot
 from sensors.effects.line_bow import LineBow
 from sensors.view import View
 
@@ -27,6 +28,20 @@ def test_a_wider_line_found_by_one_effect_is_written_for_all() -> None:
     as_found = law_of(View(part("steps"), sheet, scan, time), found, None)
     as_written = law_of(View(part("steps"), written, scan, time), (), None)
     assert np.array_equal(as_found.mean_mm, as_written.mean_mm, equal_nan=True)
+
+
+def test_a_line_wider_by_now_is_written_beside_what_was_measured() -> None:
+    sheet = datasheet(100, LISTED)
+    found = (FiniteSpot(line_sd_um=60.0, beam_um=80.0),)
+    written = sheet_with(sheet, found)
+    assert effects_of(written) == (*found, EdgeMixing(line_sd_um=40.0))
+    time = np.arange(40) / 200.0
+    scan = poses(40, pitch_mm=0.3)
+    plain, as_found = (law_of(View(part("steps"), sheet, scan, time), e, None).mean_mm
+                       for e in ((), found))  # fmt: skip
+    as_written = law_of(View(part("steps"), written, scan, time), (), None)
+    assert np.nanmax(np.abs(as_found - plain)) > 0.01
+    assert np.array_equal(as_found, as_written.mean_mm, equal_nan=True)
 
 
 def test_what_was_not_found_stays_as_it_was_written() -> None:

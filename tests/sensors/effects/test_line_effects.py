@@ -14,6 +14,7 @@ from sensors.effects.motion_blur import MotionBlur
 from sensors.effects.reflectance_edge import ReflectanceEdge
 from sensors.effects.specular_dropout import SpecularDropout
 from sensors.law import geometric_law, plain_law
+from sensors.light import matt
 from sensors.line_operator import SUB_LINES, gaussian_weights, line_mean, read_line, sub_lines
 from sensors.reflectance import Patch, ReflectanceMap
 from sensors.view import Reason, View
@@ -272,6 +273,68 @@ def test_a_line_wider_than_listed_is_so_for_all(name):
     expected = [w if o else 2 * w for w, o in zip((40.0, 60.0, 40.0), own, strict=False)]
     assert widths == [*expected, None]
     assert as_wide(listed, {}) == list(listed)
+
+
+SPOT = {"name": "finite_spot", "line_sd_um": 160.0}
+CUT_LINE = {"name": "edge_mixing", "line_sd_um": 100.0, "merge_um": 500.0, "weakest": 0.05}
+
+
+def test_a_line_wider_by_now_leaves_what_was_measured_as_it_is():
+    listed = (CameraOcclusion(line_sd_um=40.0), FiniteSpot(line_sd_um=60.0),
+              EdgeMixing(line_sd_um=40.0))  # fmt: skip
+    shadow, spot, mixing = as_wide(listed, {"finite_spot": listed[1].with_parameters(beam_um=100)})
+    assert shadow.line_sd_um == 100.0
+    assert (spot, mixing) == listed[1:]
+    # one that a file lists is what the next is held against
+    wide = (shadow, listed[1].with_parameters(beam_um=100.0), mixing)
+    again = as_wide(wide, {"finite_spot": listed[1].with_parameters(beam_um=150.0)})
+    assert again[0].line_sd_um == 150.0
+
+
+@pytest.mark.parametrize("side", ["+y", "-y"])
+def test_a_wider_line_on_a_crease_leans_by_lambert_s_law(view_of, side):
+    """Half of it on the flat, half on a wall of slope 1, each as bright as the camera sees it."""
+    y = np.linspace(17.0, 23.0, 121)
+    view = view_of("groove", y_mm=y, sheet={"camera_side": side, "effects": (SPOT, CUT_LINE)})
+    crease = int(np.argmin(np.abs(y - 20.0)))
+    now = FiniteSpot(line_sd_um=160.0, beam_um=300.0)
+    change = (now.shift(view) - FiniteSpot(line_sd_um=160.0).shift(view))[:, 40]
+    flat, wall = matt(view)[[-1, crease - 20], 40]
+    cot = COT if side == "+y" else -COT
+    expected = (flat * cot + wall * (1 - cot)) / (flat + wall)
+    assert np.isclose(change[crease], expected * math.sqrt(2 / math.pi) * 0.2, rtol=0.1)
+    # a line is brighter where the camera looks at it less obliquely: s² over the distance
+    assert np.all(np.abs(change[np.abs(y - 20.0) > 1.25]) < 2e-3)
+
+
+def test_a_line_as_wide_as_told_changes_nothing(view_of):
+    view = view_of("groove", y_mm=np.linspace(17, 23, 61), sheet={"effects": (SPOT, CUT_LINE)})
+    told = FiniteSpot(line_sd_um=160.0)
+    assert np.allclose(told.with_parameters(beam_um=100.0).shift(view), told.shift(view))
+    assert not np.allclose(told.with_parameters(beam_um=200.0).shift(view), told.shift(view))
+
+
+def test_a_wider_line_cut_at_an_edge_reads_from_its_own_half(view_of):
+    """Where the block hides the line's other half: 0.80 cot θ times what it is wider."""
+    y = -10.0 - 10.0 * math.tan(math.radians(30.0)) + np.array([-3.0, 0.0, 3.0])
+    view = view_of("step", solid={"height": 10.0}, y_mm=y, sheet={"effects": (SPOT, CUT_LINE)})
+    wider = FiniteSpot(line_sd_um=160.0, beam_um=200.0).shift(view)[:, 40]
+    told = FiniteSpot(line_sd_um=160.0).shift(view)[:, 40]
+    expected = -0.1 * math.sqrt(2 / math.pi) * COT
+    assert np.isclose((wider - told)[1], expected, rtol=0.15)
+    assert abs((wider - told)[0]) < 1e-9
+
+
+def test_a_fit_moves_the_line_as_it_is_by_now_where_a_file_tells_of_it(view_of):
+    listed = view_of("step", sheet={"effects": (SPOT, CUT_LINE)})
+    points = FiniteSpot(line_sd_um=160.0).grid(listed)
+    assert [p.beam_um for p in points] == [50.0, 140.0, 200.0, 280.0]
+    assert [p.name for p in points[0].searched()] == ["beam_um"]
+    assert points[0].variants(listed) == ()
+    assert "as by a laser line of 50 µm" in points[0].describe()
+    bare = FiniteSpot(line_sd_um=160.0).grid(view_of("step"))
+    assert all(p.beam_um == 0.0 for p in bare)
+    assert [p.name for p in bare[0].searched()] == ["line_sd_um", "lean"]
 
 
 @pytest.mark.parametrize(("side", "sign"), [("+y", 1.0), ("-y", -1.0)])
