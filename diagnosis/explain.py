@@ -55,7 +55,7 @@ LEAST_LISTED = 0.01
 It may mend the maker's coarse law: of opened cases, four such effects that weren't there gained
 less, and all true ones more.
 """
-PASSING = ("time", "travel")
+PASSING = ("sensor", "time", "travel")
 """Frames of what one recording may show and another not."""
 TRIALS = 4
 PLACED = 3
@@ -86,8 +86,9 @@ class Explanation:
 def shows(effect: Effect, patches: Sequence[Patch], noise: NoiseModel) -> bool:
     """Whether held-out readings can speak of an effect, or fitted ones show it no better.
 
-    What fades with time may be over before the held-out recording begins, and a slip along the
-    travel moves nothing where that recording looks at flats.
+    What fades with time may be over before the held-out recording begins, a slip along the
+    travel moves nothing where that recording looks at flats, and an error of the range is a tilt
+    and a shift where it sees planes that lie as one.
     """
     if effect.frame not in PASSING or effect.covariate in EDGE_COVARIATES:
         return True

@@ -17,6 +17,7 @@ from diagnosis.settle import registered_under
 from diagnosis.workspace import Model, Workspace
 from sensors.effects.base import Effect
 from sensors.effects.interreflection import Interreflection
+from sensors.effects.range_scale import RangeScale
 from sensors.effects.thermal_drift import ThermalDrift
 from sensors.effects.travel_ripple import TravelRipple
 from sensors.laser import Laser
@@ -77,6 +78,17 @@ def test_a_drift_is_told_by_the_recording_that_shows_it_most(ws: Workspace) -> N
     judged = [replace(p, fit=p.fit & (p.recording == 0), scored=~p.fit | (p.recording == 1))
               for p in late]  # fmt: skip
     assert not shows(drift, judged, ws.noise)
+
+
+def test_an_error_of_the_range_isn_t_for_one_plane_to_judge(ws: Workspace) -> None:
+    """On it the error is a tilt and a shift, which the registration takes up."""
+    error = RangeScale(error_ppm=3000.0)
+    triangle = np.concatenate([p.view.hits.triangle[p.counted & ~p.edge] for p in ws.patches])
+    facet = np.argmax(np.bincount(triangle[triangle >= 0]))
+    one = [replace(p, fit=p.counted, scored=p.counted & (p.view.hits.triangle == facet))
+           for p in ws.patches]  # fmt: skip
+    assert not shows(error, one, ws.noise)
+    assert shows(error, [replace(p, scored=p.fit) for p in one], ws.noise)
 
 
 def test_the_level_of_the_noise_is_what_every_recording_bears_out(ws: Workspace) -> None:
