@@ -6,11 +6,11 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.beam import listed_sd_mm, told_sd_mm, wider_mm
+from sensors.beam import listed_sd_mm, wider_mm
 from sensors.effects.base import Effect
 from sensors.effects.parameter import Parameter, parameter
 from sensors.kept import Kept
-from sensors.law import Law
+from sensors.law import Law, sheet_effects
 from sensors.line_operator import gaussian_weights, lean_mm, line_sd_mm, read_line, sub_lines
 from sensors.view import View
 
@@ -103,8 +103,8 @@ class FiniteSpot(Effect):
         return tuple(p for p in found if (p.name == "beam_um") == (self.beam_um > 0))
 
     def grid(self, view: View) -> tuple[Self, ...]:
-        """Return lines wider and narrower than the one the file tells of; any without one."""
-        if told_sd_mm(view) == 0.0:
+        """Return lines wider and narrower than the one whose spot the file lists, else any."""
+        if self.is_null or self not in sheet_effects(view):
             return Effect.grid(self, view)
         beam_um, high = 1e3 * listed_sd_mm(view), self.parameter("beam_um").high
         wide = [min(beam_um * times, high) for times in TIMES_WIDER]

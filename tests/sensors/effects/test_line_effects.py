@@ -332,8 +332,9 @@ def test_a_fit_moves_the_line_as_it_is_by_now_where_a_file_tells_of_it(view_of):
     assert [p.name for p in points[0].searched()] == ["beam_um"]
     assert points[0].variants(listed) == ()
     assert "as by a laser line of 50 µm" in points[0].describe()
-    bare = FiniteSpot(line_sd_um=160.0).grid(view_of("step"))
-    assert all(p.beam_um == 0.0 for p in bare)
+    for unlisted in (view_of("step"), view_of("step", sheet={"effects": (CUT_LINE,)})):
+        bare = FiniteSpot(line_sd_um=160.0).grid(unlisted)
+        assert all(p.beam_um == 0.0 for p in bare)
     assert [p.name for p in bare[0].searched()] == ["line_sd_um", "lean"]
 
 
