@@ -55,8 +55,6 @@ LEAST_LISTED = 0.01
 It may mend the maker's coarse law: of opened cases, four such effects that weren't there gained
 less, and all true ones more.
 """
-PASSING = ("sensor", "time", "travel")
-"""Frames of what one recording may show and another not."""
 TRIALS = 4
 PLACED = 3
 """Times that recordings are placed under a model at most, where that still moves them."""
@@ -90,7 +88,7 @@ def shows(effect: Effect, patches: Sequence[Patch], noise: NoiseModel) -> bool:
     travel moves nothing where that recording looks at flats, and an error of the range is a tilt
     and a shift where it sees planes that lie as one.
     """
-    if effect.frame not in PASSING or effect.covariate in EDGE_COVARIATES:
+    if effect.frame == "part" or effect.covariate in EDGE_COVARIATES:
         return True
     waves = [effect]
     if phase_is_own(effect):

@@ -98,7 +98,7 @@ def wider_mm(view: View, sd_mm: float) -> NDArray[np.float64]:
         return np.zeros(view.shape)
     now = read_beam(view, _finely(sd_mm))
     stood = standing(view, _finely(told)).depth_mm
-    filed = view.depth_mm + _listed_shift_mm(view, told=True)
+    filed = view.depth_mm + listed_shift_mm(view, told=True)
     change = now.depth_mm - np.where(np.abs(filed - stood) <= STEEPEST * told, stood, filed)
     return np.where(np.isfinite(change) & (now.light >= weakest_light(view)), change, 0.0)
 
@@ -123,22 +123,22 @@ def standing(view: View, line: Smear) -> Line:
     return _STANDING.get(view, key, lambda: read_beam(view, line))
 
 
-def listed_shift_mm(view: View) -> NDArray[np.float64]:
-    """Return what the listed line's width makes of each reading, (n, m) mm; kept with the view."""
-    return _listed_shift_mm(view, told=False)
+def listed_shift_mm(view: View, *, told: bool = False) -> NDArray[np.float64]:
+    """Return what the listed line's width makes of each reading, (n, m) mm; kept with the view.
 
-
-def _listed_shift_mm(view: View, *, told: bool) -> NDArray[np.float64]:
-    """Return that of the line as it is, or as it was when the file's figures were measured."""
+    Parameters
+    ----------
+    told : of the line as it was when the file's figures were measured, not as it is by now
+    """
+    moving = [e for e in sheet_effects(view) if e.name in MOVING and not e.is_null]
+    if told:
+        moving = [e.with_parameters({BEAM: 0.0}) if hasattr(e, BEAM) else e for e in moving]
 
     def shift() -> NDArray[np.float64]:
-        moving = [e for e in sheet_effects(view) if e.name in MOVING and not e.is_null]
-        if told:
-            moving = [e.with_parameters({BEAM: 0.0}) if hasattr(e, BEAM) else e for e in moving]
         known = [s for s in (e.shift(view) for e in moving) if s is not None]
         return sum(known, np.zeros(view.shape))
 
-    return _SHIFTS.get(view, told, shift)
+    return _SHIFTS.get(view, tuple(moving), shift)
 
 
 def weakest_light(view: View) -> float:

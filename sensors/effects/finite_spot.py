@@ -127,11 +127,9 @@ class FiniteSpot(Effect):
 
     def shift(self, view: View) -> NDArray[np.float64]:
         """Return the footprint's mean less the centre's depth; a wider line's change with it."""
-        if self.beam_um == 0:
-            return self._rounded(view)
         told = self.with_parameters(beam_um=0.0)
         rounded = _ROUNDED.get(view, told, lambda: told._rounded(view))
-        return rounded + wider_mm(view, 1e-3 * self.beam_um)
+        return rounded + wider_mm(view, 1e-3 * self.beam_um) if self.beam_um else rounded
 
     def _rounded(self, view: View) -> NDArray[np.float64]:
         sd = line_sd_mm(view, self.line_sd_um, self.rayleigh_mm)
