@@ -23,6 +23,8 @@ from sensors.view import View
 WHOLE = 450_000
 STRIP_ROWS = 40
 STRIPS = 5
+FEWEST_ROWS = 16
+"""Profiles that a strip keeps at least: several correlation lengths."""
 SPIKE_SD = 6.0
 
 
@@ -154,13 +156,11 @@ def cut(
 
 def thinned(patches: Sequence[Patch], budget: int) -> list[Patch]:
     """Cut strips of whole profiles so that at most about `budget` readings are left."""
-    total = sum(p.depth_mm.size for p in patches)
-    if total <= budget:
-        return list(patches)
+    share = budget / sum(p.depth_mm.size for p in patches)
     out = []
     for patch in patches:
         n = patch.shape[0]
-        wanted = max(24, int(n * budget / total))
+        wanted = min(n, max(FEWEST_ROWS, int(n * share)))
         count = max(1, min(4, wanted // 24))
         rows = min(wanted // count, n // count)
         for start in (

@@ -90,10 +90,9 @@ class Workspace:
 
     def thin(self, budget: int) -> "Workspace":
         """Return a workspace of strips with at most about `budget` readings, for searching."""
-        patches = thinned(self.patches, budget)
-        if len(patches) == len(self.patches):
+        if sum(p.depth_mm.size for p in self.patches) <= budget:
             return self
-        return replace(self, patches=tuple(patches))
+        return replace(self, patches=tuple(thinned(self.patches, budget)))
 
     def predict(self, model: Model) -> list[Prediction]:
         """Predict every patch."""

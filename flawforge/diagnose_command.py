@@ -46,6 +46,9 @@ example:
 
 def run(args: argparse.Namespace) -> int:
     """Diagnose and write the results; 0 whatever the verdict."""
+    from pipeline.backend import one_thread_each
+
+    one_thread_each()  # many small sums: threads would wait for each other, and round otherwise
     from diagnosis.diagnose import diagnose
     from diagnosis.outputs import write_outputs
     from pipeline.part import load_part

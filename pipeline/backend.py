@@ -25,6 +25,12 @@ Task = Callable[..., Any]
 Arguments = tuple[Any, ...]
 
 
+def one_thread_each() -> None:
+    """Keep libraries that aren't loaded yet from starting threads, unless the user wants them."""
+    for name, threads in THREADS.items():
+        os.environ.setdefault(name, threads)
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Backend:
     """Where shards are made: `jobs` processes here, or the workers of a Dask scheduler.
@@ -44,8 +50,7 @@ class Backend:
         if self.jobs == 1 or self.scheduler:
             yield self
             return
-        for name, threads in THREADS.items():  # heeded by what isn't loaded here yet
-            os.environ.setdefault(name, threads)
+        one_thread_each()
         others = self._others()
         others.submit(os.getpid)
         try:

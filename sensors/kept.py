@@ -1,5 +1,6 @@
 """What is dear and soon asked for again, kept with the view it was made for and gone with it."""
 
+import math
 from collections.abc import Callable, Hashable
 from typing import Generic, TypeVar
 from weakref import WeakKeyDictionary
@@ -13,23 +14,34 @@ class Kept(Generic[T]):
     Parameters
     ----------
     most : how many of each object
+    room : size of all that is kept, about; objects share it
     """
 
-    def __init__(self, most: int) -> None:
+    def __init__(self, most: int, *, room: float = math.inf) -> None:
         self._most = most
+        self._room = room
         self._of: WeakKeyDictionary[object, dict[Hashable, T]] = WeakKeyDictionary()
+        self._sizes: WeakKeyDictionary[object, int] = WeakKeyDictionary()
 
     def get(
-        self, owner: object, key: Hashable, make: Callable[[], T], *, keep: bool = True
-    ) -> T:
-        """Return what was made under a key, or make it; the one last asked for goes last."""
+        self, owner: object, key: Hashable, make: Callable[[], T], *, keep: bool = True,
+        size: int = 1,
+    ) -> T:  # fmt: skip
+        """Return what was made under a key, or make it; the one last asked for goes last.
+
+        Parameters
+        ----------
+        size : of each value of this owner, in the units of `room`
+        """
         values = self._of.setdefault(owner, {})
         if key in values:
             values[key] = values.pop(key)
             return values[key]
         value = make()
         if keep:
-            if len(values) >= self._most:
+            self._sizes[owner] = size
+            share = max(1, min(self._most, self._room // sum(self._sizes.values())))
+            while len(values) >= share:
                 del values[next(iter(values))]
             values[key] = value
         return value

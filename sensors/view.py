@@ -5,6 +5,7 @@ belongs to one set of poses; effects that act below the profile pitch or on the 
 another view through `shifted` and `posed`.
 """
 
+import math
 from collections.abc import Callable
 from enum import IntEnum
 from functools import cached_property
@@ -26,6 +27,8 @@ Floats = NDArray[np.float64]
 
 # Shifted views of scans up to this many points are kept for the next effect that asks.
 KEPT_POINTS = 200_000
+KEPT_IN_ALL = 32_000_000
+"""Points of all shifted views that are kept: 1.7 GB, at fifty bytes or so each."""
 
 
 class Reason(IntEnum):
@@ -386,8 +389,10 @@ class View:
         if not any(d.any() for d in parts):
             return self
         key = tuple(d.tobytes() for d in parts)
-        n, m = self.shape
-        return _SHIFTED.get(self, key, lambda: self._moved(parts), keep=n * m <= KEPT_POINTS)
+        points = math.prod(self.shape)
+        return _SHIFTED.get(
+            self, key, lambda: self._moved(parts), keep=points <= KEPT_POINTS, size=points
+        )
 
     def _moved(self, parts: list[Floats]) -> "View":
         move = np.stack(np.broadcast_arrays(*parts), axis=-1) + np.zeros((len(self.poses), 1))
@@ -396,6 +401,6 @@ class View:
         return self.posed(poses)
 
 
-_SHIFTED: Kept[View] = Kept(64)
+_SHIFTED: Kept[View] = Kept(64, room=KEPT_IN_ALL)
 # A quantity at each point of a view, broadcastable to (n, m).
 ViewFunction = Callable[[View], Floats]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sensors.creases import filled_mm
 from sensors.effects.base import AdditiveEffect, Effect
-from sensors.effects.parameter import parameter
+from sensors.effects.parameter import Parameter, parameter
 from sensors.law import Law
 from sensors.typed_yaml import RecipeError
 from sensors.view import View
@@ -93,6 +93,11 @@ class FormError(AdditiveEffect):
                 "corners_mm of effect form_error", value=self.corners_mm, allowed="x, y, z of each"
             )
 
+    def searched(self, *, linear: bool | None = None) -> tuple[Parameter, ...]:
+        """Return the radius where there is one: beside waves none is sought."""
+        found = Effect.searched(self, linear=linear)
+        return tuple(p for p in found if p.name != "fillet_mm" or self.fillet_mm > 0)
+
     def words(self) -> dict[str, str]:
         """Say what its form is."""
         parts = []
@@ -120,7 +125,7 @@ class FormError(AdditiveEffect):
         out = np.einsum("nk,nmk->nm", view.poses[:, thin, :3], view.normal)
         nearer = np.clip(out / np.maximum(view.cos_incidence, 1e-9), -MOST, MOST)
         raised = -1e-3 * nearer / np.hypot(1.0, view.laser.slope_x)
-        return tuple(
-            raised * np.cos(i * math.pi * u) * np.cos(j * math.pi * v)
-            for i, j in orders(len(self.coefficients_um))
-        )
+        pairs = orders(len(self.coefficients_um))
+        along_u = {i: raised * np.cos(i * math.pi * u) for i in {i for i, _ in pairs}}
+        along_v = {j: np.cos(j * math.pi * v) for j in {j for _, j in pairs}}
+        return tuple(along_u[i] * along_v[j] for i, j in pairs)

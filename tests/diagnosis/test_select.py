@@ -11,6 +11,7 @@ from diagnosis.families import Family, effect_families, free_families
 from diagnosis.finding import SUSPECT, Finding, Screening
 from diagnosis.fit import LEAST_CYCLES, _grid
 from diagnosis.linear import Fitted
+from diagnosis.patch import FEWEST_ROWS
 from diagnosis.select import _of_kin, fold_masks
 from diagnosis.workspace import Model, Workspace
 from sensors.effects import CATALOGUE
@@ -26,6 +27,13 @@ def finding(channel: str, size: float, family: Any = None, z: float = 20.0) -> F
         channel=channel, name=f"{channel} {size}", words="", frame="sensor", z=z, size=size,
         tolerance=1.0, gain=1.0, coefficients=np.zeros(1), family=family,
     )  # fmt: skip
+
+
+def test_few_readings_are_whole_profiles_within_the_budget(ws: Workspace) -> None:
+    budget = FEWEST_ROWS * sum(p.shape[1] for p in ws.patches)
+    few = ws.thin(budget)
+    assert 0 < sum(p.depth_mm.size for p in few.patches) <= budget
+    assert {p.shape[1] for p in few.patches} == {p.shape[1] for p in ws.patches}
 
 
 def test_suspect_is_what_a_coarse_law_may_hide(ws: Workspace) -> None:

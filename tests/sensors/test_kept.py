@@ -37,3 +37,22 @@ def test_values_are_each_object_s_own_and_go_with_it() -> None:
     del one, value
     gc.collect()
     assert gone() is None
+
+
+def test_objects_share_the_room() -> None:
+    made: list[tuple[int, int]] = []
+    kept: Kept[object] = Kept(4, room=8)
+    things = [Thing(), Thing()]
+
+    def ask(which: int, key: int) -> None:
+        kept.get(things[which], key, lambda: made.append((which, key)), size=2)
+
+    for key in range(4):
+        ask(0, key)
+    ask(1, 0)  # by now two of each have room
+    for key in (0, 4, 4):
+        ask(0, key)
+    assert made == [(0, 0), (0, 1), (0, 2), (0, 3), (1, 0), (0, 4)]
+    ask(0, 1)
+    ask(0, 0)
+    assert made[6:] == [(0, 1), (0, 0)]
