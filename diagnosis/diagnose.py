@@ -13,6 +13,7 @@ from diagnosis.finding import Finding
 from diagnosis.finish import averaged_grain, finish_effects, finish_intervals, sunken
 from diagnosis.found import (
     FoundEffect,
+    at_limits,
     commanded_gain,
     found_effects,
     plainly_found,
@@ -213,6 +214,7 @@ def diagnose(
         found, after = found_effects(ws, model, selection.choices, held_patches, not single)
     found, beside = averaged_grain(found, beside, withheld)
     found = tuple(sorted([*found, *beside], key=lambda f: -f.heldout_gain))
+    notes += at_limits(found)
     progress("drawing maps")
     final, shifts = settled(explanation.patches, patches, noise, model, not single)
     trusted = trust(ws, final)

@@ -1,6 +1,6 @@
 """The effects of a diagnosis as they are reported: what each gains, its intervals, its rivals."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -124,6 +124,21 @@ def plainly_found(
         alternatives=(),
         separating=effect.separating,
     )
+
+
+def at_limits(found: Iterable[FoundEffect]) -> list[str]:
+    """Say which numbers lie where the catalogue ends: perhaps another law is at work."""
+    notes = []
+    for one in found:
+        for name, (value, *_) in one.parameters.items():
+            p = one.effect.parameter(name)
+            if value in {p.low, p.high} - {0.0, p.null}:
+                limit = f"{value:g} {p.unit}".strip()
+                notes.append(
+                    f"{one.name}: {name} is at the catalogue's limit, {limit}: perhaps another law "
+                    "is at work"
+                )
+    return notes
 
 
 def sheet_with(datasheet: Datasheet, effects: Sequence[Effect]) -> Datasheet:

@@ -174,7 +174,7 @@ class _Rows:
 
         Nine numbers need no more than some of the readings.
         """
-        rest = self.values - (self.white @ beta).astype(np.float32)
+        rest = self.values - self.white @ beta.astype(np.float32)
         every = max(1, rest.size // PLACED_BY)
         columns, values = self.columns[::every], rest[::every]
         found = []

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
+from scipy.fft import dctn, idctn, next_fast_len
 
 from diagnosis.brightness import by_direction
 from diagnosis.noise import Field
@@ -108,7 +108,7 @@ def _drawn(place_mm: Field, log: Field, pitch_mm: float) -> Print | None:
     corner = place_mm.min(axis=0) - WINDOW * pitch_mm
     extent = place_mm.max(axis=0) + WINDOW * pitch_mm - corner
     cell = max(CELLS * pitch_mm, float(np.sqrt(extent.prod() / MOST_CELLS)))
-    shape = tuple(np.ceil(extent / cell).astype(int))
+    shape = tuple(next_fast_len(int(size), real=True) for size in np.ceil(extent / cell))
     index = np.ravel_multi_index(tuple(((place_mm - corner) / cell).astype(int).T), shape)
     count = _binned(index, None, shape)
     total = _binned(index, log, shape)
@@ -135,5 +135,13 @@ def _binned(index: NDArray[np.int64], values: Field | None, shape: tuple[int, ..
 
 def _mean(total: Field, count: Field, sd: float) -> Field:
     """Mean of the readings in a window, `sd` cells."""
-    near = np.maximum(gaussian_filter(count, sd), 1e-12)
-    return np.asarray(gaussian_filter(total, sd) / near)
+    return np.asarray(_blurred(total, sd) / np.maximum(_blurred(count, sd), 1e-12))
+
+
+def _blurred(field: Field, sd: float) -> Field:
+    """Blur by a Gaussian of any width, mirrored at the borders: a product of cosine waves."""
+    waves = dctn(field)
+    for axis, size in enumerate(field.shape):
+        fade = np.exp(-0.5 * np.square(np.pi * sd / size * np.arange(size)))
+        waves *= np.expand_dims(fade, 1 - axis)
+    return np.asarray(idctn(waves))

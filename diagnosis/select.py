@@ -7,7 +7,8 @@ and what no longer pays is dropped. Rivals within the uncertainty of the choice 
 
 import itertools
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -18,7 +19,9 @@ from diagnosis.fit import fit_effect
 from diagnosis.heldout import own_parts, settle_own
 from diagnosis.linear import Fitted, is_linear, phase_is_own
 from diagnosis.noise import Field, Mask
+from diagnosis.prediction import Prediction
 from diagnosis.rates import screen_rates
+from diagnosis.score import Whitened
 from diagnosis.screen import screen_mean
 from diagnosis.workspace import Model, Workspace, bootstrap_interval
 from sensors.effects import CATALOGUE
@@ -85,6 +88,45 @@ class Selection:
     last: Screening
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trials:
+    """Fits of one more effect beside a model, made when first asked for.
+
+    Attributes
+    ----------
+    ws : the readings that are searched
+    """
+
+    ws: Workspace
+    model: Model
+    _fitted: dict[tuple[str, bool], Fitted | None] = field(default_factory=dict)
+    _judged: dict[str, tuple[Model, Field]] = field(default_factory=dict)
+
+    @cached_property
+    def _before(self) -> tuple[list[Prediction], list[Whitened], list[Field]]:
+        predictions = self.ws.predict(self.model)
+        return predictions, self.ws.states(predictions), self.ws.log_densities(self.model)
+
+    def fitted(self, name: str, *, polish: bool) -> Fitted | None:
+        """Fit an effect, see `fit_effect`."""
+        key = name, polish
+        if key not in self._fitted:
+            predictions, states, _ = self._before
+            self._fitted[key] = fit_effect(
+                CATALOGUE[name], self.ws, self.model, predictions, states, polish=polish
+            )
+        return self._fitted[key]
+
+    def judged(self, name: str, fitted: Fitted) -> tuple[Model, Field]:
+        """Return the model with a fitted effect, and its cross-fitted gain of each block."""
+        if name not in self._judged:
+            trial = self.ws.levelled(self.model.with_effect(fitted.effect, fitted.own))
+            *_, base = self._before
+            blocks = crossfitted(self.ws, self.model, CATALOGUE[name], fitted, base)
+            self._judged[name] = trial, blocks
+        return self._judged[name]
+
+
 def screen(
     ws: Workspace, model: Model, rng: np.random.Generator, withheld: Iterable[str]
 ) -> Screening:
@@ -130,11 +172,11 @@ def select(
         last = screen(ws.thin(SCREENED_READINGS), model, rng, withheld)
     few = ws.thin(SEARCHED_READINGS)
     while len(choices) < MOST:
-        step = None
+        step, trials = None, Trials(ws=few, model=model)
         for findings, each in ((last.significant(), 0.0), (last.suspect(), SUSPECT_GAIN)):
             if findings and step is None:
                 progress(f"explaining: {findings[0].name}")
-                step = _best(few, model, findings, rng, withheld)
+                step = _best(trials, findings, rng, withheld)
                 least = max(LEAST_SHARE * sum(c.gain for c in choices), each * few.count())
                 if step is not None and step[1].gain < least:
                     step = None
@@ -150,12 +192,12 @@ def select(
 
 
 def _best(
-    ws: Workspace,
-    model: Model,
+    trials: Trials,
     findings: Sequence[Finding],
     rng: np.random.Generator,
     withheld: set[str],
 ) -> tuple[Model, Choice] | None:
+    ws, model = trials.ws, trials.model
     channels = {f.channel for f in findings}
     edges = any(f.family.at_edges if f.family else f.channel == "missing" for f in findings)
     waiting: set[str] = set()
@@ -166,8 +208,6 @@ def _best(
         channels.add("mean")
     shown = channels - {"mean", "missing"}
     found = {f.family.effect.name for f in findings if f.family and f.family.effect}
-    predictions = ws.predict(model)
-    states = ws.states(predictions)
     quick: list[tuple[float, str]] = []
     for name, kind in CATALOGUE.items():
         only = channels & set(kind.channels)
@@ -182,22 +222,20 @@ def _best(
             or (kind.covariate in EDGE_COVARIATES and not edges and not shown & _of_kin(name))
         ):
             continue
-        fitted = fit_effect(kind, ws, model, predictions, states, polish=False)
+        fitted = trials.fitted(name, polish=False)
         if fitted is not None and np.isfinite(fitted.gain) and not fitted.effect.is_null:
             quick.append((fitted.gain - fitted.free, name))
     quick.sort(reverse=True)
     if not quick or quick[0][0] < 3:
         return None
     shortlist = [n for g, n in quick if g > max(3.0, 0.2 * quick[0][0])][:6]
-    base = ws.log_densities(model)
     candidates: dict[str, tuple[Model, Field]] = {}
     free: dict[str, int] = {}
     for name in shortlist:
-        fitted = fit_effect(CATALOGUE[name], ws, model, predictions, states)
+        fitted = trials.fitted(name, polish=True)
         if fitted is None:
             continue
-        trial = ws.levelled(model.with_effect(fitted.effect, fitted.own))
-        candidates[name] = (trial, crossfitted(ws, model, CATALOGUE[name], fitted, base))
+        candidates[name] = trials.judged(name, fitted)
         free[name] = fitted.free
     # what gains most may owe that to few blocks and lose in others
     sure = [

@@ -74,6 +74,8 @@ def main() -> None:
             )  # fmt: skip
             content = (out / "diagnosis" / "diagnosis.json").read_text()
             (HERE / f"{name}.json").write_text(content)
+            for former in HERE.glob(f"{name}-*.png"):
+                former.unlink()
             page = (out / "diagnosis" / "report.html").read_text()
             for k, data in enumerate(re.findall(r"base64,([A-Za-z0-9+/=]+)", page)):
                 (HERE / f"{name}-{k + 1}.png").write_bytes(base64.b64decode(data))

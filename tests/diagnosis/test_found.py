@@ -3,7 +3,7 @@
 import numpy as np
 
 from benchmarks.relief import datasheet, part, poses
-from diagnosis.found import sheet_with
+from diagnosis.found import at_limits, plainly_found, sheet_with
 from diagnosis.prediction import law_of
 from sensors.effects import effects_of
 from sensors.effects.edge_mixing import EdgeMixing
@@ -47,3 +47,12 @@ def test_a_line_wider_by_now_is_written_beside_what_was_measured() -> None:
 def test_what_was_not_found_stays_as_it_was_written() -> None:
     sheet = datasheet(100, LISTED)
     assert sheet_with(sheet, (LineBow(sag_um=30.0),)).effects[:2] == sheet.effects
+
+
+def test_a_number_where_the_catalogue_ends_is_said_to_be_so() -> None:
+    low, high = LineBow().parameter("sag_um").low, LineBow().parameter("sag_um").high
+    for value, notes in ((0.5 * high, 0), (high, 1), (low, 1), (0.0, 0)):
+        found = plainly_found(LineBow(sag_um=value), 1.0, {"sag_um": (value, low, high)})
+        said = at_limits([found])
+        assert len(said) == notes
+        assert all("line_bow" in note and "sag_um" in note for note in said)

@@ -29,6 +29,11 @@ def finding(channel: str, size: float, family: Any = None, z: float = 20.0) -> F
     )  # fmt: skip
 
 
+def best_for(ws: Workspace, findings: list[Finding]) -> tuple[Model, select.Choice] | None:
+    trials = select.Trials(ws=ws, model=Model())
+    return select._best(trials, findings, np.random.default_rng(0), withheld=set())
+
+
 def test_few_readings_are_whole_profiles_within_the_budget(ws: Workspace) -> None:
     budget = FEWEST_ROWS * sum(p.shape[1] for p in ws.patches)
     few = ws.thin(budget)
@@ -63,11 +68,11 @@ def test_a_suspect_must_gain_much(
     nothing = Screening(findings=(), threshold=5.0)
     bow = select.CATALOGUE["line_bow"].example()
 
-    def best(few: Workspace, model: Model, *rest: object) -> tuple[Model, select.Choice]:
-        gain = share * select.SUSPECT_GAIN * few.count()
+    def best(trials: select.Trials, *rest: object) -> tuple[Model, select.Choice]:
+        gain = share * select.SUSPECT_GAIN * trials.ws.count()
         blocks = np.full(10, gain / 10)
         choice = select.Choice(name="line_bow", gain=gain, blocks=blocks, alternatives=())
-        return model.with_effect(bow), choice
+        return trials.model.with_effect(bow), choice
 
     monkeypatch.setattr(
         select, "screen", lambda *rest: screenings.pop() if screenings else nothing
@@ -91,12 +96,22 @@ def test_what_is_not_sure_blocks_no_other(
 
     monkeypatch.setattr(select, "fit_effect", fit)
     monkeypatch.setattr(select, "crossfitted", lambda ws, model, kind, *rest: gains[kind.name])
-    step = select._best(
-        ws, Model(), [finding("mean", 2.0)], np.random.default_rng(0), withheld=set()
-    )
+    step = best_for(ws, [finding("mean", 2.0)])
     assert step is not None
     assert step[1].name == "range_scale"
     assert step[1].alternatives == ()
+
+
+def test_an_effect_is_fitted_once_whatever_is_left_asks_for_it(
+    ws: Workspace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[str] = []
+    monkeypatch.setattr(select, "fit_effect", lambda kind, *args, **more: tried.append(kind.name))
+    trials = select.Trials(ws=ws, model=Model())
+    for _ in range(2):
+        select._best(trials, [finding("mean", 2.0)], np.random.default_rng(0), withheld=set())
+    assert tried
+    assert len(tried) == len(set(tried))
 
 
 @pytest.mark.parametrize(
@@ -134,9 +149,7 @@ def test_fewer_numbers_win_where_more_gain_next_to_nothing(
 
     monkeypatch.setattr(select, "fit_effect", fit)
     monkeypatch.setattr(select, "crossfitted", lambda ws, model, kind, *rest: gains[kind.name])
-    step = select._best(
-        ws, Model(), [finding("mean", 2.0)], np.random.default_rng(0), withheld=set()
-    )
+    step = best_for(ws, [finding("mean", 2.0)])
     assert step is not None
     assert step[1].name == chosen
 
@@ -175,6 +188,6 @@ def test_a_gloss_is_tried_where_a_mean_like_a_print_s_was_found(
         name=f"effect:{name}", words="", frame="sensor", fields=(), effect=CATALOGUE[name]()
     )
     found = [finding("mean", 2.0, family)]
-    assert select._best(ws, Model(), found, np.random.default_rng(0), set()) is None
+    assert best_for(ws, found) is None
     assert name in tried
     assert ("specular_dropout" in tried) == (name == "reflectance_edge")
