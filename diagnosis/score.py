@@ -81,14 +81,8 @@ def _columns(patch: Patch, whitener: Whitener, sd_mm: Field, noise: NoiseModel) 
     key = noise, hash(np.packbits(used).tobytes()), hash(sd_mm.tobytes())
 
     def whiten_all() -> Field:
-        count = patch.columns.shape[-1]
-        return np.stack(
-            [
-                whitener.apply(np.where(used, patch.columns[..., k] / sd_mm, 0.0))
-                for k in range(count)
-            ],
-            axis=-1,
-        )
+        scaled = patch.columns / sd_mm[..., None]
+        return whitener.apply_each(np.where(used[..., None], scaled, 0.0))
 
     return _COLUMNS.get(patch, key, whiten_all)
 
@@ -108,16 +102,19 @@ def placements(
     ----------
     within : (9, k), orthonormal; the directions in which it may lie, all where left out
     """
+    taken: list[tuple[int, Field, Field]] = []
+    for patch, state, mask in zip(patches, states, masks, strict=True):
+        pick = mask & state.used
+        columns = state.columns[pick]
+        if within is not None:
+            columns = columns @ within
+        taken.append((patch.recording, columns, state.innovations[pick]))
     found: dict[int, Field] = {}
     for _ in range(3):
         normal: dict[int, Field] = {}
         right: dict[int, Field] = {}
-        for patch, state, mask in zip(patches, states, masks, strict=True):
-            r = patch.recording
-            pick = mask & state.used
-            columns, values = state.columns[pick], state.innovations[pick]
-            if within is not None:
-                columns = columns @ within
+        for r, all_columns, all_values in taken:
+            columns, values = all_columns, all_values
             if r in found:
                 near = np.abs(values - columns @ found[r]) < CLIP
                 columns, values = columns[near], values[near]

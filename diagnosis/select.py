@@ -43,6 +43,8 @@ IDLE = 8.0
 """Nats below which a further effect isn't worth its name."""
 LEAST_SHARE = 0.015
 """A further effect that gains less than this share of those before mends their remainder."""
+UNSEARCHED_SHARE = 0.1
+"""Share of the least gain below which a coarse trial isn't worth a search."""
 SUSPECT_GAIN = 0.01
 """Nats per reading that an effect must gain where findings are within their tolerance."""
 SEARCHED_READINGS = 80_000
@@ -176,8 +178,8 @@ def select(
         for findings, each in ((last.significant(), 0.0), (last.suspect(), SUSPECT_GAIN)):
             if findings and step is None:
                 progress(f"explaining: {findings[0].name}")
-                step = _best(trials, findings, rng, withheld)
                 least = max(LEAST_SHARE * sum(c.gain for c in choices), each * few.count())
+                step = _best(trials, findings, rng, withheld, least)
                 if step is not None and step[1].gain < least:
                     step = None
         if step is None:
@@ -196,7 +198,14 @@ def _best(
     findings: Sequence[Finding],
     rng: np.random.Generator,
     withheld: set[str],
+    least: float = 0.0,
 ) -> tuple[Model, Choice] | None:
+    """Return the model with the effect that explains most, if any is sure to.
+
+    Parameters
+    ----------
+    least : nats below which an effect won't be chosen
+    """
     ws, model = trials.ws, trials.model
     channels = {f.channel for f in findings}
     edges = any(f.family.at_edges if f.family else f.channel == "missing" for f in findings)
@@ -226,9 +235,8 @@ def _best(
         if fitted is not None and np.isfinite(fitted.gain) and not fitted.effect.is_null:
             quick.append((fitted.gain - fitted.free, name))
     quick.sort(reverse=True)
-    if not quick or quick[0][0] < 3:
-        return None
-    shortlist = [n for g, n in quick if g > max(3.0, 0.2 * quick[0][0])][:6]
+    worth = max(3.0, 0.2 * quick[0][0], UNSEARCHED_SHARE * least) if quick else 0.0
+    shortlist = [n for g, n in quick if g > worth][:6]
     candidates: dict[str, tuple[Model, Field]] = {}
     free: dict[str, int] = {}
     for name in shortlist:

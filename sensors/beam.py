@@ -10,7 +10,7 @@ from sensors.kept import Kept
 from sensors.law import sheet_effects
 from sensors.light import matt
 from sensors.line_operator import STEEPEST, Line, line_sd_mm, read_line
-from sensors.smear import Smear, smear
+from sensors.smear import Smear, smear, step_between
 from sensors.view import View
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ SHAPED = ("camera_occlusion", "finite_spot", "edge_mixing")
 MOVING = ("finite_spot", "edge_mixing")
 """Those of them that move a reading."""
 FINELY = 0.4
-"""Step, in standard deviations, with which a line is sampled that edges may cut."""
+"""Longest step, in standard deviations, with which a line is sampled that edges may cut."""
 _SHIFTS: Kept[NDArray[np.float64]] = Kept(2)
 _STANDING: Kept[Line] = Kept(4)
 
@@ -105,7 +105,7 @@ def wider_mm(view: View, sd_mm: float) -> NDArray[np.float64]:
 
 def _finely(sd_mm: float) -> Smear:
     """Sample a line that stands finely enough for one that an edge cuts."""
-    return smear(sd_mm, 0.0, 0.0, FINELY * sd_mm)
+    return smear(sd_mm, 0.0, 0.0, step_between(FINELY * sd_mm, 0.0))
 
 
 def read_beam(view: View, line: Smear) -> Line:
