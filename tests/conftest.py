@@ -4,6 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.backend import one_thread_each
+
+one_thread_each()  # before anything loads numpy: workers share the cores already
+
 
 @pytest.fixture(scope="session")
 def shared_dir() -> Path:
