@@ -8,7 +8,7 @@ import numpy as np
 
 from diagnosis.edges import EDGE_COVARIATES
 from diagnosis.noise import Field, Mask, NoiseModel
-from diagnosis.patch import Patch, thinned
+from diagnosis.patch import WHOLE, Patch, thinned
 from diagnosis.prediction import Prediction, effects_for, predict
 from diagnosis.score import (
     Whitened,
@@ -90,9 +90,14 @@ class Workspace:
 
     def thin(self, budget: int) -> "Workspace":
         """Return a workspace of strips with at most about `budget` readings, for searching."""
-        if sum(p.depth_mm.size for p in self.patches) <= budget:
+        total = sum(p.depth_mm.size for p in self.patches)
+        if total <= budget:
             return self
-        return replace(self, patches=tuple(thinned(self.patches, budget)))
+        patches = thinned(self.patches, budget)
+        if len(patches) == len(self.patches) and total <= WHOLE:
+            # strips by now: fewer profiles of each hide a part's form (a real plate's was missed)
+            return self
+        return replace(self, patches=tuple(patches))
 
     def predict(self, model: Model) -> list[Prediction]:
         """Predict every patch."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.diagnose import bench_workspace
-from diagnosis import select
+from diagnosis import select, workspace
 from diagnosis.families import Family, effect_families, free_families
 from diagnosis.finding import SUSPECT, Finding, Screening
 from diagnosis.fit import LEAST_CYCLES, _grid
@@ -34,8 +34,12 @@ def best_for(ws: Workspace, findings: list[Finding]) -> tuple[Model, select.Choi
     return select._best(trials, findings, np.random.default_rng(0), withheld=set())
 
 
-def test_few_readings_are_whole_profiles_within_the_budget(ws: Workspace) -> None:
+def test_few_readings_are_whole_profiles_within_the_budget(
+    ws: Workspace, monkeypatch: pytest.MonkeyPatch
+) -> None:
     budget = FEWEST_ROWS * sum(p.shape[1] for p in ws.patches)
+    assert ws.thin(budget) is ws  # strips of no more readings than are looked at as a whole
+    monkeypatch.setattr(workspace, "WHOLE", 0)
     few = ws.thin(budget)
     assert 0 < sum(p.depth_mm.size for p in few.patches) <= budget
     assert {p.shape[1] for p in few.patches} == {p.shape[1] for p in ws.patches}
