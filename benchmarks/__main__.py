@@ -16,7 +16,6 @@ from benchmarks import measured, page
 from benchmarks.casting import built_in_meshes, growth_rows, mesh_file, rows
 from benchmarks.end_to_end import (
     HOME,
-    ONE_THREAD,
     SIZES,
     batch_cost,
     batches,
@@ -24,6 +23,7 @@ from benchmarks.end_to_end import (
     scan_cost_alone,
 )
 from benchmarks.perlin import fields, median_seconds
+from pipeline.backend import THREADS
 
 MESHES = tuple(
     HOME.parent / "shared" / "meshes" / "cad" / name for name in ("ADIS16480.STL", "cycloidal.ply")
@@ -46,7 +46,7 @@ def main() -> None:
     parser.add_argument("--turns", type=int, default=3, help="repeats of a dataset, 1 and 2 jobs")
     parser.add_argument("--mesh", type=Path, nargs="*", default=MESHES, help="real meshes")
     arguments = parser.parse_args()
-    os.environ.update(ONE_THREAD)
+    os.environ.update(THREADS)
     for section in arguments.only:
         load, begin = os.getloadavg()[0], time.perf_counter()
         facts = MEASURE[section](arguments)

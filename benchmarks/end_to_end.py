@@ -22,6 +22,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pipeline.backend import THREADS
+
 HOME = Path(__file__).resolve().parents[1]
 SIZES = ((200, 512), (2000, 4096))
 SCANS = {
@@ -31,7 +33,6 @@ SCANS = {
     "labels": "labels, counts and the rest",
     "write": "encode, checksum, compress, write",
 }
-ONE_THREAD = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 RECIPE = """\
 name: bench
 seed: 6
@@ -209,7 +210,7 @@ def scan_cost_alone(
             "--one", str(profiles), str(points), "--rounds", str(rounds),
             "--facet-um", str(facet_um),
         ],
-        cwd=HOME, env={**os.environ, **ONE_THREAD}, check=True, capture_output=True, text=True,
+        cwd=HOME, env={**os.environ, **THREADS}, check=True, capture_output=True, text=True,
     ).stdout  # fmt: skip
     return ScanCost(**json.loads(said.splitlines()[-1]))
 
@@ -279,7 +280,7 @@ def _generated(recipe: Path, *folders: Path, jobs: int) -> float:
                 sys.executable, "-m", "flawforge.cli", "generate", recipe,
                 "--out", folder, "--jobs", str(jobs),
             ],
-            cwd=HOME, env={**os.environ, **ONE_THREAD},
+            cwd=HOME, env={**os.environ, **THREADS},
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )
         for folder in folders
@@ -296,7 +297,7 @@ def dask_seconds(recipe: Path) -> float | None:
     """
     if importlib.util.find_spec("distributed") is None:
         return None
-    environment = {**os.environ, **ONE_THREAD, "PYTHONPATH": str(HOME)}
+    environment = {**os.environ, **THREADS, "PYTHONPATH": str(HOME)}
     with tempfile.TemporaryDirectory() as name, ExitStack() as ends:
         folder = Path(name)
 

@@ -4,7 +4,11 @@ import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
-from typing import Any
+from typing import Any, Final
+
+ONE_CORE: Final = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
+)
 
 
 def in_processes(
@@ -14,8 +18,7 @@ def in_processes(
 
     A job is a core: each process starts afresh with one thread for its linear algebra.
     """
-    for lib in ("OMP", "OPENBLAS", "MKL"):
-        os.environ[f"{lib}_NUM_THREADS"] = "1"
+    os.environ.update(ONE_CORE)
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         waiting = {pool.submit(work, *call): call for call in calls}
         for ready in as_completed(waiting):

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from challenge.processes import ONE_CORE
 from challenge.sealed import write_whole
 from challenge.shuffle import SHUFFLED, shuffle
 
@@ -99,10 +100,9 @@ def _diagnose(
             shuffle(here, np.random.default_rng(list(name.encode())))
         recordings = sorted(p.name for p in here.glob("[a-z].h5"))
         plates = sorted(p.name for p in here.glob("plate-*.h5"))
-        one_core = {f"{lib}_NUM_THREADS": "1" for lib in ("OMP", "NUMBA", "OPENBLAS", "MKL")}
         begin = time.time()
         process = subprocess.Popen(
-            command(recordings, plates), cwd=here, env={**os.environ, **one_core},
+            command(recordings, plates), cwd=here, env={**os.environ, **ONE_CORE},
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
         )  # fmt: skip
         at_work.add(process)

@@ -7,7 +7,7 @@ import numpy as np
 from diagnosis.families import covariate_values
 from diagnosis.finding import Finding
 from diagnosis.linear import Fitted, solve_linear
-from diagnosis.select import crossfitted
+from diagnosis.trials import crossfitted
 from diagnosis.workspace import Model, Workspace, bootstrap_interval
 from sensors.covariates import COVARIATES
 from sensors.effects.base import Effect

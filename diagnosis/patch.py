@@ -160,7 +160,7 @@ def thinned(patches: Sequence[Patch], budget: int) -> list[Patch]:
     out = []
     for patch in patches:
         n = patch.shape[0]
-        wanted = min(n, max(FEWEST_ROWS, int(n * share)))
+        wanted = max(FEWEST_ROWS, int(n * share))
         count = max(1, min(4, wanted // 24))
         rows = min(wanted // count, n // count)
         for start in (

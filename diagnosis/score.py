@@ -81,8 +81,8 @@ def _columns(patch: Patch, whitener: Whitener, sd_mm: Field, noise: NoiseModel) 
     key = noise, hash(np.packbits(used).tobytes()), hash(sd_mm.tobytes())
 
     def whiten_all() -> Field:
-        scaled = patch.columns / sd_mm[..., None]
-        return whitener.apply_each(np.where(used[..., None], scaled, 0.0))
+        scaled = np.where(used[..., None], patch.columns / sd_mm[..., None], 0.0)
+        return np.stack([whitener.apply(c) for c in np.moveaxis(scaled, -1, 0)], axis=-1)
 
     return _COLUMNS.get(patch, key, whiten_all)
 

@@ -66,17 +66,6 @@ class Whitener:
             NEIGHBOURS,
         )
 
-    def apply_each(self, fields: Field) -> Field:
-        """Innovations of several fields (n, m, k) at once, each as `apply` has it."""
-        return _apply_each(
-            np.ascontiguousarray(fields, dtype=np.float64),
-            self.used,
-            self.pattern,
-            self.weights,
-            self.deviation,
-            NEIGHBOURS,
-        )
-
     def conditional_sd(self) -> Field:
         """Return the standard deviation of each innovation before scaling, (n, m)."""
         return np.asarray(self.deviation[self.pattern])
@@ -157,35 +146,6 @@ def _apply(
                 if code >> k & 1:
                     value -= weights[code, k] * field[i + neighbours[k, 0], j + neighbours[k, 1]]
             out[i, j] = value / deviation[code]
-    return out
-
-
-@njit(cache=True)
-def _apply_each(
-    fields: Field,
-    used: Mask,
-    pattern: NDArray[np.int32],
-    weights: Field,
-    deviation: Field,
-    neighbours: NDArray[np.int64],
-) -> Field:
-    n, m, count = fields.shape
-    out = np.zeros((n, m, count))
-    for i in range(n):
-        for j in range(m):
-            if not used[i, j]:
-                continue
-            code = pattern[i, j]
-            for c in range(count):
-                out[i, j, c] = fields[i, j, c]
-            for k in range(neighbours.shape[0]):
-                if code >> k & 1:
-                    w = weights[code, k]
-                    a, b = i + neighbours[k, 0], j + neighbours[k, 1]
-                    for c in range(count):
-                        out[i, j, c] -= w * fields[a, b, c]
-            for c in range(count):
-                out[i, j, c] /= deviation[code]
     return out
 
 

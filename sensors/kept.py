@@ -1,6 +1,5 @@
 """What is dear and soon asked for again, kept with the view it was made for and gone with it."""
 
-import math
 from collections.abc import Callable, Hashable
 from typing import Generic, TypeVar
 from weakref import WeakKeyDictionary
@@ -14,10 +13,10 @@ class Kept(Generic[T]):
     Parameters
     ----------
     most : how many of each object
-    room : size of all that is kept, about; objects share it
+    room : size of all that is kept, about; objects share it; None for any
     """
 
-    def __init__(self, most: int, *, room: float = math.inf) -> None:
+    def __init__(self, most: int, *, room: int | None = None) -> None:
         self._most = most
         self._room = room
         self._of: WeakKeyDictionary[object, dict[Hashable, T]] = WeakKeyDictionary()
@@ -39,9 +38,13 @@ class Kept(Generic[T]):
             return values[key]
         value = make()
         if keep:
-            self._sizes[owner] = size
-            share = max(1, min(self._most, self._room // sum(self._sizes.values())))
-            while len(values) >= share:
+            while len(values) >= self._share(owner, size):
                 del values[next(iter(values))]
             values[key] = value
         return value
+
+    def _share(self, owner: object, size: int) -> int:
+        if self._room is None:
+            return self._most
+        self._sizes[owner] = size
+        return max(1, min(self._most, self._room // sum(self._sizes.values())))

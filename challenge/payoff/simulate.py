@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from challenge.cases.files import write_yaml
 from challenge.instrument.finish import Finish
 from challenge.payoff.specimens import Specimen, write_obj
+from challenge.processes import ONE_CORE
 
 _ART_MM = (40.0, 34.0)  # what a print's drawing covers of the part's x-y plane
 _ART_PIXEL_MM = 0.04
@@ -27,10 +28,9 @@ def flawforge(arguments: list[str], folder: FilePath) -> None:
     ValueError
         Where it fails, with the last that it said.
     """
-    one_core = {f"{lib}_NUM_THREADS": "1" for lib in ("OMP", "NUMBA", "OPENBLAS", "MKL")}
     done = subprocess.run(
         [sys.executable, "-m", "flawforge.cli", *arguments], cwd=folder,
-        env={**os.environ, **one_core}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        env={**os.environ, **ONE_CORE}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         text=True, check=False,
     )  # fmt: skip
     (folder / f"{arguments[0]}.log").write_text(done.stdout)

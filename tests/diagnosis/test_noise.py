@@ -73,5 +73,3 @@ def test_transposed_whitening_is_the_adjoint() -> None:
     left = float((whitener.apply(np.where(whitener.used, a, 0.0)) * b * whitener.used).sum())
     right = float((a * transposed(whitener, b * whitener.used)).sum())
     assert left == pytest.approx(right)
-    both = whitener.apply_each(np.stack([a, b], axis=-1))
-    assert all(np.array_equal(both[..., k], whitener.apply(f)) for k, f in enumerate((a, b)))

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from benchmarks.diagnose import bench_workspace
-from diagnosis import select, workspace
+from diagnosis import select, trials, workspace
 from diagnosis.families import Family, effect_families, free_families
 from diagnosis.finding import SUSPECT, Finding, Screening
 from diagnosis.fit import LEAST_CYCLES, _grid
 from diagnosis.linear import Fitted
 from diagnosis.patch import FEWEST_ROWS
-from diagnosis.select import _of_kin, fold_masks
+from diagnosis.select import _of_kin
+from diagnosis.trials import fold_masks
 from diagnosis.workspace import Model, Workspace
 from sensors.effects import CATALOGUE
 
@@ -30,8 +31,8 @@ def finding(channel: str, size: float, family: Any = None, z: float = 20.0) -> F
 
 
 def best_for(ws: Workspace, findings: list[Finding]) -> tuple[Model, select.Choice] | None:
-    trials = select.Trials(ws=ws, model=Model())
-    return select._best(trials, findings, np.random.default_rng(0), withheld=set())
+    asked = trials.Trials(ws=ws, model=Model())
+    return select._best(asked, findings, np.random.default_rng(0), withheld=set())
 
 
 def test_few_readings_are_whole_profiles_within_the_budget(
@@ -70,13 +71,13 @@ def test_a_suspect_must_gain_much(
 ) -> None:
     screenings = [Screening(findings=(finding("variance", 0.8),), threshold=5.0)]
     nothing = Screening(findings=(), threshold=5.0)
-    bow = select.CATALOGUE["line_bow"].example()
+    bow = CATALOGUE["line_bow"].example()
 
-    def best(trials: select.Trials, *rest: object) -> tuple[Model, select.Choice]:
-        gain = share * select.SUSPECT_GAIN * trials.ws.count()
+    def best(asked: trials.Trials, *rest: object) -> tuple[Model, select.Choice]:
+        gain = share * select.SUSPECT_GAIN * asked.ws.count()
         blocks = np.full(10, gain / 10)
         choice = select.Choice(name="line_bow", gain=gain, blocks=blocks, alternatives=())
-        return trials.model.with_effect(bow), choice
+        return asked.model.with_effect(bow), choice
 
     monkeypatch.setattr(
         select, "screen", lambda *rest: screenings.pop() if screenings else nothing
@@ -98,8 +99,8 @@ def test_what_is_not_sure_blocks_no_other(
             return None
         return Fitted(effect=kind.example(), own={}, gain=gains[kind.name].sum(), free=1)
 
-    monkeypatch.setattr(select, "fit_effect", fit)
-    monkeypatch.setattr(select, "crossfitted", lambda ws, model, kind, *rest: gains[kind.name])
+    monkeypatch.setattr(trials, "fit_effect", fit)
+    monkeypatch.setattr(trials, "crossfitted", lambda ws, model, kind, *rest: gains[kind.name])
     step = best_for(ws, [finding("mean", 2.0)])
     assert step is not None
     assert step[1].name == "range_scale"
@@ -110,10 +111,10 @@ def test_an_effect_is_fitted_once_whatever_is_left_asks_for_it(
     ws: Workspace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tried: list[str] = []
-    monkeypatch.setattr(select, "fit_effect", lambda kind, *args, **more: tried.append(kind.name))
-    trials = select.Trials(ws=ws, model=Model())
+    monkeypatch.setattr(trials, "fit_effect", lambda kind, *args, **more: tried.append(kind.name))
+    asked = trials.Trials(ws=ws, model=Model())
     for _ in range(2):
-        select._best(trials, [finding("mean", 2.0)], np.random.default_rng(0), withheld=set())
+        select._best(asked, [finding("mean", 2.0)], np.random.default_rng(0), withheld=set())
     assert tried
     assert len(tried) == len(set(tried))
 
@@ -129,7 +130,7 @@ def test_a_wave_has_some_cycles_in_a_scan(
     ws: Workspace, name: str, parameter: str, axis: str, turns: int
 ) -> None:
     """What slips once or twice is no vibration, however well a slow sine follows it."""
-    points = _grid(select.CATALOGUE[name], ws, ws.states(ws.predict(Model())))
+    points = _grid(CATALOGUE[name], ws, ws.states(ws.predict(Model())))
     longest = max(float(np.ptp(getattr(p.view, axis))) for p in ws.patches)
     assert points
     for point in points:
@@ -151,8 +152,8 @@ def test_fewer_numbers_win_where_more_gain_next_to_nothing(
         free, gain = numbers[kind.name], gains[kind.name].sum()
         return Fitted(effect=kind.example(), own={}, gain=gain, free=free)
 
-    monkeypatch.setattr(select, "fit_effect", fit)
-    monkeypatch.setattr(select, "crossfitted", lambda ws, model, kind, *rest: gains[kind.name])
+    monkeypatch.setattr(trials, "fit_effect", fit)
+    monkeypatch.setattr(trials, "crossfitted", lambda ws, model, kind, *rest: gains[kind.name])
     step = best_for(ws, [finding("mean", 2.0)])
     assert step is not None
     assert step[1].name == chosen
@@ -169,11 +170,11 @@ def test_form_is_judged_where_it_was_seen(
         asked.append(whole)
         return fold_masks(ws, whole=whole)
 
-    monkeypatch.setattr(select, "fold_masks", halves)
-    kind = select.CATALOGUE[name]
+    monkeypatch.setattr(trials, "fold_masks", halves)
+    kind = CATALOGUE[name]
     fitted = Fitted(effect=kind.example(), own={}, gain=1.0, free=1)
     base = ws.log_densities(Model())
-    assert select.crossfitted(ws, Model(), kind, fitted, base).size > 1
+    assert trials.crossfitted(ws, Model(), kind, fitted, base).size > 1
     assert asked == [whole]
 
 
@@ -187,7 +188,7 @@ def test_a_gloss_is_tried_where_a_mean_like_a_print_s_was_found(
     ws: Workspace, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     tried = []
-    monkeypatch.setattr(select, "fit_effect", lambda kind, *args, **more: tried.append(kind.name))
+    monkeypatch.setattr(trials, "fit_effect", lambda kind, *args, **more: tried.append(kind.name))
     family = Family(
         name=f"effect:{name}", words="", frame="sensor", fields=(), effect=CATALOGUE[name]()
     )

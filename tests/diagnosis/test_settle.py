@@ -12,8 +12,8 @@ from diagnosis.finish import level_change
 from diagnosis.fit import fit_effect
 from diagnosis.patch import cut
 from diagnosis.registration import PRIOR_SD, Placement
-from diagnosis.select import crossfitted
 from diagnosis.settle import registered_under
+from diagnosis.trials import crossfitted
 from diagnosis.workspace import Model, Workspace
 from sensors.effects.base import Effect
 from sensors.effects.interreflection import Interreflection
