@@ -3,14 +3,18 @@
 A recorded brightness is blurred by the line and torn by speckle, and a line leans to the bright
 side by the brightness *within* its width. Recordings of one part see the same print: pooled over
 its x-y plane they place a border to a fraction of the pitch. Between the two levels around a place
-(Chan and Vese, IEEE Trans. Image Process. 10 (2001) 266, in a window) nothing is taken to lie.
+(Chan and Vese, IEEE Trans. Image Process. 10 (2001) 266, in a window) nothing is taken to lie,
+and a border is no more crooked than a blur and a threshold leave it (Merriman, Bence and Osher,
+J. Comput. Phys. 112 (1994) 334).
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.fft import dctn, idctn, next_fast_len
 
@@ -20,10 +24,14 @@ from sensors.typed_yaml import dump_yaml
 from sensors.view import View
 
 PICTURE = "reflectance.png"
-CELLS = 0.3
+CELLS = 0.2
 """Side of a cell of the map over the pitch of the readings."""
 BLUR = 1.5
+"""Standard deviation over the pitch, that pools readings before two levels are told."""
+FINE = 1.0
 """Standard deviation over the pitch, that pools readings before a border is drawn."""
+STRAIGHT = 1.5
+"""Standard deviation over the pitch, of the window in which a border is straightened."""
 WINDOW = 8.0
 """Standard deviation over the blur, of the window within which levels are the same."""
 ROUNDS = 4
@@ -43,7 +51,10 @@ Speckle of a contrast of 0.4 leaves 0.12 in a single recording; less than a prin
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Print:
-    """Relative brightness over a part's x-y plane, in cells (a, b) from a corner, mm."""
+    """Relative brightness over a part's x-y plane, in cells (a, b) from a corner, mm.
+
+    Linear between the cells' middles: that tells a border's place more finely than cells do.
+    """
 
     corner_mm: Field
     cell_mm: float
@@ -51,11 +62,9 @@ class Print:
 
     def at(self, part_mm: Field) -> Field:
         """Return the brightness (...,) at points (..., 3), part frame, mm; NaN where they are."""
-        place = (part_mm[..., :2] - self.corner_mm) / self.cell_mm
-        known = np.asarray(np.isfinite(place).all(axis=-1))
-        cell = np.clip(np.where(known[..., None], place, 0.0), 0, np.array(self.level.shape) - 1)
-        a, b = np.moveaxis(cell.astype(np.int64), -1, 0)
-        return np.asarray(np.where(known, self.level[a, b], np.nan))
+        flat = np.reshape(part_mm[..., :2], (-1, 2))
+        found = _looked_up(self.level, self.corner_mm, self.cell_mm, flat)
+        return np.asarray(found.reshape(part_mm.shape[:-1]))
 
     def save(self, folder: Path) -> None:
         """Write reflectance.png and, with a recipe's lines for it, reflectance.yaml.
@@ -103,6 +112,25 @@ def find_print(intensities: Sequence[Field], views: Sequence[View]) -> Print | N
     return found
 
 
+@njit(cache=True)
+def _looked_up(level: Field, corner_mm: Field, cell_mm: float, place_mm: Field) -> Field:
+    far_a, far_b = level.shape[0] - 1.0, level.shape[1] - 1.0
+    out = np.empty(len(place_mm))
+    for k in range(len(place_mm)):
+        u = (place_mm[k, 0] - corner_mm[0]) / cell_mm - 0.5
+        v = (place_mm[k, 1] - corner_mm[1]) / cell_mm - 0.5
+        if not (math.isfinite(u) and math.isfinite(v)):
+            out[k] = math.nan
+            continue
+        u, v = min(max(u, 0.0), far_a), min(max(v, 0.0), far_b)
+        a, b = min(int(u), level.shape[0] - 2), min(int(v), level.shape[1] - 2)
+        s, t = u - a, v - b
+        near = (1 - t) * level[a, b] + t * level[a, b + 1]
+        far = (1 - t) * level[a + 1, b] + t * level[a + 1, b + 1]
+        out[k] = (1 - s) * near + s * far
+    return out
+
+
 def _drawn(place_mm: Field, log: Field, pitch_mm: float) -> Print | None:
     """Draw the borders between two levels, readings (N, 2) of a brightness's logarithm (N,)."""
     corner = place_mm.min(axis=0) - WINDOW * pitch_mm
@@ -124,7 +152,10 @@ def _drawn(place_mm: Field, log: Field, pitch_mm: float) -> Print | None:
     step = high - low
     if np.median(step.ravel()[index]) < LEAST_STEP:
         return None
-    level = np.where(step < LEAST_STEP, smooth, np.where(smooth > middle, high, low))
+    # speckle frays a border: what differs from most around it changes sides
+    frayed = _mean(total, count, FINE * pitch_mm / cell) > middle
+    bright = _blurred(frayed.astype(np.float64), STRAIGHT * pitch_mm / cell) > 0.5
+    level = np.where(step < LEAST_STEP, smooth, np.where(bright, high, low))
     return Print(corner_mm=corner, cell_mm=cell, level=np.exp(level))
 
 

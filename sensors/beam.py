@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 WIDTH = "line_sd_um"
 BEAM = "beam_um"
+ALONG = "along_um"
 SHAPED = ("camera_occlusion", "finite_spot", "edge_mixing")
 """Effects of the geometry whose size is the line's width."""
 MOVING = ("finite_spot", "edge_mixing")
@@ -85,6 +86,11 @@ def listed_sd_mm(view: View) -> float:
     """Return the listed line's standard deviation, mm; 0 without one."""
     beams = (getattr(e, BEAM, 0.0) for e in sheet_effects(view))
     return 1e-3 * max(beams, default=0.0) or told_sd_mm(view)
+
+
+def listed_along_mm(view: View) -> float:
+    """Return the listed footprint's standard deviation along the line, mm; 0 without one."""
+    return 1e-3 * max((getattr(e, ALONG, 0.0) for e in sheet_effects(view)), default=0.0)
 
 
 def wider_mm(view: View, sd_mm: float) -> NDArray[np.float64]:

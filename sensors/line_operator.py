@@ -13,6 +13,7 @@ import dataclasses
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numba import njit
@@ -25,6 +26,9 @@ Floats = NDArray[np.float64]
 SUB_LINES = 12
 REACH = 3.0
 """Half width of the sampled profile in standard deviations."""
+
+ALONG = np.polynomial.hermite_e.hermegauss(9)
+"""Places across a footprint along the line, in standard deviations, and their weights."""
 
 BENT = 0.02
 """Mean depth over a line, less its middle's, over its width: more is a crease (3° and more)."""
@@ -257,7 +261,9 @@ def line_mean(view: View, sd_mm: Floats | float, of: ViewFunction) -> Floats:
     return np.where(light > 0, total / np.where(light > 0, light, 1.0), of(view))
 
 
-def lean_mm(view: View, sd_mm: Floats | float, *, creases: bool = False) -> Floats:
+def lean_mm(
+    view: View, sd_mm: Floats | float, *, along_mm: float = 0.0, creases: bool = False
+) -> Floats:
     """How far a line leans to the bright side of a surface that runs on, (n, m) mm.
 
     0 where the line lies on two levels: little of it is lit there, whatever the
@@ -265,20 +271,31 @@ def lean_mm(view: View, sd_mm: Floats | float, *, creases: bool = False) -> Floa
 
     Parameters
     ----------
+    along_mm : standard deviation of a reading's footprint along the line
     creases : only where the line bends, not at what is printed on a face
     """
     # what is known of the part itself is sharper than a recording, which its own line blurred
     printed = view.reflectance is not None and not creases
-    line = bright_line(view, sd_mm, _reflectance if printed else None)
+    line = bright_line(view, sd_mm, partial(_printed, along_mm=along_mm) if printed else None)
     leans = line.whole & (line.light > 0)
     if creases:
         leans &= np.abs(line.spot_mm - view.depth_mm) > BENT * sd_mm
     return np.where(leans, line.depth_mm - line.even_mm, 0.0)
 
 
-def _reflectance(view: View) -> Floats:
+def _printed(view: View, *, along_mm: float) -> Floats:
+    """Brightness of the part itself, averaged over the footprint along the line, (n, m).
+
+    A border that runs askew crosses a wide footprint little by little.
+    """
     assert view.reflectance is not None
-    return view.reflectance.at(view.part_mm)
+    if along_mm == 0.0:
+        return view.reflectance.at(view.part_mm)
+    along = view.poses[:, None, :3, 0] * along_mm
+    bright = np.zeros(view.shape)
+    for place, weight in zip(*ALONG, strict=True):
+        bright += weight * view.reflectance.at(view.part_mm + place * along)
+    return np.asarray(bright / ALONG[1].sum())
 
 
 @njit(cache=True)

@@ -1,8 +1,12 @@
 """A brightness edge across the line pulls its centre of gravity to the bright side."""
 
+import math
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, Self
 
+import numpy as np
+
+from sensors.beam import listed_along_mm
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
@@ -12,7 +16,11 @@ from sensors.view import View
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ReflectanceEdge(Effect):
-    """The line's centre of gravity follows its brightness; needs a reflectance or an intensity."""
+    """The line's centre of gravity follows its brightness; needs a reflectance or an intensity.
+
+    A part's reflectance is averaged over the footprint along the line; a recorded intensity is
+    already.
+    """
 
     name: ClassVar = "reflectance_edge"
     summary: ClassVar = (
@@ -20,8 +28,9 @@ class ReflectanceEdge(Effect):
         "the bright side and reads as depth."
     )
     equation: ClassVar = (
-        "κ s √(2/π) (1-r)/(1+r) cot θ at an edge of brightness ratio r; κ s² cot θ ∂y ln I in a "
-        "gradient"
+        "κ s √(2/π) (1-r)/(1+r) cot θ at an edge of brightness ratio r, s/√(s² + w² tan² φ) of it "
+        "where the edge runs at φ to the line and w is the footprint along it; κ s² cot θ ∂y ln I "
+        "in a gradient"
     )
     source: ClassVar = (
         "Centre of gravity of a Gaussian line, sensors/line_operator.py; Siegman, Lasers (1986), "
@@ -52,6 +61,15 @@ class ReflectanceEdge(Effect):
         grid=(15.0, 30.0, 60.0, 120.0),
         sheet="line_width_um",
     )
+    along_um: float = parameter(
+        "standard deviation of the footprint along the line (lens and pixel); 0: that of the "
+        "listed `finite_spot`",
+        unit="µm",
+        low=0.0,
+        high=500.0,
+        typical=0.0,
+        fixed=True,
+    )
     rayleigh_mm: float = parameter(
         "distance from focus at which the line is √2 wider; 0: no defocus",
         unit="mm",
@@ -61,9 +79,17 @@ class ReflectanceEdge(Effect):
         fixed=True,
     )
 
+    def variants(self, view: View) -> tuple[Self, ...]:
+        """Return the line with a footprint as long as a column is wide, where none is told."""
+        if view.reflectance is None or self.along_um or listed_along_mm(view):
+            return ()
+        pitch_mm = float(np.median(np.abs(np.diff(view.column_x_mm))))
+        return (self.with_parameters(along_um=1e3 * pitch_mm / math.sqrt(12.0)),)
+
     def changed(self, law: Law, view: View) -> Law:
         """Add the pull of the bright side; nothing where no brightness is known."""
         if view.intensity is None and view.reflectance is None:
             return law
         sd = line_sd_mm(view, self.line_sd_um, self.rayleigh_mm)
-        return replace(law, mean_mm=law.mean_mm + lean_mm(view, sd))
+        along = 1e-3 * self.along_um or listed_along_mm(view)
+        return replace(law, mean_mm=law.mean_mm + lean_mm(view, sd, along_mm=along))

@@ -163,6 +163,40 @@ def test_brightness_edge_reads_as_a_ridge(view_of, ratio, expected_um):
         assert np.abs(effect.signature(flat)).max() < 1e-12
 
 
+@pytest.mark.parametrize("angle_deg", [0.0, 30.0, 50.0])
+def test_a_footprint_along_the_line_softens_a_border_that_runs_askew(view_of, angle_deg):
+    """A border at φ to the line pulls by s/√(s² + w² tan² φ) of what it does along it."""
+
+    class Askew:
+        def at(self, part_mm):
+            beyond = part_mm[..., 1] - math.tan(math.radians(angle_deg)) * part_mm[..., 0]
+            return np.where(beyond > middle, 0.2, 1.0)
+
+    effect = ReflectanceEdge(line_sd_um=60.0)
+    spot = {"name": "finite_spot", "line_sd_um": 60.0, "along_um": 50.0}
+    near = np.linspace(-0.014, 0.014, 15)  # sub-lines stand 0.03 mm apart
+    x = view_of("plate", y_mm=[0.0]).part_mm[0, 40, 0]
+    middle = -math.tan(math.radians(angle_deg)) * x
+    pulls = []
+    for listed in ((), (spot,)):
+        view = view_of("plate", sheet={"effects": listed}, y_mm=near, reflectance=Askew())
+        pulls.append(effect.signature(view)[:, 40].mean())
+    smeared = 50.0 * math.tan(math.radians(angle_deg))
+    assert np.isclose(pulls[1] / pulls[0], 60.0 / math.hypot(60.0, smeared), rtol=0.03)
+
+
+def test_a_footprint_is_presumed_only_where_a_print_is_known_and_none_is_told(view_of):
+    spot = {"name": "finite_spot", "line_sd_um": 60.0, "along_um": 50.0}
+    edge, printed = ReflectanceEdge(line_sd_um=60.0), ReflectanceMap(base=0.8)
+    view = view_of("plate", reflectance=printed)
+    (wider,) = edge.variants(view)
+    pitch_um = 1e3 * np.median(np.abs(np.diff(view.column_x_mm)))
+    assert np.isclose(wider.along_um, pitch_um / math.sqrt(12))  # a column's even share
+    assert wider.variants(view) == ()
+    assert edge.variants(view_of("plate")) == ()
+    assert edge.variants(view_of("plate", sheet={"effects": (spot,)}, reflectance=printed)) == ()
+
+
 def test_brightness_gradient_from_a_recordings_intensity(view_of):
     """κ s² cot θ ∂y ln I, with I linear between profiles."""
     y = np.linspace(-2.0, 2.0, 41)
