@@ -38,7 +38,8 @@ class Kept(Generic[T]):
             return values[key]
         value = make()
         if keep:
-            while len(values) >= self._share(owner, size):
+            share = self._share(owner, size)
+            while len(values) >= share:
                 del values[next(iter(values))]
             values[key] = value
         return value

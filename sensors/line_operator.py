@@ -27,7 +27,7 @@ SUB_LINES = 12
 REACH = 3.0
 """Half width of the sampled profile in standard deviations."""
 
-ALONG = np.polynomial.hermite_e.hermegauss(9)
+FOOTPRINT = np.polynomial.hermite_e.hermegauss(9)
 """Places across a footprint along the line, in standard deviations, and their weights."""
 
 BENT = 0.02
@@ -293,9 +293,9 @@ def _printed(view: View, *, along_mm: float) -> Floats:
         return view.reflectance.at(view.part_mm)
     along = view.poses[:, None, :3, 0] * along_mm
     bright = np.zeros(view.shape)
-    for place, weight in zip(*ALONG, strict=True):
+    for place, weight in zip(*FOOTPRINT, strict=True):
         bright += weight * view.reflectance.at(view.part_mm + place * along)
-    return np.asarray(bright / ALONG[1].sum())
+    return np.asarray(bright / FOOTPRINT[1].sum())
 
 
 @njit(cache=True)
