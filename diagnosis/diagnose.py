@@ -128,8 +128,9 @@ def diagnose(
         progress(f"registering {recording.name}")
         valid = np.isfinite(in_range(recording.depth_mm, datasheet))
         placed[recording.name] = register(
-            scene, recording, laser[recording.name], valid=valid, sd_mm=datasheet.step_mm / 2
-        )
+            scene, recording, laser[recording.name], datasheet=datasheet, valid=valid,
+            sd_mm=datasheet.step_mm / 2,
+        )  # fmt: skip
     scene, everything = with_brightness(everything, placed, scene, datasheet, laser)
     patches: list[Patch] = []
     lateral = lateral_mm(everything[0])

@@ -192,8 +192,9 @@ def map_recording(
     plain = final = _best(depth, whole["noise"], expected)
     if effects:
         again = register(
-            scene, recording, laser, valid=np.isfinite(depth), offset_mm=whole.pop("offset"),
-            sd_mm=noise.sd_mm, spread=whole.pop("final_sd") / noise.sd_mm,
+            scene, recording, laser, datasheet=datasheet, valid=np.isfinite(depth),
+            offset_mm=whole.pop("offset"), sd_mm=noise.sd_mm,
+            spread=whole.pop("final_sd") / noise.sd_mm,
         )  # fmt: skip
         expected = expectations(
             whole.pop("final"), effects, there["final"], again.poses, there["plain"]

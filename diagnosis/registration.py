@@ -13,10 +13,12 @@ from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from diagnosis.noise import Field, Mask
+from diagnosis.noise import Field, Mask, mad_sd
+from sensors.datasheet import Datasheet
 from sensors.laser import Laser
 from sensors.recording import Recording
 from sensors.scene import Hits, Scene
+from sensors.sight import camera_visible
 from sensors.typed_yaml import RecipeError
 
 PRIOR_SD = np.array([2.0, 2.0, 2.0, 0.02, 0.02, 0.02, 2e-3, 0.01, 0.01])
@@ -24,6 +26,14 @@ PRIOR_SD = np.array([2.0, 2.0, 2.0, 0.02, 0.02, 0.02, 2e-3, 0.01, 0.01])
 SUBSET = 120_000
 MOVE_LIMIT = 0.5
 """Largest step of one iteration, in prior deviations."""
+OPEN = 0.01
+"""Deviation, in pitches, from which a direction is left to the silhouettes.
+
+Planes say nothing of where they end: walls and what is read between two levels do, and those may be
+blurred over many pitches. Their word was up to two pitches off, with a deviation of 0.01 to 0.1.
+"""
+SHADE = 3
+"""Pitches by which a shadow's end may be off."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -140,6 +150,7 @@ def register(
     recording: Recording,
     laser: Laser,
     *,
+    datasheet: Datasheet,
     valid: Mask,
     offset_mm: Field | None = None,
     sd_mm: float = 0.0,
@@ -149,6 +160,8 @@ def register(
 
     Parameters
     ----------
+    datasheet : Datasheet
+        Where the camera is, if stated.
     valid : (n, m) bool
         Readings to use.
     offset_mm : (n, m), optional
@@ -178,6 +191,12 @@ def register(
     pitch = _pitch(points, together.shape)
     larger = np.ones(depth.shape) if spread is None else spread[pick]
     shift, covariance = _smooth_fit(scene, rays, poses, depth, centre, pitch, sd_mm, larger)
+    if datasheet.triangulation_angle_deg is not None:
+        # what is read in a shadow is read elsewhere: it would draw the edge there
+        hits = scene.cast(rays, moved := move(poses, shift, centre))
+        seen = camera_visible(scene, rays, moved, hits, datasheet.camera_offset_mm)
+        hidden = np.isfinite(hits.depth_mm) & ~seen
+        depth[binary_dilation(hidden, iterations=SHADE)] = np.nan
     shift = _settle_by_edges(scene, rays, poses, depth, centre, shift, covariance, pitch, sd_mm)
     return Placement(
         shift=shift,
@@ -247,18 +266,20 @@ def _settle_by_edges(
         [1.0, 1.0, 1.0, *(1 / _reach(poses, rays, depth),) * 3, *(1 / _length(poses),) * 3]
     )
     values, vectors = np.linalg.eigh(covariance / np.outer(sizes, sizes))
-    open_axes = [k for k in range(len(values)) if np.sqrt(values[k]) > 0.1 * pitch]
+    open_axes = [k for k in range(len(values)) if np.sqrt(values[k]) > OPEN * pitch]
     if not open_axes:
         return start
     directions = (vectors[:, open_axes] * sizes[:, None]).T
     known = np.isfinite(depth)
+    away = depth - scene.cast(rays, move(poses, start, centre)).depth_mm
+    # faces that are bent don't tell where they end
+    cap = max(10 * sd_mm, 0.3 * pitch, 4 * mad_sd(away[np.isfinite(away)]))
 
     def cost(steps: Field) -> float:
         shift = start + steps @ directions
         hits = scene.cast(rays, move(poses, shift, centre))
         seen = np.isfinite(hits.depth_mm)
         both = known & seen
-        cap = max(10 * sd_mm, 0.3 * pitch)
         gap = np.clip((depth - hits.depth_mm)[both] / cap, -1, 1)
         wrong = float((gap**2).sum() + (known & ~seen).sum())
         prior = float((shift / PRIOR_SD) @ (shift / PRIOR_SD))

@@ -51,6 +51,7 @@ def registered_under(
             scene,
             recording,
             laser[recording.name],
+            datasheet=datasheet,
             valid=patch.observed,
             offset_mm=np.nan_to_num(law.mean_mm - patch.view.depth_mm),
             sd_mm=noise.sd_mm,

@@ -6,12 +6,20 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.beam import listed_sd_mm, listed_shift_mm, read_beam, standing, weakest_light
+from sensors.beam import (
+    listed_sd_mm,
+    listed_shift_mm,
+    merging_mm,
+    read_beam,
+    standing,
+    weakest_light,
+)
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
 from sensors.line_operator import STEEPEST, between_rows
 from sensors.smear import Smear, smear
+from sensors.thin_light import above_threshold
 from sensors.view import Reason, View
 
 Floats = NDArray[np.float64]
@@ -26,8 +34,9 @@ NOTHING_MM = 1e-9
 class MotionBlur(Effect):
     """Centre of gravity of a line that travels during the exposure.
 
-    Light from every place counts as much as a matt surface sends of it to the camera, and speckle
-    makes it flicker: where the depth changes on the way, the reading scatters for it.
+    Light from every place counts as much as a matt surface sends of it to the camera, as far as it
+    isn't spread too thinly over the camera's rows (sensors/thin_light.py), and speckle makes it
+    flicker: where the depth changes on the way, the reading scatters for it.
     """
 
     name: ClassVar = "motion_blur"
@@ -103,6 +112,10 @@ class MotionBlur(Effect):
             start, end = start[:1], end[:1]
         moving = smear(sd, start, end)
         line = read_beam(view, moving)
+        if view.datasheet.triangulation_angle_deg is not None:
+            line = above_threshold(
+                view, moving, line, sd_mm=sd, least=weakest_light(view), merge_mm=merging_mm(view)
+            )
         lit = np.isfinite(line.depth_mm) & (line.light >= weakest_light(view))
         mean = line.depth_mm + _beside(law, view, moving, line.depth_mm)
         still = smear(sd, 0.0, 0.0, step_mm=moving.step_mm)

@@ -38,7 +38,8 @@ def test_a_misplaced_part_is_found_again(name: str) -> None:
     scene, sheet = part(name), datasheet(100)
     laser = Laser.from_datasheet(sheet)
     made = record(scene, sheet, [], name="r", seed=4, profiles=70, pitch_mm=0.6, misplaced=6.0)
-    placed = register(scene, made, laser, valid=np.isfinite(made.depth_mm), sd_mm=0.003)
+    valid = np.isfinite(made.depth_mm)
+    placed = register(scene, made, laser, datasheet=sheet, valid=valid, sd_mm=0.003)
     residual = made.depth_mm - scene.cast(laser, placed.poses).depth_mm
     commanded = made.depth_mm - scene.cast(laser, made.poses).depth_mm
     known = np.isfinite(residual)
@@ -56,10 +57,9 @@ def test_units_and_places_that_cannot_be(scale: float, offset: float, words: str
     scene, sheet = part("domes"), datasheet(60)
     made = record(scene, sheet, [], name="r", seed=4, profiles=40, pitch_mm=1.0)
     wrong = Scene(scene.vertices_mm * scale + offset, scene.faces)
+    laser, valid = Laser.from_datasheet(sheet), np.isfinite(made.depth_mm)
     with pytest.raises(RecipeError, match=words):
-        register(
-            wrong, made, Laser.from_datasheet(sheet), valid=np.isfinite(made.depth_mm), sd_mm=0.003
-        )
+        register(wrong, made, laser, datasheet=sheet, valid=valid, sd_mm=0.003)
 
 
 def test_a_sensor_that_sits_askew_is_registered_with_its_shear() -> None:
@@ -67,7 +67,8 @@ def test_a_sensor_that_sits_askew_is_registered_with_its_shear() -> None:
     laser = Laser.from_datasheet(sheet)
     askew = [{"name": "pose_error", "yaw_deg": 0.4, "pitch_deg": -0.3, "x_mm": 0.2}]
     made = record(scene, sheet, askew, name="r", seed=5, profiles=90, pitch_mm=0.4, speckle=None)
-    placed = register(scene, made, laser, valid=np.isfinite(made.depth_mm), sd_mm=0.002)
+    valid = np.isfinite(made.depth_mm)
+    placed = register(scene, made, laser, datasheet=sheet, valid=valid, sd_mm=0.002)
     residual = made.depth_mm - scene.cast(laser, placed.poses).depth_mm
     # 2 µm of repeatability and steps of 2 µm are left; a rigid part alone leaves tens
     assert np.sqrt(np.nanmean(residual**2)) < 0.004
@@ -90,7 +91,7 @@ def test_a_noisy_face_still_says_where_the_part_lies() -> None:
     valid = np.isfinite(moved.depth_mm)
 
     def off(**known: Any) -> float:
-        placed = register(scene, moved, laser, valid=valid, sd_mm=0.009, **known)
+        placed = register(scene, moved, laser, datasheet=sheet, valid=valid, sd_mm=0.009, **known)
         residual = hits.depth_mm - scene.cast(laser, placed.poses).depth_mm
         return float(np.sqrt(np.nanmean(residual[steep] ** 2)))
 
