@@ -273,7 +273,7 @@ def _settle_by_edges(
     known = np.isfinite(depth)
     away = depth - scene.cast(rays, move(poses, start, centre)).depth_mm
     # faces that are bent don't tell where they end
-    cap = max(10 * sd_mm, 0.3 * pitch, 4 * mad_sd(away[np.isfinite(away)]))
+    cap = max(10 * sd_mm, 0.3 * pitch, 2 * mad_sd(away[np.isfinite(away)]))
 
     def cost(steps: Field) -> float:
         shift = start + steps @ directions
