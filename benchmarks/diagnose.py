@@ -110,7 +110,8 @@ def bench_workspace(name: str) -> Workspace:
     laser = Laser.from_datasheet(sheet)
     patches = []
     for k, made in enumerate(_recordings(name, [])):
-        placed = register(scene, made, laser, valid=np.isfinite(made.depth_mm), sd_mm=0.001)
+        valid = np.isfinite(made.depth_mm)
+        placed = register(scene, made, laser, datasheet=sheet, valid=valid, sd_mm=0.001)
         patches += cut(k, made, placed, scene, sheet, laser, lateral_mm=0.03)
     noise = calibrate(
         [p.depth_mm - p.plain_mm for p in patches],

@@ -11,6 +11,7 @@ from sensors.law import sheet_effects
 from sensors.light import matt
 from sensors.line_operator import STEEPEST, Line, line_sd_mm, read_line
 from sensors.smear import Smear, smear, step_between
+from sensors.thin_light import above_threshold
 from sensors.view import View
 
 if TYPE_CHECKING:
@@ -116,11 +117,14 @@ def _finely(sd_mm: float) -> Smear:
 
 def read_beam(view: View, line: Smear) -> Line:
     """Read a line; where the camera's place is stated, matt light that it sees."""
-    seen = view.datasheet.triangulation_angle_deg is not None
-    return read_line(
+    seen, merge_mm = view.datasheet.triangulation_angle_deg is not None, merging_mm(view)
+    read = read_line(
         view, line.offsets_mm, list(line.light[..., None]), within_mm=line.within_mm,
-        camera=seen, visible=seen, radiance=matt if seen else None, merge_mm=merging_mm(view),
+        camera=seen, visible=seen, radiance=matt if seen else None, merge_mm=merge_mm,
     )  # fmt: skip
+    if not seen:
+        return read
+    return above_threshold(view, line, read, least=weakest_light(view), merge_mm=merge_mm)
 
 
 def standing(view: View, line: Smear) -> Line:

@@ -38,11 +38,13 @@ class Smear:
     offsets_mm : (k,) displacements from the stated place, multiples of a power of two
     light : (k, n) share of a profile's light that each stands for
     within_mm : (k, n) where across the line it lies on average
+    sd_mm : standard deviation of the line across its width
     """
 
     offsets_mm: Floats
     light: Floats
     within_mm: Floats
+    sd_mm: float
 
     @property
     def step_mm(self) -> float:
@@ -97,7 +99,7 @@ def smear(
     light = light / light.sum(axis=0)
     known = light > LEAST_LIGHT
     within = np.where(known, moment / np.where(known, light, 1.0), 0.0)
-    return Smear(offsets_mm=d[:, 0], light=light, within_mm=within)
+    return Smear(offsets_mm=d[:, 0], light=light, within_mm=within, sd_mm=sd_mm)
 
 
 def step_between(sd_mm: float, way_mm: float) -> float:

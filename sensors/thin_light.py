@@ -1,18 +1,20 @@
 """Light that is spread over many camera rows: what lies below the peak finder's threshold.
 
-A moving line lights a flat in one camera row all the time, but runs down a steep wall through many
-of them: as much light is too thin there to be counted. With L_k the light of the line's parts and
-z_k their depths, the image's brightness where part k lies, over that of a line that stands on a
-flat, is
+A line lights a flat in one camera row, but a steep wall in many of them: as much light is too thin
+there to be counted. With L_k the light of the line's parts, p_k where it is read and z_k its depth,
+the image's brightness at part k, over that of a line that stands on a flat, is
 
-    I_k = Σ_q L_q s / s_q exp(-(z_k - z_q)² / 2 s_q²),   s_q² = s² + (h ∂z_q/∂y)² / 12
-    z_m = Σ_k L_k w_k z_k / Σ_k L_k w_k,                 w_k = max(1 - t / I_k, 0)
+    I_k = Σ_q L_q s / s_q exp(-(p_k - p_q)² / 2 s_q²)
+    s_q² = s² (1 - w') + (h (∂z_q/∂y + w' s / σ))² / 2π
+    z_m = Σ_k L_k w_k p_k / Σ_k L_k w_k,                 w_k = max(1 - t / I_k, 0)
 
-s = σ cot θ the image of the line itself as a depth, h the parts' distance, t the threshold; the
-second sums run over the brightest part and those that join it without a gap.
+s = σ cot θ the image of the line itself as a depth, h the parts' distance, w' the derivative of
+<η>, t the threshold; the second sums run over the brightest part and those that join it without a
+gap. What lies at one displacement left the line at places whose variance is σ² (1 - w').
 Centre of gravity of what exceeds a threshold: Naidu & Fisher, "A comparative analysis of algorithms
-for determining the peak position of a stripe to sub-pixel accuracy", BMVC 1991; the widths s_q are
-our own step, of a facet's slope.
+for determining the peak position of a stripe to sub-pixel accuracy", BMVC 1991. That variance:
+Robbins, "An empirical Bayes approach to statistics", 1956 (Tweedie's formula). The widths s_q are
+our own step: a Gaussian as high as the box that a facet's slope draws.
 """
 
 import math
@@ -31,19 +33,18 @@ Floats = NDArray[np.float64]
 
 REACH = 4.0
 """Deviations at which an image ends."""
+LEAST = 0.05
+"""Least width of an image, in images of the line: the camera's own."""
 FLAT = 1.0
 """Spread of the depths, in images of the line, within which all of it lies in one peak."""
 
 
-def above_threshold(
-    view: View, line: Smear, read: Line, *, sd_mm: float, least: float, merge_mm: float
-) -> Line:
-    """Leave out of a moving line's reading what is too thin to be seen.
+def above_threshold(view: View, line: Smear, read: Line, *, least: float, merge_mm: float) -> Line:
+    """Leave out of a line's reading what is too thin to be seen.
 
     Parameters
     ----------
     line, read : the line and what is read of all its light
-    sd_mm : standard deviation of the line across its width
     least : threshold, as a share of the brightest row of a line that stands on a flat
     merge_mm : gap in depth over which what is bright enough makes one peak
 
@@ -53,23 +54,26 @@ def above_threshold(
         Where the datasheet doesn't state the triangulation angle.
     """
     camera_mm = view.datasheet.camera_offset_mm
-    image = sd_mm * view.depth_mm / abs(camera_mm)
+    image = line.sd_mm * view.depth_mm / abs(camera_mm)
     with np.errstate(invalid="ignore"):
         rows, columns = np.nonzero(read.spread_mm > FLAT * image)
-    if least == 0.0 or sd_mm == 0.0 or not rows.size:
+    if least == 0.0 or line.sd_mm == 0.0 or not rows.size:
         return read
     shape = rows.size, len(line.offsets_mm)
-    light, depth, wide = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    light, depth, slope = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     of = rows % line.light.shape[1]
     for k, offset in enumerate(line.offsets_mm):
         part = view.shifted(dy_mm=float(offset))
         lit = part.visible_from(camera_mm)[rows, columns]
         light[:, k] = np.where(lit, line.light[k, of] * matt(part)[rows, columns], 0.0)
         depth[:, k] = np.where(lit, part.depth_mm[rows, columns], 0.0)
-        wide[:, k] = np.where(lit, part.slope_y[rows, columns], 0.0)
-    wide *= line.step_mm / math.sqrt(12.0)
+        slope[:, k] = np.where(lit, part.slope_y[rows, columns], 0.0)
+    moves = np.clip(np.gradient(line.within_mm, line.step_mm, axis=0), 0.0, 1.0)[:, of].T
+    own = image[rows, columns, None]
+    run = line.step_mm * (slope + moves * depth / camera_mm)
+    wide = np.hypot(own * np.sqrt(1.0 - moves), run / math.sqrt(2 * math.pi))
     reading = depth * (1.0 + line.within_mm[:, of].T / camera_mm)
-    mean, spread = _counted(light, depth, reading, wide, image[rows, columns], least, merge_mm)
+    mean, spread = _counted(light, reading, np.fmax(wide, LEAST * own), own[:, 0], least, merge_mm)
     seen = np.isfinite(mean)
     depth_mm, spread_mm = read.depth_mm.copy(), read.spread_mm.copy()
     depth_mm[rows[seen], columns[seen]] = mean[seen]
@@ -79,20 +83,14 @@ def above_threshold(
 
 @njit(cache=True)
 def _counted(
-    light: Floats,
-    depth: Floats,
-    reading: Floats,
-    wide: Floats,
-    image: Floats,
-    least: float,
-    merge_mm: float,
+    light: Floats, reading: Floats, wide: Floats, image: Floats, least: float, merge_mm: float
 ) -> tuple[Floats, Floats]:
     """Mean and standard deviation of the readings (p, k) of the brightest peak; NaN without one."""
     points, parts = light.shape
     mean, spread = np.full(points, np.nan), np.full(points, np.nan)
     bright = np.empty(parts)
     for p in range(points):
-        order = np.argsort(depth[p])
+        order = np.argsort(reading[p])
         top = -1
         for i in range(parts):
             k = order[i]
@@ -100,8 +98,8 @@ def _counted(
             if light[p, k] <= 0.0:
                 continue
             for q in range(parts):
-                away = abs(depth[p, k] - depth[p, q])
-                size = math.hypot(image[p], wide[p, q])
+                away = abs(reading[p, k] - reading[p, q])
+                size = wide[p, q]
                 if light[p, q] > 0.0 and away < REACH * size:
                     gauss = math.exp(-0.5 * (away / size) ** 2)
                     bright[k] += light[p, q] * image[p] / size * gauss
@@ -112,15 +110,15 @@ def _counted(
         total, first, second = 0.0, 0.0, 0.0
         for side in (-1, 1):
             i = top if side < 0 else top + 1
-            last = depth[p, order[top]]
+            last = reading[p, order[top]]
             while 0 <= i < parts:
                 k = order[i]
                 i += side
                 if bright[k] <= least:
                     continue
-                if abs(depth[p, k] - last) > merge_mm:
+                if abs(reading[p, k] - last) > merge_mm:
                     break
-                last = depth[p, k]
+                last = reading[p, k]
                 counted = light[p, k] * (1.0 - least / bright[k])
                 total += counted
                 first += counted * reading[p, k]

@@ -6,20 +6,12 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.beam import (
-    listed_sd_mm,
-    listed_shift_mm,
-    merging_mm,
-    read_beam,
-    standing,
-    weakest_light,
-)
+from sensors.beam import listed_sd_mm, listed_shift_mm, read_beam, standing, weakest_light
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
 from sensors.line_operator import STEEPEST, between_rows
 from sensors.smear import Smear, smear
-from sensors.thin_light import above_threshold
 from sensors.view import Reason, View
 
 Floats = NDArray[np.float64]
@@ -112,10 +104,6 @@ class MotionBlur(Effect):
             start, end = start[:1], end[:1]
         moving = smear(sd, start, end)
         line = read_beam(view, moving)
-        if view.datasheet.triangulation_angle_deg is not None:
-            line = above_threshold(
-                view, moving, line, sd_mm=sd, least=weakest_light(view), merge_mm=merging_mm(view)
-            )
         lit = np.isfinite(line.depth_mm) & (line.light >= weakest_light(view))
         mean = line.depth_mm + _beside(law, view, moving, line.depth_mm)
         still = smear(sd, 0.0, 0.0, step_mm=moving.step_mm)

@@ -33,7 +33,7 @@ def wall(view_of, run, y_mm):
 def read(view, least, merge_mm=1e3) -> tuple[Line, Line]:
     line = smear(SD, -WAY / 2, WAY / 2, step_mm=1 / 64)
     before = read_beam(view, line)
-    return before, above_threshold(view, line, before, sd_mm=SD, least=least, merge_mm=merge_mm)
+    return before, above_threshold(view, line, before, least=least, merge_mm=merge_mm)
 
 
 def shares(view, run, y_mm):
