@@ -139,13 +139,11 @@ def read_line(
         Where in the line the sub-lines lie, η of the camera's term, where that isn't their
         displacement.
     """
-    n, m = view.shape
     offsets = offsets_mm if offsets_mm.ndim == 2 else offsets_mm[:, None]
     place = camera_y_mm
     if place is None and (camera or visible):
         place = view.datasheet.camera_offset_mm
-    rows = max(1, BLOCK_POINTS // max(1, m))
-    parts = [slice(start, min(start + rows, n)) for start in range(0, n, rows)]
+    parts = row_blocks(view.shape)
     lines = [
         _read_rows(
             view if len(parts) == 1 else view.rows(part),
@@ -166,6 +164,13 @@ def read_line(
         return lines[0]
     fields = [field.name for field in dataclasses.fields(Line)]
     return Line(**{k: np.concatenate([getattr(line, k) for line in lines]) for k in fields})
+
+
+def row_blocks(shape: tuple[int, int]) -> list[slice]:
+    """Profiles of a scan (n, m) in blocks of about `BLOCK_POINTS`."""
+    n, m = shape
+    rows = max(1, BLOCK_POINTS // max(1, m))
+    return [slice(start, min(start + rows, n)) for start in range(0, n, rows)]
 
 
 def _of_rows(field: Floats, part: slice) -> Floats:

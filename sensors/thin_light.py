@@ -25,18 +25,19 @@ from numba import njit
 from numpy.typing import NDArray
 
 from sensors.light import matt
-from sensors.line_operator import Line
+from sensors.line_operator import Line, row_blocks
 from sensors.smear import Smear
 from sensors.view import View
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
 
 REACH = 4.0
 """Deviations at which an image ends."""
 LEAST = 0.05
 """Least width of an image, in images of the line: the camera's own."""
-FLAT = 1.0
-"""Spread of the depths, in images of the line, within which all of it lies in one peak."""
+FLAT = 1.25
+"""Spread of the readings, in images of the line, up to which all of it lies in one peak."""
 
 
 def above_threshold(view: View, line: Smear, read: Line, *, least: float, merge_mm: float) -> Line:
@@ -53,15 +54,32 @@ def above_threshold(view: View, line: Smear, read: Line, *, least: float, merge_
     RecipeError
         Where the datasheet doesn't state the triangulation angle.
     """
-    camera_mm = view.datasheet.camera_offset_mm
-    image = line.sd_mm * view.depth_mm / abs(camera_mm)
-    with np.errstate(invalid="ignore"):
-        rows, columns = np.nonzero(read.spread_mm > FLAT * image)
-    if least == 0.0 or line.sd_mm == 0.0 or not rows.size:
+    if least == 0.0 or line.sd_mm == 0.0:
         return read
+    depth_mm, spread_mm = read.depth_mm.copy(), read.spread_mm.copy()
+    image = line.sd_mm * view.depth_mm / abs(view.datasheet.camera_offset_mm)
+    with np.errstate(invalid="ignore"):
+        split = read.spread_mm > FLAT * image
+    for part in row_blocks(view.shape):
+        rows, columns = np.nonzero(split[part])
+        if rows.size:
+            some = view if len(split[part]) == len(split) else view.rows(part)
+            here = part.start + rows
+            of = here % line.light.shape[1]
+            mean, spread = _read(some, line, rows, columns, of, least, merge_mm)
+            seen = np.isfinite(mean)
+            depth_mm[here[seen], columns[seen]] = mean[seen]
+            spread_mm[here[seen], columns[seen]] = spread[seen]
+    return replace(read, depth_mm=depth_mm, spread_mm=spread_mm)
+
+
+def _read(
+    view: View, line: Smear, rows: Ints, columns: Ints, of: Ints, least: float, merge_mm: float
+) -> tuple[Floats, Floats]:
+    """Read some points of a view; `of` are their columns in the line's arrays."""
+    camera_mm = view.datasheet.camera_offset_mm
     shape = rows.size, len(line.offsets_mm)
     light, depth, slope = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    of = rows % line.light.shape[1]
     for k, offset in enumerate(line.offsets_mm):
         part = view.shifted(dy_mm=float(offset))
         lit = part.visible_from(camera_mm)[rows, columns]
@@ -69,16 +87,11 @@ def above_threshold(view: View, line: Smear, read: Line, *, least: float, merge_
         depth[:, k] = np.where(lit, part.depth_mm[rows, columns], 0.0)
         slope[:, k] = np.where(lit, part.slope_y[rows, columns], 0.0)
     moves = np.clip(np.gradient(line.within_mm, line.step_mm, axis=0), 0.0, 1.0)[:, of].T
-    own = image[rows, columns, None]
+    own = line.sd_mm * view.depth_mm[rows, columns] / abs(camera_mm)
     run = line.step_mm * (slope + moves * depth / camera_mm)
-    wide = np.hypot(own * np.sqrt(1.0 - moves), run / math.sqrt(2 * math.pi))
+    wide = np.hypot(own[:, None] * np.sqrt(1.0 - moves), run / math.sqrt(2 * math.pi))
     reading = depth * (1.0 + line.within_mm[:, of].T / camera_mm)
-    mean, spread = _counted(light, reading, np.fmax(wide, LEAST * own), own[:, 0], least, merge_mm)
-    seen = np.isfinite(mean)
-    depth_mm, spread_mm = read.depth_mm.copy(), read.spread_mm.copy()
-    depth_mm[rows[seen], columns[seen]] = mean[seen]
-    spread_mm[rows[seen], columns[seen]] = spread[seen]
-    return replace(read, depth_mm=depth_mm, spread_mm=spread_mm)
+    return _counted(light, reading, np.fmax(wide, LEAST * own[:, None]), own, least, merge_mm)
 
 
 @njit(cache=True)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from sensors import line_operator
 from sensors.beam import read_beam
 from sensors.line_operator import Line
 from sensors.scene import Scene
@@ -82,6 +83,15 @@ def test_a_steep_wall_is_too_thin_to_count(view_of):
 def test_peaks_apart_are_not_mixed(view_of):
     _, after = read(wall(view_of, 1.0, 10.2), 0.03, merge_mm=2.0)
     assert after.depth_mm[1, 40] == pytest.approx(FLOOR, abs=0.01)
+
+
+def test_a_long_scan_is_read_in_blocks(view_of, monkeypatch):
+    view = wall(view_of, 1.0, 10.2)
+    _, whole = read(view, 0.03)
+    monkeypatch.setattr(line_operator, "BLOCK_POINTS", 80)
+    _, blocks = read(view, 0.03)
+    assert np.array_equal(whole.depth_mm, blocks.depth_mm)
+    assert np.array_equal(whole.spread_mm, blocks.spread_mm)
 
 
 def test_a_slope_is_left_alone(view_of):
