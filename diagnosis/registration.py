@@ -191,13 +191,9 @@ def register(
     pitch = _pitch(points, together.shape)
     larger = np.ones(depth.shape) if spread is None else spread[pick]
     shift, covariance = _smooth_fit(scene, rays, poses, depth, centre, pitch, sd_mm, larger)
-    if datasheet.triangulation_angle_deg is not None:
-        # what is read in a shadow is read elsewhere: it would draw the edge there
-        hits = scene.cast(rays, moved := move(poses, shift, centre))
-        seen = camera_visible(scene, rays, moved, hits, datasheet.camera_offset_mm)
-        hidden = np.isfinite(hits.depth_mm) & ~seen
-        depth[binary_dilation(hidden, iterations=SHADE)] = np.nan
-    shift = _settle_by_edges(scene, rays, poses, depth, centre, shift, covariance, pitch, sd_mm)
+    shift = _settle_by_edges(
+        scene, rays, poses, depth, centre, shift, covariance, pitch, sd_mm, datasheet
+    )
     return Placement(
         shift=shift,
         centre_mm=centre,
@@ -260,6 +256,7 @@ def _settle_by_edges(
     covariance: Field,
     pitch: float,
     sd_mm: float,
+    datasheet: Datasheet,
 ) -> Field:
     """Let silhouettes settle what smooth faces leave open, where they say something clear."""
     sizes = np.array(
@@ -270,10 +267,16 @@ def _settle_by_edges(
     if not open_axes:
         return start
     directions = (vectors[:, open_axes] * sizes[:, None]).T
+    hits = scene.cast(rays, moved := move(poses, start, centre))
     known = np.isfinite(depth)
-    away = depth - scene.cast(rays, move(poses, start, centre)).depth_mm
+    if datasheet.triangulation_angle_deg is not None:
+        # what is read in a shadow is read elsewhere: it would draw the edge there
+        seen = camera_visible(scene, rays, moved, hits, datasheet.camera_offset_mm)
+        hidden = np.isfinite(hits.depth_mm) & ~seen
+        known &= ~binary_dilation(hidden, iterations=SHADE)
+    away = (depth - hits.depth_mm)[known & np.isfinite(hits.depth_mm)]
     # faces that are bent don't tell where they end
-    cap = max(10 * sd_mm, 0.3 * pitch, 2 * mad_sd(away[np.isfinite(away)]))
+    cap = max(10 * sd_mm, 0.3 * pitch, 2 * mad_sd(away))
 
     def cost(steps: Field) -> float:
         shift = start + steps @ directions

@@ -60,13 +60,14 @@ def above_threshold(view: View, line: Smear, read: Line, *, least: float, merge_
     image = line.sd_mm * view.depth_mm / abs(view.datasheet.camera_offset_mm)
     with np.errstate(invalid="ignore"):
         split = read.spread_mm > FLAT * image
-    for part in row_blocks(view.shape):
+    parts = row_blocks(view.shape)
+    for part in parts:
         rows, columns = np.nonzero(split[part])
         if rows.size:
-            some = view if len(split[part]) == len(split) else view.rows(part)
+            some = view if len(parts) == 1 else view.rows(part)
             here = part.start + rows
-            of = here % line.light.shape[1]
-            mean, spread = _read(some, line, rows, columns, of, least, merge_mm)
+            of, own = here % line.light.shape[1], image[here, columns]
+            mean, spread = _read(some, line, rows, columns, of, own, least, merge_mm)
             seen = np.isfinite(mean)
             depth_mm[here[seen], columns[seen]] = mean[seen]
             spread_mm[here[seen], columns[seen]] = spread[seen]
@@ -74,7 +75,14 @@ def above_threshold(view: View, line: Smear, read: Line, *, least: float, merge_
 
 
 def _read(
-    view: View, line: Smear, rows: Ints, columns: Ints, of: Ints, least: float, merge_mm: float
+    view: View,
+    line: Smear,
+    rows: Ints,
+    columns: Ints,
+    of: Ints,
+    image: Floats,
+    least: float,
+    merge_mm: float,
 ) -> tuple[Floats, Floats]:
     """Read some points of a view; `of` are their columns in the line's arrays."""
     camera_mm = view.datasheet.camera_offset_mm
@@ -87,11 +95,11 @@ def _read(
         depth[:, k] = np.where(lit, part.depth_mm[rows, columns], 0.0)
         slope[:, k] = np.where(lit, part.slope_y[rows, columns], 0.0)
     moves = np.clip(np.gradient(line.within_mm, line.step_mm, axis=0), 0.0, 1.0)[:, of].T
-    own = line.sd_mm * view.depth_mm[rows, columns] / abs(camera_mm)
+    own = image[:, None]
     run = line.step_mm * (slope + moves * depth / camera_mm)
-    wide = np.hypot(own[:, None] * np.sqrt(1.0 - moves), run / math.sqrt(2 * math.pi))
+    wide = np.hypot(own * np.sqrt(1.0 - moves), run / math.sqrt(2 * math.pi))
     reading = depth * (1.0 + line.within_mm[:, of].T / camera_mm)
-    return _counted(light, reading, np.fmax(wide, LEAST * own[:, None]), own, least, merge_mm)
+    return _counted(light, reading, np.fmax(wide, LEAST * own), image, least, merge_mm)
 
 
 @njit(cache=True)

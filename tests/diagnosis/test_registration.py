@@ -74,6 +74,22 @@ def test_a_sensor_that_sits_askew_is_registered_with_its_shear() -> None:
     assert np.sqrt(np.nanmean(residual**2)) < 0.004
 
 
+def test_blurred_edges_are_registered_to_a_third_of_the_pitch() -> None:
+    """Over 3.2 mm of way, eight pitches; what is read in shadows draws the part towards them."""
+    scene, sheet = part("steps"), datasheet(100)
+    laser = Laser.from_datasheet(sheet)
+    blurred = [
+        {"name": "camera_occlusion", "line_sd_um": 100.0, "weakest": 0.03},
+        {"name": "motion_blur", "exposure_ms": 40.0, "stamped": "middle"},
+    ]
+    made = record(scene, sheet, blurred, name="r", seed=4, profiles=110, pitch_mm=0.4, **VIEWS[1])
+    valid = np.isfinite(made.depth_mm)
+    placed = register(scene, made, laser, datasheet=sheet, valid=valid, sd_mm=0.003)
+    middle = np.array([0.0, 0.0, np.median(made.depth_mm[valid])])
+    moved = (placed.poses[:, :3] - made.poses[:, :3]) @ np.append(middle, 1.0)
+    assert np.linalg.norm(moved.mean(axis=0)) < 0.4 / 3
+
+
 def test_a_noisy_face_still_says_where_the_part_lies() -> None:
     """Readings that scatter more are worth less, but are no outliers where that is known."""
     scene, sheet = part("wedge"), datasheet(100)
