@@ -231,6 +231,7 @@ def bright_line(
     sd_mm: Floats | float,
     radiance: ViewFunction | None = None,
     *,
+    axis: str = "y",
     merge_mm: float | None = None,
 ) -> Line:
     """Read a line whose parts are not equally bright.
@@ -239,11 +240,12 @@ def bright_line(
     ----------
     sd_mm : standard deviation of the line, one or (n, m)
     radiance : what a sub-line sends to the camera; the surface's brightness where left out
+    axis : "y", across the line, or "x": the footprint along it, which doesn't move the image
     merge_mm : see `read_line`; given, light that the camera can't see doesn't count
     """
     offsets = sub_lines(float(np.max(sd_mm)))
     return read_line(
-        view, offsets, gaussian_weights(offsets, sd_mm), camera=True,
+        view, offsets, gaussian_weights(offsets, sd_mm), axis=axis, camera=axis == "y",
         visible=merge_mm is not None, brightness=radiance is None, radiance=radiance,
         merge_mm=merge_mm,
     )  # fmt: skip

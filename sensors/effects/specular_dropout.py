@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from sensors.beam import merging_mm
+from sensors.beam import listed_along_mm, merging_mm
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.kept import Kept
@@ -18,7 +18,7 @@ from sensors.view import View
 
 Floats = NDArray[np.float64]
 
-_EVEN: Kept[Line] = Kept(2)
+_EVEN: Kept[Line] = Kept(4)
 STEEPEST_DEG = 80.0
 """Incidence beyond which the law is held constant."""
 
@@ -35,7 +35,7 @@ class SpecularDropout(Effect):
     equation: ClassVar = (
         "S = ρ cos β + (1-ρ) exp(-tan²α / m²); p = share · logistic(±(ln S - ln threshold) / "
         "softness); of a line of stated width Σ L S / Σ L counts, and its mean leans to the bright "
-        "side: Σ L S [z + κ η cot θ] / Σ L S"
+        "side: Σ L S [z + κ η cot θ] / Σ L S; so does a listed footprint along the line: Σ L S z / Σ L S"
     )
     source: ClassVar = (
         "Lobe of microfacets about the half vector: Torrance and Sparrow, J. Opt. Soc. Am. 57 "
@@ -109,12 +109,8 @@ class SpecularDropout(Effect):
         """Add the probability of a missing return, and lean to what does return."""
         mean = law.mean_mm
         if self.kind == "weak" and view.datasheet.line_width_um is not None:
-            # a line that lies half on a dark facet is read by its other half
-            sd, merge = float(line_sd_mm(view, None, None)), merging_mm(view)
-            even, line = _even(view, sd, merge), bright_line(view, sd, self._signal, merge_mm=merge)
-            mean = mean + self.share * np.nan_to_num(line.depth_mm - even.depth_mm)
-            # what the camera doesn't see of the line makes no facet darker
-            signal = line.light / np.where(even.light > 0, even.light, 1.0)
+            lean, signal = self._lit(view)
+            mean = mean + self.share * lean
         else:
             signal = self._signal(view)
         with np.errstate(divide="ignore"):
@@ -122,6 +118,31 @@ class SpecularDropout(Effect):
         missing = self.share * expit(-excess if self.kind == "weak" else excess)
         kept = (1.0 - law.p_missing) * (1.0 - np.where(view.valid, missing, 0.0))
         return replace(law, mean_mm=mean, p_missing=np.asarray(1.0 - kept))
+
+    def _lit(self, view: View) -> tuple[Floats, Floats]:
+        """How far a line leans to what is lit of it, (n, m) mm, and its signal, (n, m).
+
+        A line that lies half on a dark facet is read by its other half; so is a footprint along
+        the line, where the file lists one. Both leans add; of the two signals the larger change
+        counts where one is brighter, the smaller signal where none is.
+        """
+        across = float(line_sd_mm(view, None, None))
+        lean, signal = self._lit_along(view, across, "y", merging_mm(view))
+        along = listed_along_mm(view)
+        if along:
+            further, other = self._lit_along(view, along, "x", None)
+            lean = lean + further
+            signal = np.fmax(signal + other - self._signal(view), np.fmin(signal, other))
+        return lean, signal
+
+    def _lit_along(
+        self, view: View, sd_mm: float, axis: str, merge_mm: float | None
+    ) -> tuple[Floats, Floats]:
+        even = _even(view, sd_mm, axis, merge_mm)
+        line = bright_line(view, sd_mm, self._signal, axis=axis, merge_mm=merge_mm)
+        # what the camera doesn't see of the line makes no facet darker
+        signal = line.light / np.where(even.light > 0, even.light, 1.0)
+        return np.nan_to_num(line.depth_mm - even.depth_mm), signal
 
     def _signal(self, view: View) -> Floats:
         """Light that reaches the camera, (n, m), 1 at the lobe's peak."""
@@ -133,9 +154,11 @@ class SpecularDropout(Effect):
         return np.asarray(signal)
 
 
-def _even(view: View, sd_mm: float, merge_mm: float) -> Line:
+def _even(view: View, sd_mm: float, axis: str, merge_mm: float | None) -> Line:
     """Read the line as if it were equally bright; kept for the next who asks."""
     return _EVEN.get(
-        view, (sd_mm, merge_mm),
-        lambda: bright_line(view, sd_mm, lambda sub: np.ones((1, 1)), merge_mm=merge_mm),
+        view, (sd_mm, axis, merge_mm),
+        lambda: bright_line(
+            view, sd_mm, lambda sub: np.ones((1, 1)), axis=axis, merge_mm=merge_mm
+        ),
     )  # fmt: skip

@@ -394,6 +394,28 @@ def test_half_a_line_on_a_dark_wall_is_read_by_its_other_half(view_of, side, sig
     assert law.p_missing[2, 40] > 0.99
 
 
+def test_a_footprint_along_the_line_is_read_by_what_shines_in_it(view_of):
+    """On the rim of a groove that runs along the travel: the flat half alone, no camera term."""
+    along = 0.3
+    spot = {"name": "finite_spot", "line_sd_um": 10.0, "along_um": 1e3 * along}
+    effect = SpecularDropout(share=1.0, lobe_deg=10.0, matt=0.0, threshold=0.002, softness=0.05)
+    turn = np.array([[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], dtype=float)
+    sheet = {"line_width_um": 40.0, "points_per_profile": 601}
+    changes, missing = [], []
+    for effects in ((spot,), ()):
+        lying = view_of("groove", sheet=sheet | {"effects": effects}, y_mm=[0.0, 0.1, 0.2])
+        view = lying.posed(turn @ lying.poses)
+        plain = geometric_law(view, None)
+        law = effect.apply(plain, view)
+        changes.append((law.mean_mm - plain.mean_mm)[1])
+        missing.append(law.p_missing[1])
+    out = np.abs(view.part_mm[1, :, 1]) - 20.0
+    rim, beyond = (int(np.argmin(np.abs(out - way))) for way in (0.0, -1.3 * along))
+    assert np.isclose(changes[0][rim], -0.5 * along * math.sqrt(2 / math.pi), rtol=0.12)
+    # a tenth of the footprint still shines there, of the narrow line nothing
+    assert missing[0][beyond] < 0.01 < 0.99 < missing[1][beyond]
+
+
 def test_a_crease_leans_to_its_brighter_side_where_the_line_is_whole(view_of):
     """At the rim, half the line on a wall of half the brightness and a slope of 1."""
     y = np.linspace(17.0, 23.0, 121)
