@@ -58,8 +58,12 @@ less, and all true ones more.
 TRIALS = 4
 PLACED = 3
 """Times that recordings are placed under a model at most, where that still moves them."""
+TURNS = 2
+"""Times that blurred recordings are placed by the law of the model, which is fitted again."""
 SETTLED = EDGE_COVARIATES | BESIDE_EDGES | {"wall_distance"}
 """Covariates of effects that are fitted again where the recordings lie then."""
+
+PlaceAgain = Callable[[Model, Sequence[Patch], bool], Sequence[Patch]]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -137,7 +141,7 @@ def left_by_placement(
 def explain(
     patches: Sequence[Patch],
     noise: NoiseModel,
-    place_again: Callable[[Model, Sequence[Patch]], Sequence[Patch]],
+    place_again: PlaceAgain,
     rng: np.random.Generator,
     *,
     withheld: Iterable[str],
@@ -149,12 +153,12 @@ def explain(
 
     Parameters
     ----------
-    place_again : registers the recordings under a model
+    place_again : registers the recordings under a model, by silhouettes or by its word on edges
     share_own : whether a part of the held-out readings serves each recording's own parameters
     """
     banned = set(withheld)
     listed = lists_edges(patches[0])
-    ws = Workspace.build([p for p in patches if p.fit.any()], noise)
+    ws = _fitted(patches, noise)
     selection: Selection | None = None
     for trial in range(TRIALS):
         selection = select(ws, rng, withheld=banned, progress=progress, start=selection)
@@ -162,14 +166,8 @@ def explain(
         if not model.effects:
             break
         progress("registering again under the model")
-        for _ in range(PLACED):
-            before, patches = patches, place_again(model, patches)
-            if all(a is b for a, b in zip(before, patches, strict=True)):
-                break
-        ws = Workspace.build([p for p in patches if p.fit.any()], noise)
-        if any(e.covariate in SETTLED for e in model.effects):
-            # where edges are and what they do were settled by turns
-            model = refit(ws.thin(SEARCHED_READINGS), model)
+        model, patches = _settle(model, patches, noise, place_again)
+        ws = _fitted(patches, noise)
         model, kept = drop_idle(ws, refit_linear(ws, model), selection.choices, rng)
         held = [p for p in patches if p.scored.any()]
         gains, _ = heldout_gains(ws, model, held, share_own)
@@ -201,3 +199,30 @@ def explain(
             selection = replace(selection, last=screen(ws, model, rng, banned))
     assert selection is not None
     return Explanation(selection=selection, patches=tuple(patches), ws=ws)
+
+def _settle(
+    model: Model, patches: Sequence[Patch], noise: NoiseModel, place_again: PlaceAgain
+) -> tuple[Model, Sequence[Patch]]:
+    """Settle where edges are and what they do, by turns."""
+    for _ in range(PLACED):
+        before, patches = patches, place_again(model, patches, False)
+        if _same(before, patches):
+            break
+    if any(e.covariate in SETTLED for e in model.effects):
+        model = refit(_fitted(patches, noise).thin(SEARCHED_READINGS), model)
+    if any(isinstance(e, MotionBlur) for e in model.effects):
+        # silhouettes are spread over many pitches: they alone don't tell a part of one
+        for _ in range(TURNS):
+            before, patches = patches, place_again(model, patches, True)
+            if _same(before, patches):
+                break
+            model = refit(_fitted(patches, noise).thin(SEARCHED_READINGS), model)
+    return model, patches
+
+
+def _same(before: Sequence[Patch], after: Sequence[Patch]) -> bool:
+    return all(a is b for a, b in zip(before, after, strict=True))
+
+
+def _fitted(patches: Sequence[Patch], noise: NoiseModel) -> Workspace:
+    return Workspace.build([p for p in patches if p.fit.any()], noise)

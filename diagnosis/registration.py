@@ -5,6 +5,7 @@ edges and creases down-weighted; directions that smooth faces leave open are the
 silhouettes, if there are any. The same columns are projected out of every later test.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,6 +33,10 @@ OPEN = 0.01
 Planes say nothing of where they end: walls and what is read between two levels do, and those may be
 blurred over many pitches. Their word was up to two pitches off, with a deviation of 0.01 to 0.1.
 """
+REACHES = (8.0, 3.0, 1.0, 0.4, 0.15, 0.05)
+"""Steps of a search by silhouettes, in pitches."""
+LEAST_SETTLED = 5.0
+"""What silhouettes must save to be followed: five readings on the wrong side of one."""
 SHADE = 3
 """Pitches by which a shadow's end may be off."""
 
@@ -188,7 +193,7 @@ def register(
         raise RecipeError(overlap_fault(scene, recording, rays, poses, depth), where=recording.name)
     points = _points(poses, rays, first.depth_mm)[together]
     centre = points.mean(axis=0)
-    pitch = _pitch(points, together.shape)
+    pitch = pitch_of(points, together.shape)
     larger = np.ones(depth.shape) if spread is None else spread[pick]
     shift, covariance = _smooth_fit(scene, rays, poses, depth, centre, pitch, sd_mm, larger)
     shift = _settle_by_edges(
@@ -259,14 +264,9 @@ def _settle_by_edges(
     datasheet: Datasheet,
 ) -> Field:
     """Let silhouettes settle what smooth faces leave open, where they say something clear."""
-    sizes = np.array(
-        [1.0, 1.0, 1.0, *(1 / _reach(poses, rays, depth),) * 3, *(1 / _length(poses),) * 3]
-    )
-    values, vectors = np.linalg.eigh(covariance / np.outer(sizes, sizes))
-    open_axes = [k for k in range(len(values)) if np.sqrt(values[k]) > OPEN * pitch]
-    if not open_axes:
+    directions = open_directions(covariance, poses, rays, depth, pitch)
+    if not len(directions):
         return start
-    directions = (vectors[:, open_axes] * sizes[:, None]).T
     hits = scene.cast(rays, moved := move(poses, start, centre))
     known = np.isfinite(depth)
     if datasheet.triangulation_angle_deg is not None:
@@ -288,20 +288,9 @@ def _settle_by_edges(
         prior = float((shift / PRIOR_SD) @ (shift / PRIOR_SD))
         return wrong + 0.5 * prior
 
-    before = cost(np.zeros(len(open_axes)))
-    best, best_cost = np.zeros(len(open_axes)), before
-    # coarse to fine along each open direction; silhouettes make the cost piecewise
-    for reach in (8 * pitch, 3 * pitch, pitch, 0.4 * pitch, 0.15 * pitch, 0.05 * pitch):
-        for k in range(len(open_axes)):
-            for sign in (-1.0, 1.0):
-                for _ in range(4):
-                    trial = best.copy()
-                    trial[k] += sign * reach
-                    value = cost(trial)
-                    if value >= best_cost - 1e-9:
-                        break
-                    best, best_cost = trial, value
-    if before - best_cost < 5:
+    # silhouettes make the cost piecewise
+    best, gained = step_by_step(cost, len(directions), [k * pitch for k in REACHES])
+    if gained < LEAST_SETTLED:
         return start
     polished = minimize(
         cost,
@@ -316,6 +305,41 @@ def _settle_by_edges(
         },
     )
     return np.asarray(start + polished.x @ directions)
+
+
+def open_directions(
+    covariance: Field, poses: Field, rays: Laser, depth_mm: Field, pitch_mm: float
+) -> Field:
+    """Directions (k, 9) in which smooth faces leave a placement open; a unit moves it by 1 mm."""
+    sizes = np.array(
+        [1.0, 1.0, 1.0, *(1 / _reach(poses, rays, depth_mm),) * 3, *(1 / _length(poses),) * 3]
+    )
+    values, vectors = np.linalg.eigh(covariance / np.outer(sizes, sizes))
+    return np.asarray((vectors[:, np.sqrt(values) > OPEN * pitch_mm] * sizes[:, None]).T)
+
+
+def step_by_step(
+    cost: Callable[[Field], float], count: int, reaches: Sequence[float]
+) -> tuple[Field, float]:
+    """Search (count,) numbers from zero on, one at a time, with shorter and shorter steps.
+
+    Returns
+    -------
+    the best, and by how much it costs less
+    """
+    best = np.zeros(count)
+    before = least = cost(best)
+    for reach in reaches:
+        for k in range(count):
+            for sign in (-1.0, 1.0):
+                for _ in range(4):
+                    trial = best.copy()
+                    trial[k] += sign * reach
+                    value = cost(trial)
+                    if value >= least - 1e-9:
+                        break
+                    best, least = trial, value
+    return best, before - least
 
 
 def overlap_fault(
@@ -359,7 +383,8 @@ def _points(poses: Field, rays: Laser, depth_mm: Field) -> Field:
     return np.asarray(turned + poses[:, None, :3, 3])
 
 
-def _pitch(points: Field, shape: tuple[int, ...]) -> float:
+def pitch_of(points: Field, shape: tuple[int, ...]) -> float:
+    """Distance of neighbouring readings, mm, where their points (k, 3) fill a scan that large."""
     spread = points.max(axis=0) - points.min(axis=0)
     return max(*(float(s) / max(shape) for s in spread), 1e-6)
 

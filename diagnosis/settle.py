@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.heldout import judging_masks, settle_own
+from diagnosis.law_placement import placed_by_law
 from diagnosis.noise import Field, NoiseModel
 from diagnosis.patch import Patch, cut
 from diagnosis.prediction import predict
@@ -63,6 +64,37 @@ def registered_under(
         )  # fmt: skip
         placed[recording.name] = placement
         out += again
+    return out
+
+
+def settled_by_law(
+    model: Model,
+    patches: Sequence[Patch],
+    recordings: Sequence[Recording],
+    scene: Scene,
+    datasheet: Datasheet,
+    laser: dict[str, Laser],
+    placed: dict[str, Placement],
+    noise: NoiseModel,
+    lateral: float,
+) -> list[Patch]:
+    """Place each recording where the model's word on edges has it; strips stay."""
+    out: list[Patch] = []
+    for number, recording in enumerate(recordings):
+        own = [p for p in patches if p.recording == number]
+        patch, before = own[0], placed[recording.name]
+        if len(own) > 1 or patch.shape[0] < recording.depth_mm.shape[0]:
+            out += own
+            continue
+        placement = placed_by_law(patch, before, model, noise)
+        if placement is before:
+            out += own
+            continue
+        placed[recording.name] = placement
+        out += cut(
+            number, recording, placement, scene, datasheet, laser[recording.name],
+            lateral_mm=lateral, held_out=patch.scored,
+        )  # fmt: skip
     return out
 
 
