@@ -200,6 +200,7 @@ def explain(
     assert selection is not None
     return Explanation(selection=selection, patches=tuple(patches), ws=ws)
 
+
 def _settle(
     model: Model, patches: Sequence[Patch], noise: NoiseModel, place_again: PlaceAgain
 ) -> tuple[Model, Sequence[Patch]]:
