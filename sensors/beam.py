@@ -103,14 +103,14 @@ def wider_mm(view: View, sd_mm: float) -> NDArray[np.float64]:
     told = told_sd_mm(view)
     if told == 0.0:
         return np.zeros(view.shape)
-    now = read_beam(view, finely(sd_mm))
-    stood = standing(view, finely(told)).depth_mm
+    now = read_beam(view, _finely(sd_mm))
+    stood = standing(view, _finely(told)).depth_mm
     filed = view.depth_mm + listed_shift_mm(view, told=True)
     change = now.depth_mm - np.where(np.abs(filed - stood) <= STEEPEST * told, stood, filed)
     return np.where(np.isfinite(change) & (now.light >= weakest_light(view)), change, 0.0)
 
 
-def finely(sd_mm: float) -> Smear:
+def _finely(sd_mm: float) -> Smear:
     """Sample a line that stands finely enough for one that an edge cuts."""
     return smear(sd_mm, 0.0, 0.0, step_between(FINELY * sd_mm, 0.0))
 

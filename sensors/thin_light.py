@@ -27,11 +27,10 @@ from numpy.typing import NDArray
 from sensors.light import matt
 from sensors.line_operator import Line, row_blocks
 from sensors.smear import Smear
-from sensors.view import View, ViewFunction
+from sensors.view import View
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 REACH = 4.0
 """Deviations at which an image ends."""
@@ -43,25 +42,14 @@ FLAT = 1.25
 """Spread of the readings, in images of the line, up to which all of it lies in one peak."""
 
 
-def above_threshold(
-    view: View,
-    line: Smear,
-    read: Line,
-    *,
-    least: float,
-    merge_mm: float,
-    radiance: ViewFunction = matt,
-    where: Mask | None = None,
-) -> Line:
-    """Leave out of a line's reading what is too thin, or too dark, to be seen.
+def above_threshold(view: View, line: Smear, read: Line, *, least: float, merge_mm: float) -> Line:
+    """Leave out of a line's reading what is too thin to be seen.
 
     Parameters
     ----------
     line, read : the line and what is read of all its light
     least : threshold, as a share of the brightest row of a line that stands on a flat
     merge_mm : gap in depth over which what is bright enough makes one peak
-    radiance : what a sub-line's view sends to the camera from a unit of travel
-    where : which points, (n, m); those whose light lies apart where left out
 
     Raises
     ------
@@ -72,17 +60,16 @@ def above_threshold(
         return read
     depth_mm, spread_mm = read.depth_mm.copy(), read.spread_mm.copy()
     image = line.sd_mm * view.depth_mm / abs(view.datasheet.camera_offset_mm)
-    if where is None:
-        with np.errstate(invalid="ignore"):
-            where = read.spread_mm > FLAT * image
+    with np.errstate(invalid="ignore"):
+        split = read.spread_mm > FLAT * image
     parts = row_blocks(view.shape)
     for part in parts:
-        rows, columns = np.nonzero(where[part] & view.valid[part])
+        rows, columns = np.nonzero(split[part])
         if rows.size:
             some = view if len(parts) == 1 else view.rows(part)
             here = part.start + rows
             of, own = here % line.light.shape[1], image[here, columns]
-            mean, spread = _read(some, line, rows, columns, of, own, least, merge_mm, radiance)
+            mean, spread = _read(some, line, rows, columns, of, own, least, merge_mm)
             seen = np.isfinite(mean)
             depth_mm[here[seen], columns[seen]] = mean[seen]
             spread_mm[here[seen], columns[seen]] = spread[seen]
@@ -98,7 +85,6 @@ def _read(
     image: Floats,
     least: float,
     merge_mm: float,
-    radiance: ViewFunction,
 ) -> tuple[Floats, Floats]:
     """Read some points of a view; `of` are their columns in the line's arrays."""
     camera_mm = view.datasheet.camera_offset_mm
@@ -107,7 +93,7 @@ def _read(
     for k, offset in enumerate(line.offsets_mm):
         part = view.shifted(dy_mm=float(offset))
         lit = part.visible_from(camera_mm)[rows, columns]
-        light[:, k] = np.where(lit, line.light[k, of] * radiance(part)[rows, columns], 0.0)
+        light[:, k] = np.where(lit, line.light[k, of] * matt(part)[rows, columns], 0.0)
         depth[:, k] = np.where(lit, part.depth_mm[rows, columns], 0.0)
         slope[:, k] = np.where(lit, part.slope_y[rows, columns], 0.0)
     moves = np.clip(np.gradient(line.within_mm, line.step_mm, axis=0), 0.0, 1.0)[:, of].T

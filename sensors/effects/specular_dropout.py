@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from sensors.beam import finely, listed_along_mm, merging_mm
+from sensors.beam import listed_along_mm, merging_mm
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.kept import Kept
 from sensors.law import Law
 from sensors.line_operator import Line, bright_line, line_sd_mm
-from sensors.thin_light import above_threshold
 from sensors.view import View
 
 Floats = NDArray[np.float64]
@@ -36,8 +35,8 @@ class SpecularDropout(Effect):
     equation: ClassVar = (
         "S = ρ cos β + (1-ρ) exp(-tan²α / m²); p = share · logistic(±(ln S - ln threshold) / "
         "softness); of a line of stated width Σ L S / Σ L counts, and its mean leans to the bright "
-        "side: Σ L S [z + κ η cot θ] / Σ L S; along the line, where a footprint is listed, "
-        "Σ L S z / Σ L S; where S < threshold, what of the line exceeds it alone counts"
+        "side: Σ L S [z + κ η cot θ] / Σ L S; so does a listed footprint along the line: "
+        "Σ L S z / Σ L S"
     )
     source: ClassVar = (
         "Lobe of microfacets about the half vector: Torrance and Sparrow, J. Opt. Soc. Am. 57 "
@@ -126,38 +125,25 @@ class SpecularDropout(Effect):
 
         A line that lies half on a dark facet is read by its other half; so is a footprint along
         the line, where the file lists one. Both leans add; of the two signals the larger change
-        counts where one is brighter, the smaller signal where none is. What is too dark to be
-        counted leaves the reading to the faint rim of light beside it.
+        counts where one is brighter, the smaller signal where none is.
         """
-        sd_mm, merge_mm = float(line_sd_mm(view, None, None)), merging_mm(view)
-        even, line = self._read(view, sd_mm, "y", merge_mm)
-        signal, aside = _share(line, even), np.zeros(view.shape)
-        lit = self._signal(view)
-        along_mm = listed_along_mm(view)
-        if along_mm:
-            flat, beside = self._read(view, along_mm, "x", None)
-            other = _share(beside, flat)
-            aside = np.nan_to_num(beside.depth_mm - flat.depth_mm)
-            signal = np.fmax(signal + other - lit, np.fmin(signal, other))
-            lit = np.fmax(lit, other)
-        line = above_threshold(
-            view, finely(sd_mm), line, least=self.threshold, merge_mm=merge_mm,
-            radiance=self._light, where=lit < self.threshold,
-        )  # fmt: skip
-        return aside + np.nan_to_num(line.depth_mm - even.depth_mm), signal
+        across = float(line_sd_mm(view, None, None))
+        lean, signal = self._lit_along(view, across, "y", merging_mm(view))
+        along = listed_along_mm(view)
+        if along:
+            further, other = self._lit_along(view, along, "x", None)
+            lean = lean + further
+            signal = np.fmax(signal + other - self._signal(view), np.fmin(signal, other))
+        return lean, signal
 
-    def _read(
+    def _lit_along(
         self, view: View, sd_mm: float, axis: str, merge_mm: float | None
-    ) -> tuple[Line, Line]:
-        """Read the line as if it were equally bright, and as it is."""
+    ) -> tuple[Floats, Floats]:
         even = _even(view, sd_mm, axis, merge_mm)
-        return even, bright_line(view, sd_mm, self._signal, axis=axis, merge_mm=merge_mm)
-
-    def _light(self, view: View) -> Floats:
-        """Light from a unit of travel, (n, m): the signal is its peak, the image may be wider."""
-        with np.errstate(invalid="ignore"):
-            wide = np.abs(1.0 + view.slope_y * view.datasheet.camera_offset_mm / view.depth_mm)
-        return np.asarray(self._signal(view) * np.nan_to_num(wide))
+        line = bright_line(view, sd_mm, self._signal, axis=axis, merge_mm=merge_mm)
+        # what the camera doesn't see of the line makes no facet darker
+        signal = line.light / np.where(even.light > 0, even.light, 1.0)
+        return np.nan_to_num(line.depth_mm - even.depth_mm), signal
 
     def _signal(self, view: View) -> Floats:
         """Light that reaches the camera, (n, m), 1 at the lobe's peak."""
@@ -167,11 +153,6 @@ class SpecularDropout(Effect):
         if view.reflectance is not None and view.intensity is None:
             signal = signal * view.reflectance.at(view.part_mm)
         return np.asarray(signal)
-
-
-def _share(line: Line, even: Line) -> Floats:
-    """Light of a line, (n, m); what the camera doesn't see of it makes no facet darker."""
-    return line.light / np.where(even.light > 0, even.light, 1.0)
 
 
 def _even(view: View, sd_mm: float, axis: str, merge_mm: float | None) -> Line:

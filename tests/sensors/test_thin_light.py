@@ -98,3 +98,12 @@ def test_a_slope_is_left_alone(view_of):
     view = view_of("plate", solid={"tilt_y_deg": 5.0}, y_mm=[0.0, 0.05, 0.1])
     before, after = read(view, 0.03)
     assert np.allclose(after.depth_mm, before.depth_mm, atol=0.01)
+
+
+def test_one_unbroken_image_is_one_peak(view_of):
+    """On a slope of 1, however small the gaps that the finder closes."""
+    view = wall(view_of, 10.0, 5.0)
+    _, whole = read(view, 1e-4)
+    _, after = read(view, 1e-4, merge_mm=0.0)
+    assert whole.spread_mm[1, 40] == pytest.approx(WAY / np.sqrt(12), rel=0.05)
+    assert after.spread_mm[1, 40] == pytest.approx(whole.spread_mm[1, 40])

@@ -394,26 +394,6 @@ def test_half_a_line_on_a_dark_wall_is_read_by_its_other_half(view_of, side, sig
     assert law.p_missing[2, 40] > 0.99
 
 
-def test_a_dark_facet_is_read_by_what_exceeds_the_threshold_beside_it(view_of):
-    """One deviation behind the rim: κ cot θ of the flat's light, less the threshold of it."""
-    s, threshold = 0.3, 0.002
-    view = view_of("groove", y_mm=20.0 - s + np.array([0.0, 2.3, 2.6]))
-    bright = math.exp(-((math.tan(math.radians(15)) / math.tan(math.radians(10))) ** 2))
-    effect = SpecularDropout(share=1.0, lobe_deg=10.0, matt=0.0, threshold=threshold)
-    plain = geometric_law(view, None)
-    change = (effect.apply(plain, view).mean_mm - plain.mean_mm)[0, 40]
-    out = np.linspace(1.0, 6.0, 5001)
-    light = bright * np.exp(-0.5 * out**2)
-    # equally bright, it would be read at E max(s - η, 0) below the flat
-    even = s * (math.exp(-0.5) / math.sqrt(2 * math.pi) + 0.5 * (1 + math.erf(math.sqrt(0.5))))
-    counted, whole = (
-        s * COT * np.average(out, weights=np.fmax(light - least, 0.0)) - even
-        for least in (threshold, 0.0)
-    )
-    assert np.isclose(change, counted, rtol=0.06)
-    assert not np.isclose(change, whole, rtol=0.1)
-
-
 def test_a_footprint_along_the_line_is_read_by_what_shines_in_it(view_of):
     """On the rim of a groove that runs along the travel: the flat half alone, no camera term."""
     along = 0.3
