@@ -60,6 +60,8 @@ PLACED = 3
 """Times that recordings are placed under a model at most, where that still moves them."""
 TURNS = 2
 """Times that blurred recordings are placed by the law of the model, which is fitted again."""
+LONG_BLUR = 2.0
+"""Profiles during one exposure from which silhouettes alone don't tell a part of a pitch."""
 SETTLED = EDGE_COVARIATES | BESIDE_EDGES | {"wall_distance"}
 """Covariates of effects that are fitted again where the recordings lie then."""
 
@@ -211,14 +213,22 @@ def _settle(
             break
     if any(e.covariate in SETTLED for e in model.effects):
         model = refit(_fitted(patches, noise).thin(SEARCHED_READINGS), model)
-    if any(isinstance(e, MotionBlur) for e in model.effects):
-        # silhouettes are spread over many pitches: they alone don't tell a part of one
+    if _long_blur(model, patches):
         for _ in range(TURNS):
             before, patches = patches, place_again(model, patches, True)
             if _same(before, patches):
                 break
             model = refit(_fitted(patches, noise).thin(SEARCHED_READINGS), model)
     return model, patches
+
+
+def _long_blur(model: Model, patches: Sequence[Patch]) -> bool:
+    """Whether the model's blur spreads silhouettes over many pitches."""
+    interval_ms = 1e3 * float(np.median(np.diff(patches[0].view.time_s)))
+    return any(
+        isinstance(e, MotionBlur) and (e.exposure_ms or 0.0) > LONG_BLUR * interval_ms
+        for e in model.effects
+    )
 
 
 def _same(before: Sequence[Patch], after: Sequence[Patch]) -> bool:

@@ -331,7 +331,10 @@ def step_by_step(
     before = least = cost(best)
     for reach in reaches:
         for k in range(count):
+            from_here = least
             for sign in (-1.0, 1.0):
+                if least < from_here:
+                    break  # the way back is known
                 for _ in range(4):
                     trial = best.copy()
                     trial[k] += sign * reach
