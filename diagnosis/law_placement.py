@@ -26,9 +26,9 @@ from diagnosis.workspace import Model
 from sensors.laser import Laser
 from sensors.view import View
 
-READINGS = 12_000
+READINGS = 6_000
 """Readings that a placement goes by, about: whole columns, evenly spread."""
-REACHES = (1.0, 0.4, 0.15, 0.05)
+REACHES = (0.4, 0.15, 0.05)
 """Steps of the search, in pitches."""
 FARTHEST = 4.0
 """Deviations that a reading counts at most: one that comes from elsewhere says no more."""
