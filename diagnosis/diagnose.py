@@ -38,7 +38,7 @@ from diagnosis.noise import NoiseModel
 from diagnosis.patch import Patch, cut, in_range
 from diagnosis.registration import Placement, register
 from diagnosis.select import LEAST_GAIN, Selection
-from diagnosis.settle import registered_under, settled, settled_by_law
+from diagnosis.settle import placed_anew, settled
 from diagnosis.trust import trust
 from diagnosis.workspace import Model, Workspace
 from sensors.datasheet import Datasheet
@@ -147,8 +147,10 @@ def diagnose(
     repeated = repeats(everything, notes)
 
     def place_again(model: Model, before: Sequence[Patch], by_law: bool) -> Sequence[Patch]:
-        place = settled_by_law if by_law else registered_under
-        return place(model, before, everything, scene, datasheet, laser, placed, noise, lateral)
+        return placed_anew(
+            model, before, everything, scene, datasheet, laser, placed, noise, lateral,
+            by_law=by_law,
+        )  # fmt: skip
 
     plainly = dict(placed)
     explanation = explain(

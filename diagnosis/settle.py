@@ -21,7 +21,7 @@ NEAR_MM, NEAR_SD = 0.03, 3.0
 """A placement changes no further than this, sideways and in units of the noise, for nothing."""
 
 
-def registered_under(
+def placed_anew(
     model: Model,
     patches: Sequence[Patch],
     recordings: Sequence[Recording],
@@ -31,68 +31,44 @@ def registered_under(
     placed: dict[str, Placement],
     noise: NoiseModel,
     lateral: float,
+    *,
+    by_law: bool,
 ) -> list[Patch]:
     """Place each recording anew with the effects in the model.
 
     Under the plain model a placement gives way to what it lacks, by tenths of a millimetre where
     the part is smooth: far enough for curvature to bend what was linear. Recordings that hardly
     move, or are looked at in strips, stay where they are.
+
+    Parameters
+    ----------
+    placed : each recording's placement, brought up to date
+    by_law : whether the model's word on edges counts, or silhouettes as if they were sharp
     """
     out: list[Patch] = []
-    moved = _by_all(patches, noise, model)
+    moved = {} if by_law else _by_all(patches, noise, model)
     for number, recording in enumerate(recordings):
         own = [p for p in patches if p.recording == number]
-        patch = own[0]
-        strips = len(own) > 1 or patch.shape[0] < recording.depth_mm.shape[0]
-        if strips or _stays(patch, moved[number], noise):
-            out += own
-            continue
-        law = predict(patch.view, model.of(number), noise, softness=patch.softness)
-        placement = register(
-            scene,
-            recording,
-            laser[recording.name],
-            datasheet=datasheet,
-            valid=patch.observed,
-            offset_mm=np.nan_to_num(law.mean_mm - patch.view.depth_mm),
-            sd_mm=noise.sd_mm,
-            spread=law.sd_mm / noise.sd_mm,
-        )
-        again = cut(
-            number, recording, placement, scene, datasheet, laser[recording.name],
-            lateral_mm=lateral, held_out=patch.scored,
-        )  # fmt: skip
-        placed[recording.name] = placement
-        out += again
-    return out
-
-
-def settled_by_law(
-    model: Model,
-    patches: Sequence[Patch],
-    recordings: Sequence[Recording],
-    scene: Scene,
-    datasheet: Datasheet,
-    laser: dict[str, Laser],
-    placed: dict[str, Placement],
-    noise: NoiseModel,
-    lateral: float,
-) -> list[Patch]:
-    """Place each recording where the model's word on edges has it; strips stay."""
-    out: list[Patch] = []
-    for number, recording in enumerate(recordings):
-        own = [p for p in patches if p.recording == number]
-        patch, before = own[0], placed[recording.name]
+        patch, before, rays = own[0], placed[recording.name], laser[recording.name]
         if len(own) > 1 or patch.shape[0] < recording.depth_mm.shape[0]:
-            out += own
-            continue
-        placement = placed_by_law(patch, before, model, noise)
+            placement = before
+        elif by_law:
+            placement = placed_by_law(patch, before, model, noise)
+        elif _stays(patch, moved[number], noise):
+            placement = before
+        else:
+            law = predict(patch.view, model.of(number), noise, softness=patch.softness)
+            placement = register(
+                scene, recording, rays, datasheet=datasheet, valid=patch.observed,
+                offset_mm=np.nan_to_num(law.mean_mm - patch.view.depth_mm),
+                sd_mm=noise.sd_mm, spread=law.sd_mm / noise.sd_mm,
+            )  # fmt: skip
         if placement is before:
             out += own
             continue
         placed[recording.name] = placement
         out += cut(
-            number, recording, placement, scene, datasheet, laser[recording.name],
+            number, recording, placement, scene, datasheet, rays,
             lateral_mm=lateral, held_out=patch.scored,
         )  # fmt: skip
     return out

@@ -12,7 +12,7 @@ from diagnosis.finish import level_change
 from diagnosis.fit import fit_effect
 from diagnosis.patch import cut
 from diagnosis.registration import PRIOR_SD, Placement
-from diagnosis.settle import registered_under
+from diagnosis.settle import placed_anew
 from diagnosis.trials import crossfitted
 from diagnosis.workspace import Model, Workspace
 from sensors.effects.base import Effect
@@ -51,8 +51,8 @@ def test_a_held_out_recording_is_placed_anew(ws: Workspace) -> None:
     )  # fmt: skip
     assert not any(p.fit.any() for p in patches)
     placed = {"r": commanded}
-    found = registered_under(
-        Model(), patches, [made], scene, sheet, {"r": laser}, placed, ws.noise, 0.03
+    found = placed_anew(
+        Model(), patches, [made], scene, sheet, {"r": laser}, placed, ws.noise, 0.03, by_law=False
     )
     off = [
         np.nanmedian(np.abs(made.depth_mm - scene.cast(laser, poses).depth_mm))
