@@ -18,6 +18,8 @@ Floats = NDArray[np.float64]
 
 MOST = 6.0
 """Change of depth over the displacement, at most: about what is seen at 80° of incidence."""
+PLACES = 48
+"""Places along each side at which a form's size is taken."""
 
 
 def orders(count: int) -> list[tuple[int, int]]:
@@ -102,12 +104,26 @@ class FormError(AdditiveEffect):
         """Say what its form is."""
         parts = []
         if any(self.coefficients_um):
-            largest = max(map(abs, self.coefficients_um))
-            parts.append(f"smoothly, by {largest:.0f} µm in the largest of its waves")
+            parts.append(f"smoothly, by {self.bent_um():.0f} µm rms beyond a tilt")
         if self.fillet_mm > 0:
             where = f", in {len(self.corners_mm) // 3} places" if self.corners_mm else ""
             parts.append(f"concave corners are rounded to {self.fillet_mm:.2g} mm{where}")
         return {"form": "; ".join(parts)}
+
+    def bent_um(self) -> float:
+        """Return the rms of the waves over the part's two longest sides, beyond a plane, µm.
+
+        Single waves may be much larger: low ones turn the part, and others turn it back.
+        """
+        place = (np.arange(PLACES) + 0.5) / PLACES
+        u, v = (field.ravel() for field in np.meshgrid(place, place, indexing="ij"))
+        pairs = zip(orders(len(self.coefficients_um)), self.coefficients_um, strict=True)
+        height = np.zeros(u.size)
+        for (i, j), size in pairs:
+            height += size * np.cos(i * math.pi * u) * np.cos(j * math.pi * v)
+        plane = np.stack([u, v, np.ones(u.size)], axis=1)
+        left = height - plane @ np.linalg.lstsq(plane, height, rcond=None)[0]
+        return float(np.sqrt(np.mean(left**2)))
 
     def changed(self, law: Law, view: View) -> Law:
         """Add the waves; a fillet brings the surface nearer."""

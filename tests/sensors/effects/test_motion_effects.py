@@ -157,6 +157,18 @@ def test_form_is_a_cosine_series_along_the_shortest_side(view_of):
         assert np.allclose(effect.signature(plate), expected, atol=1e-12)
 
 
+def test_the_size_of_a_form_leaves_out_what_turns_the_part():
+    """A cosine's mean square is 1/2; a plane takes 96 / π⁴ of half a wave, nothing of a whole."""
+    half, whole = FormError(coefficients_um=(100.0,)), FormError(coefficients_um=(0.0, 0.0, 100.0))
+    assert half.bent_um() == pytest.approx(100 * math.sqrt(0.5 * (1 - 96 / math.pi**4)), rel=0.01)
+    assert whole.bent_um() == pytest.approx(100 / math.sqrt(2), rel=1e-9)
+    # two large waves that draw a plane between them bend nothing much
+    odd = [1 / k**2 if k % 2 else 0.0 for k in range(1, 8)]
+    series = dict(zip([(0, k) for k in range(1, 8)], odd, strict=True))
+    plane = FormError(coefficients_um=tuple(5000.0 * series.get(o, 0.0) for o in orders(44)))
+    assert plane.bent_um() < 0.02 * 5000
+
+
 @pytest.mark.parametrize("tilt_deg", [20.0, 40.0])
 def test_form_seen_along_it_is_the_same_on_every_slope(view_of, tilt_deg):
     """Walls are carried along, they don't grow outwards."""
