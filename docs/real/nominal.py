@@ -1,4 +1,4 @@
-"""Nominal shape of a real recording, where nobody publishes the CAD: what its maker would have drawn.
+"""Nominal shape of a real recording whose CAD nobody publishes: what its maker would have drawn.
 
 The recording's highest faces are taken for planes, or for spheres where they are none, bounded by
 straight lines. What stands on a face is sought in the same way. Nothing finer than `STEP_MM` and
@@ -182,6 +182,19 @@ def nominal(
     whole = sum(solids, Manifold())
     for hole in holes:
         whole -= hole
-    whole += pillar(ends, floor, DEEP_MM)
-    mesh = whole.to_mesh()
+    return _mesh(whole + pillar(ends, floor, DEEP_MM))
+
+
+def plate(recording: Recording) -> trimesh.Trimesh:
+    """Build a plate whose top is the plane of most of the readings."""
+    here = Map.of(recording)
+    top = plane_of(here, np.isfinite(here.z))
+    ends = CrossSection.square((np.ptp(here.x) + 2, np.ptp(here.y) + 2)).translate(
+        (here.x.min() - 1, here.y.min() - 1)
+    )
+    return _mesh(pillar(ends, top, DEEP_MM))
+
+
+def _mesh(solid: Manifold) -> trimesh.Trimesh:
+    mesh = solid.to_mesh()
     return trimesh.Trimesh(mesh.vert_properties[:, :3], mesh.tri_verts, process=False)

@@ -4,11 +4,16 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
+import numpy as np
+from numpy.typing import NDArray
+
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
 from sensors.line_operator import gaussian_weights, read_line, sub_lines
 from sensors.view import Reason, View
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -84,6 +89,11 @@ class CameraOcclusion(Effect):
             read = read_line(view, lines, weights, visible=True, merge_mm=0.0, camera_y_mm=offset)
             seen = read.light >= self.weakest
         return law.without(view.valid & ~seen, Reason.HIDDEN_FROM_CAMERA)
+
+    def covariate_values(self, view: View) -> Floats:
+        """Return 1 where the effect's camera doesn't see the point, else 0, (n, m)."""
+        seen = view.visible_from(self.camera_y_mm(view))
+        return np.where(view.valid, (~seen).astype(np.float64), np.nan)
 
     def camera_y_mm(self, view: View) -> float:
         """Return the camera's place along the sensor's y, mm.

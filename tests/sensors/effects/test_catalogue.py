@@ -259,6 +259,18 @@ def test_missing_points_stay_missing(cls, view_of, rng_of, columns, height_mm):
 
 
 @EVERY
+def test_what_acts_on_a_file_that_states_little_has_its_covariate_there(cls, view_of):
+    """What a diagnosis can find can be drawn: a camera's angle that was fitted is no file's."""
+    optional = {f.name: None for f in dataclasses.fields(Datasheet) if f.default is None}
+    view = view_of("step", sheet=optional, reflectance=STRIPES)
+    try:
+        cls.example().apply(geometric_law(view, SURFACE), view)
+    except RecipeError:  # it needs what the file leaves out, and isn't found there
+        return
+    assert np.isfinite(np.broadcast_to(cls.example().covariate_values(view), view.shape)).any()
+
+
+@EVERY
 def test_bounds_are_workable(cls, view):
     """Each parameter at either bound gives a law whose numbers are numbers."""
     law = geometric_law(view, SURFACE)
