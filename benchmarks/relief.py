@@ -18,6 +18,10 @@ from sensors.view import View
 Floats = NDArray[np.float64]
 SPECKLE = PerlinField(amplitude_mm=0.035, cell_x_mm=0.8, cell_y_mm=1.1, octaves=3)
 """About 9 µm of noise, correlated over two or three readings."""
+MISPLACED = 5e-4, 0.05
+"""How parts lie off by chance, standard deviation about and along each axis, rad and mm."""
+BRIGHTNESS_SPECKLE = 0.1
+"""Relative scatter of the brightness that a recording of a printed part has."""
 
 
 def solid(height: Callable[[Floats, Floats], Floats], x_mm: Floats, y_mm: Floats) -> Scene:
@@ -100,6 +104,7 @@ def part(name: str) -> Scene:
             "wedge": lambda: solid(wedge, knots(52, 53, (3,)), knots(52, 53, (-2,))),
             "bowl": lambda: solid(bowl, fine, fine),
             "valley": lambda: solid(valley, fine, fine),
+            "plate": lambda: solid(lambda x, y: np.zeros_like(x), knots(64, 5), knots(64, 5)),
         }
         PARTS[name] = made[name]()
     return PARTS[name]
@@ -168,14 +173,17 @@ def record(
     misplaced: float = 1.0,
     **placing: object,
 ) -> Recording:
-    """Simulate one recording with `true_effects` beyond the sheet's; the true pose is a bit off."""
+    """Simulate one recording with `true_effects` beyond the sheet's; the true pose is a bit off.
+
+    A part with a reflectance gives an intensity, too.
+    """
     from dataclasses import replace
 
     rng = np.random.default_rng(seed)
     commanded = poses(profiles, **placing)  # type: ignore[arg-type]
     error = np.eye(4)
-    error[:3, :3] = Rotation.from_rotvec(misplaced * rng.normal(0, 5e-4, 3)).as_matrix()
-    error[:3, 3] = misplaced * rng.normal(0, 0.05, 3)
+    error[:3, :3] = Rotation.from_rotvec(misplaced * rng.normal(0, MISPLACED[0], 3)).as_matrix()
+    error[:3, 3] = misplaced * rng.normal(0, MISPLACED[1], 3)
     time = np.arange(profiles) / sheet.profile_rate_hz
     made = replace(sheet, effects=(*sheet.effects, *true_effects))
     laser = Laser.from_datasheet(sheet)
@@ -190,9 +198,14 @@ def record(
     effects = draw_effects(effects_of(made), rng_of)
     law = replace(law_with(view, None, effects, rng_of), speckle=speckle)
     depth, _ = law.sample(rng_of, view)
+    intensity = view.brightness
+    if intensity is not None:
+        speckled = 1 + BRIGHTNESS_SPECKLE * rng_of("brightness").standard_normal(depth.shape)
+        intensity = np.where(np.isfinite(depth), np.clip(intensity * speckled, 0, 1), np.nan)
     return Recording(
         name=name,
         depth_mm=depth,
+        intensity=intensity,
         poses=commanded,
         time_s=time,
         start_time_s=start_time_s,

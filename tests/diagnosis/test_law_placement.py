@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.diagnose import bench_workspace
 from benchmarks.relief import VIEWS, datasheet, part, record
+from benchmarks.strength import bench_workspace
 from diagnosis.law_placement import placed_by_law
 from diagnosis.patch import cut
 from diagnosis.registration import PRIOR_SD, Placement, move

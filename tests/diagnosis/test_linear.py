@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.diagnose import bench_workspace, taken_with
+from benchmarks.strength import bench_workspace, taken_with
 from diagnosis.fit import fit_effect
 from diagnosis.linear import _robust, _Rows
 from diagnosis.workspace import Model

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.diagnose import bench_workspace
+from benchmarks.strength import bench_workspace
 from diagnosis.patch import in_range
 from diagnosis.prediction import law_of, predict
 from sensors.effects.outlier_spikes import OutlierSpikes

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.diagnose import bench_workspace
+from benchmarks.strength import bench_workspace
 from diagnosis.families import free_families
 from diagnosis.screen import screen_mean
 from diagnosis.workspace import Model

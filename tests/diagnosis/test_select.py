@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.diagnose import bench_workspace
+from benchmarks.strength import bench_workspace
 from diagnosis import select, trials, workspace
 from diagnosis.families import Family, effect_families, free_families
 from diagnosis.finding import SUSPECT, Finding, Screening

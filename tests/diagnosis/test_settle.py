@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.diagnose import bench_workspace, taken_with
 from benchmarks.relief import datasheet, part, record
+from benchmarks.strength import bench_workspace, taken_with
 from diagnosis.explain import left_by_placement, shows
 from diagnosis.finish import level_change
 from diagnosis.fit import fit_effect

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.diagnose import bench_workspace
+from benchmarks.strength import bench_workspace
 from diagnosis.trust import STEPS, Trust, bending_effects, trust
 from diagnosis.workspace import Model, Workspace
 from sensors.effects.finite_spot import FiniteSpot
