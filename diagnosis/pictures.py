@@ -137,11 +137,18 @@ def covariate_picture(result: Diagnosis, found: FoundEffect) -> bytes | None:
 def profile_picture(result: Diagnosis) -> bytes | None:
     """Before and after on a held-out profile, and the distribution of what is left."""
     best = None
+    both = (*result.before.residuals_mm, *result.after.residuals_mm)
+    every = np.concatenate([np.abs(r[np.isfinite(r)]) for r in both])
+    if not every.size:
+        return None
+    # a few readings from elsewhere, at a step's foot, are no scale for the others
+    reach = max(10 * result.noise.sd_mm, 1.4 * float(np.quantile(every, 0.98)))
     for k, (before, after) in enumerate(
         zip(result.before.residuals_mm, result.after.residuals_mm, strict=True)
     ):
         with np.errstate(invalid="ignore"):
-            gain = np.nansum(np.clip(before, -1, 1) ** 2 - np.clip(after, -1, 1) ** 2, axis=1)
+            saved = np.clip(before, -reach, reach) ** 2 - np.clip(after, -reach, reach) ** 2
+            gain = np.nansum(saved, axis=1)
         full = np.isfinite(before).sum(axis=1)
         if full.max() == 0:
             continue
@@ -159,20 +166,13 @@ def profile_picture(result: Diagnosis) -> bytes | None:
         (result.before.residuals_mm, BEFORE, "plain simulation"),
         (result.after.residuals_mm, AFTER, "with the effects found"),
     ):
-        left.plot(x, 1e3 * np.clip(residuals[k][row], -1, 1), ".", ms=2.5, color=colour, label=word)
+        near = 1e3 * np.clip(residuals[k][row], -reach, reach)
+        left.plot(x, near, ".", ms=2.5, color=colour, label=word)
         every = np.concatenate([r[np.isfinite(r)] for r in residuals]) * 1e3
         limit = 4 * 1e3 * result.noise.sd_mm
         limit = max(limit, float(np.quantile(np.abs(every), 0.98)))
         right.hist(every, bins=90, range=(-limit, limit), histtype="step", color=colour, label=word)
-    both = np.concatenate(
-        [
-            1e3 * r[k][row][np.isfinite(r[k][row])]
-            for r in (result.before.residuals_mm, result.after.residuals_mm)
-        ]
-    )
-    if both.size:
-        reach = max(float(np.quantile(np.abs(both), 0.98)) * 1.4, 1.0)
-        left.set_ylim(-reach, reach)
+    left.set_ylim(-1.05e3 * reach, 1.05e3 * reach)
     left.axhline(0, color="#b9c2c9", lw=0.8, zorder=0)
     left.set_xlabel("x, mm", fontsize=8)
     left.set_ylabel("reading - expectation, µm", fontsize=8)
