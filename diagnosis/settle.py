@@ -66,12 +66,23 @@ def placed_anew(
         if placement is before:
             out += own
             continue
-        placed[recording.name] = placement
-        out += cut(
+        again = cut(
             number, recording, placement, scene, datasheet, rays,
             lateral_mm=lateral, held_out=patch.scored,
         )  # fmt: skip
+        if _density(again, noise, model) > _density(own, noise, model):
+            placed[recording.name] = placement
+            out += again
+        else:
+            out += own
     return out
+
+
+def _density(own: Sequence[Patch], noise: NoiseModel, model: Model) -> float:
+    """Log density of a recording where it lies, in nats, the placement refitted to first order."""
+    ws = Workspace.build(own, noise)
+    still = ws.placements(model, [p.counted for p in own])
+    return float(sum(d.sum() for d in ws.log_densities(model, placements=still)))
 
 
 def _stays(patch: Patch, shift: Field, noise: NoiseModel) -> bool:

@@ -1,13 +1,14 @@
 """The instrument warms up: the depth creeps towards a final offset."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sensors.effects.base import AdditiveEffect
 from sensors.effects.parameter import parameter
+from sensors.rigid import rigid_jacobian
 from sensors.view import View
 
 Floats = NDArray[np.float64]
@@ -15,11 +16,18 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ThermalDrift(AdditiveEffect):
-    """An exponential approach over time since the instrument's start."""
+    """An exponential approach over time since the instrument's start.
+
+    What warms is the camera, whose readings shift alike, or the mount, which moves the sensor along
+    its axis: the same but where a slanted ray meets a slope, by a part in a hundred.
+    """
 
     name: ClassVar = "thermal_drift"
     summary: ClassVar = "Readings creep while the instrument warms up."
-    equation: ClassVar = "D (1 - exp(-(t0 + t)/τ))"
+    equation: ClassVar = (
+        "D (1 - exp(-(t0 + t)/τ)), as a displacement times (n·z) / (n·d): n the surface's normal, "
+        "z the sensor's axis, d the ray per mm of depth"
+    )
     source: ClassVar = "First-order warming, 5 to 100 µm over minutes"
     statement: ClassVar = (
         "The depth drifts by {amplitude_um:.0f} µm in all with a time constant of "
@@ -61,8 +69,19 @@ class ThermalDrift(AdditiveEffect):
         prior=(0.0, 1800.0),
     )
 
+    shifts: str = parameter(
+        "what creeps away from the part: the readings alone, or the sensor itself",
+        typical="reading",
+        choices=("reading", "sensor"),
+    )
+
+    def variants(self, view: View) -> tuple[Self, ...]:
+        """Return the drift of the mount."""
+        return (self.with_parameters(shifts="sensor"),)
+
     def fields(self, view: View) -> tuple[Floats, ...]:
-        """Return the approach to one, equal in all columns."""
+        """Return the approach to one, for each reading."""
         start = view.start_time_s if view.start_time_s is not None else self.elapsed_s
         age = np.maximum((start or 0.0) + view.time_s[:, None], 0.0)
-        return (-1e-3 * np.expm1(-age / self.time_constant_s),)
+        grown = -1e-3 * np.expm1(-age / self.time_constant_s)
+        return (grown if self.shifts == "reading" else -grown * rigid_jacobian(view)[2],)
