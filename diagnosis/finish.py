@@ -117,7 +117,8 @@ def finish_effects(
     nominal : the plates' noise; None where only a surface's file is known
     nominal_sd_mm : nominal size; 0 where nothing is claimed
     bent : whether much of the mean is left unexplained, which passes for noise: told is no more
-        than a lay that draws the noise out by far, whose ridges bend the mean themselves
+        than a lay that draws the noise out by far, whose ridges bend the mean themselves, and noise
+        that is far smaller all the same
     """
     effects: list[Effect] = []
     findings: list[Finding] = []
@@ -160,9 +161,15 @@ def finish_effects(
                 )
             )
     if bent:
-        lays = (e for e in effects if isinstance(e, AnisotropicLay))
-        return [lay for lay in lays if math.log(lay.ratio) > 2 * LAY_TOLERANCE], []
+        return [e for e in effects if _stands_out(e)], []
     return effects, findings
+
+
+def _stands_out(effect: Effect) -> bool:
+    """Whether a finish is told although a bent mean adds to the noise."""
+    if isinstance(effect, AnisotropicLay):
+        return math.log(effect.ratio) > 2 * LAY_TOLERANCE
+    return isinstance(effect, RoughnessLevel) and effect.amplitude < FINISHED
 
 
 def _plates_doubt(model: Model) -> float:

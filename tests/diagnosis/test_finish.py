@@ -89,6 +89,16 @@ def test_beside_a_bent_mean_a_strong_lay_alone_is_told(
     assert names == [n for n, shown in (("roughness_level", not bent), (lay.name, told)) if shown]
 
 
+def test_a_bent_mean_makes_no_noise_small(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(finish, "_lay", lambda *args, **more: None)
+    monkeypatch.setattr(finish, "level_change", lambda *args: math.log(0.6))
+    view = View(part("steps"), datasheet(40), poses(3), np.arange(3.0))
+    ws: Any = SimpleNamespace(patches=[SimpleNamespace(view=view)])
+    noise: Any = SimpleNamespace(correlation_length_px=lambda: (1.0, 1.0))
+    effects, _ = finish.finish_effects(ws, Model(), noise, noise, 0.01, bent=True)
+    assert [e.name for e in effects] == ["roughness_level"]
+
+
 @pytest.mark.parametrize(
     ("effect", "named"),
     [
