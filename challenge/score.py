@@ -11,9 +11,11 @@ from challenge.cases.case import SWITCHES
 from challenge.sealed import UNDECIDABLE
 
 # Without place and oracle of their own: what changes is the noise or the missing points, or
-# (a mounting) what the registration takes up before anything is located.
-_SCATTER = {
+# (a mounting) what the registration takes up before anything is located; a coarse camera, which
+# its file states, is the same in the instrument without the effect, and so is its locking.
+_PLACELESS = {
     "roughness_level", "anisotropic_lay", "outlier_spikes", "random_dropout", "pose_error",
+    "pixel_locking",
 }  # fmt: skip
 STRANGE = ("unexplained", "partly_explained")
 
@@ -56,7 +58,7 @@ class Score:
 def has_place(secret: dict[str, Any]) -> bool:
     """Whether what a case hides is in the catalogue and has a place of its own."""
     known = secret["kind"] not in ("null", "unknown")
-    return known and not _SCATTER & set(secret["switches"])
+    return known and not _PLACELESS & set(secret["switches"])
 
 
 def overlap(one: NDArray[np.bool_], two: NDArray[np.bool_]) -> float:

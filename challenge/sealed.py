@@ -19,7 +19,7 @@ SMALL = {"null": 4, "one": 4, "two": 1, "unknown": 1, "decoy": 1, "undecidable":
 
 # Frozen before a run: the aims, and what counts as what.
 PROTOCOL: dict[str, Any] = {
-    "version": 4,
+    "version": 5,
     "false_alarms_of_60": 1,
     "top_1_medium_and_above": 0.8,
     "precision_medium_and_above": 0.9,
@@ -35,7 +35,8 @@ PROTOCOL: dict[str, Any] = {
     "concealed": "KS <= 0.05 and five roughness figures within 10 % off edges, noise fitted",
     "region": "5 x 5 means of on - off beyond 0.3 sigma, or 20 % lost, in patches of 25 points; "
     "offset, tilts and shifts, which a registration takes up, removed, shifts where slopes tell "
-    "them; off is scanned where the middle of the exposures is",
+    "them; off is scanned where the middle of the exposures is; none for what changes the noise or "
+    "is absorbed by the pose, nor beside pixel locking, which on and off both have",
     "gain": "ln of the RMS ratio, each reading at most 10 sigma, where the maker's file describes "
     "the instrument without the effect to 2 sigma; the same points for oracle and answer",
     "shuffled": "blocks of 16 x 16 residuals permuted within each recording, times exchanged",

@@ -150,6 +150,11 @@ def test_scores_of_plain_answers():
     scattered = judge_case(_secret("one", "outlier_spikes"), *args, 0.4)
     assert np.isnan(scattered.iou)
     assert np.isnan(scattered.recovered)
+    # a coarse camera locks with and without the effect: it leaves no place to compare with
+    coarse = judge_case({**_secret("two", "line_bow"), "switches": ["line_bow", "pixel_locking"]},
+                        *args, 0.4)  # fmt: skip
+    assert np.isnan(coarse.iou)
+    assert np.isnan(coarse.recovered)
     unknown = judge_case(_secret("unknown", "lost_counts"), {}, _answer("unexplained"), None,
                          None, 0.0)  # fmt: skip
     assert unknown.flagged
