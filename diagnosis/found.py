@@ -99,6 +99,9 @@ def heldout_gains(
         rest = model.without(effect.name)
         if len(rest.effects) > 1 or (rest.effects and rest.effects[0].name != "empirical"):
             rest = refit_linear(ws, rest)
+        if "variance" in effect.channels:
+            # the noise's level is free with it: that alone is no gain of the effect's
+            rest = ws.levelled(rest, shaped=True)
         without = judge(held, ws.noise, rest, share_own=share_own)
         if effect.covariate in EDGE_COVARIATES:
             gains[effect.name] = without.log_score - after.log_score

@@ -109,16 +109,23 @@ class Workspace:
         ]
 
     def levelled(
-        self, model: Model, *, placements: Mapping[int, Field] | None = None
+        self,
+        model: Model,
+        *,
+        placements: Mapping[int, Field] | None = None,
+        shaped: bool | None = None,
     ) -> Model:
         """Refit the noise's overall level where an effect shapes it over the scan.
 
         Parameters
         ----------
         placements : of each recording, where they are known well enough
+        shaped : whether one does, where that isn't the model's own affair
         """
         model = replace(model, level=1.0)
-        if not any("variance" in e.channels for e in model.effects):
+        if shaped is None:
+            shaped = any("variance" in e.channels for e in model.effects)
+        if not shaped:
             return model
         predictions = self.predict(model)
         if placements is None:

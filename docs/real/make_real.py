@@ -59,9 +59,11 @@ CASES = {
     "panel": Case(
         source="OCR_3D_image_42.json", shape=plate, window=(slice(10, 285), slice(250, 640))
     ),
+    # where nothing but the plate lies below: most of the dark table returns no light
     "solids": Case(
         source="BlobFeatureTypes3D_image.json",
-        shape=lambda r: nominal(r, (194.9, 195.6), table=True),
+        shape=lambda r: nominal(r, (199.5, 201.5), table=True),
+        window=(slice(420, 745), slice(45, 715)),
     ),
     "strip": Case(
         source="StripGroove_image_9.json", shape=lambda r: nominal(r, (62.0, 63.0), table=False)
