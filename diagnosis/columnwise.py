@@ -1,7 +1,7 @@
 """Whole columns: offsets and scales of the profile's columns, the same in every recording."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -27,14 +27,12 @@ class Columns:
     ----------
     gram : (k, k); right : (k,) or (k, draws)
         Where they tilt, the offsets' first and then as many slopes.
-    tilted : whether there are slopes (mm for each mm away from `middle_mm`)
-    middle_mm : mean depth of the readings, where offsets and slopes tell of different things
+    tilted : whether there are slopes (mm for each mm away from the working distance)
     """
 
     gram: Field
     right: Field
     tilted: bool
-    middle_mm: float
 
     def chi_square(self) -> tuple[Field, int]:
         """Square of the offsets in their noise, () or (draws,), and its degrees of freedom."""
@@ -44,7 +42,7 @@ class Columns:
     def level(self) -> "Columns":
         """Return the equations of columns that don't tilt."""
         k = len(self.right) // (1 + self.tilted)
-        return replace(self, gram=self.gram[:k, :k], right=self.right[:k], tilted=False)
+        return Columns(gram=self.gram[:k, :k], right=self.right[:k], tilted=False)
 
     def shrunk(self) -> tuple[Field, float, float]:
         """Coefficients shrunk by their own noise (k,), the nats they gain, and the evidence's.
@@ -108,7 +106,6 @@ def column_equations(
     group = max(1, -(-m // MOST))
     count = -(-m // group)
     total = count * (1 + tilted)
-    middle_mm = _middle_mm(patches, masks)
     gram = np.zeros((total, total))
     right: Field | float = 0.0
     cross: dict[int, Field] = {}
@@ -125,7 +122,7 @@ def column_equations(
         # the one group of each phase within reach of the innovation
         reach = owner_of[np.clip(columns[:, None] + np.arange(-3, 3)[None], 0, m - 1)]
         weight, owner = [], []
-        for first, field in enumerate(_fields(patch, middle_mm, tilted=tilted)):
+        for first, field in enumerate(_fields(patch, tilted=tilted)):
             for phase in range(COMB):
                 hit = reach % COMB == phase
                 near = reach[np.arange(len(rows)), hit.argmax(axis=1)]
@@ -146,21 +143,14 @@ def column_equations(
         solved = np.linalg.solve(pose[r], cross[r].T)
         gram -= cross[r] @ solved
         right = right - solved.T @ pose_right[r]
-    return Columns(gram=gram, right=np.asarray(right), tilted=tilted, middle_mm=middle_mm)
+    return Columns(gram=gram, right=np.asarray(right), tilted=tilted)
 
 
-def _middle_mm(patches: Sequence[Patch], masks: Sequence[Mask]) -> float:
-    """Mean depth of the readings."""
-    depths = [p.view.depth_mm[m & p.view.valid] for p, m in zip(patches, masks, strict=True)]
-    every = np.concatenate(depths)
-    return float(every.mean()) if every.size else 0.0
-
-
-def _fields(patch: Patch, middle_mm: float, *, tilted: bool) -> list[Field]:
+def _fields(patch: Patch, *, tilted: bool) -> list[Field]:
     """Return what an offset and a slope of all columns do to the readings, (n, m)."""
     fields = [np.ones(patch.shape)]
     if tilted:
-        away = patch.view.depth_mm - middle_mm
+        away = patch.view.depth_mm - patch.view.datasheet.working_distance_mm
         fields.append(np.where(np.isfinite(away), away, 0.0))
     return fields
 

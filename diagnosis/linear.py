@@ -290,9 +290,6 @@ def _solve_columns(
     if better > evidence + TILT_COSTS:
         (values, slopes), gain = np.split(with_slopes, 2), more
         slopes = slopes - slopes.mean()
-        # the effect's offsets hold at the working distance
-        wd_mm = ws.patches[0].view.datasheet.working_distance_mm
-        values = values - slopes * (tilted.middle_mm - wd_mm)
     return Fitted(
         effect=effect.with_parameters(
             values_um=_listed(effect, "values_um", 1e3 * (values - values.mean())),

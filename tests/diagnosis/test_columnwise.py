@@ -3,12 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.strength import Case
 from diagnosis.columnwise import Columns, likely_variance
-from diagnosis.fit import fit_effect
 from diagnosis.linear import TILT_COSTS
-from diagnosis.workspace import Model
-from sensors.effects.column_offset import ColumnOffset
 
 
 @pytest.mark.parametrize("true", [1e-6, 1e-4, 1e-2])
@@ -43,7 +39,7 @@ def test_columns_tilt_where_the_evidence_asks_for_it(slope_mm: float) -> None:
     one, two, both = np.full(200, 150.0), (away**2).sum(axis=1), away.sum(axis=1)
     gram = np.block([[np.diag(one), np.diag(both)], [np.diag(both), np.diag(two)]]) / noise**2
     right = np.concatenate([read.sum(axis=1), (away * read).sum(axis=1)]) / noise**2
-    tilted = Columns(gram=gram, right=right, tilted=True, middle_mm=0.0)
+    tilted = Columns(gram=gram, right=right, tilted=True)
     values, gain, evidence = tilted.shrunk()
     flat, less, plain = tilted.level().shrunk()
     if slope_mm == 0.0:
@@ -56,27 +52,3 @@ def test_columns_tilt_where_the_evidence_asks_for_it(slope_mm: float) -> None:
     assert np.std(found - offsets) < 1.2 * 1.64e-3
     assert np.std(tilts - slopes) < 1.2 * 0.95e-3
     assert np.std(flat - offsets) > np.std(found - offsets)
-
-
-def test_what_columns_are_doesnt_hang_on_the_stated_working_distance() -> None:
-    """An importer assumes one; offsets and slopes are told apart where the readings are."""
-    rng = np.random.default_rng(6)
-    offsets, scales = 8 * rng.standard_normal(50), 4000 * rng.standard_normal(50)
-    found = []
-    for working_distance_mm in (100.0, 135.0):
-        sheet = {
-            "columns": "even_x", "z_range_mm": 120.0, "working_distance_mm": working_distance_mm
-        }  # fmt: skip
-        case = Case(name="column_offset", scaled="rms_um", part="bowl", sheet=sheet)
-        # the same pattern, told from another distance
-        there = offsets + 1e-3 * scales * (working_distance_mm - 100.0)
-        true = ColumnOffset(values_um=tuple(there), scales_ppm=tuple(scales), rms_um=0.0)
-        ws = case.taken_with(case.workspace, true)
-        states = ws.states(ws.predict(Model()))
-        fitted = fit_effect(ColumnOffset, ws, Model(), (), states)
-        assert fitted is not None
-        found.append((fitted, fitted.effect.signature(ws.patches[0].view)))
-    (one, near), (other, far) = found
-    assert one.effect.scales_ppm
-    assert other.gain == pytest.approx(one.gain, rel=1e-4)
-    assert np.allclose(near, far, atol=1e-5, equal_nan=True)
