@@ -1,14 +1,21 @@
 """The sensor's file that a diagnosis writes predicts what the diagnosis predicted."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from benchmarks.relief import datasheet, part, poses
-from diagnosis.found import at_limits, plainly_found, sheet_with
+from benchmarks.strength import bench_workspace
+from diagnosis.found import at_limits, heldout_gains, plainly_found, sheet_with
+from diagnosis.heldout import judge
 from diagnosis.prediction import law_of
+from diagnosis.workspace import Model
 from sensors.effects import effects_of
 from sensors.effects.edge_mixing import EdgeMixing
 from sensors.effects.finite_spot import FiniteSpot
 from sensors.effects.line_bow import LineBow
+from sensors.effects.motion_blur import MotionBlur
 from sensors.view import View
 
 LISTED = (
@@ -56,3 +63,16 @@ def test_a_number_where_the_catalogue_ends_is_said_to_be_so() -> None:
         said = at_limits([found])
         assert len(said) == notes
         assert all("line_bow" in note and "sag_um" in note for note in said)
+
+
+def test_a_level_that_is_freed_is_no_gain_of_an_effect() -> None:
+    """Noise twice as large as was calibrated, and a blur of no length that lets it be so."""
+    ws = bench_workspace("domes")
+    small = replace(ws, noise=replace(ws.noise, sd_mm=0.5 * ws.noise.sd_mm))
+    blur = MotionBlur(exposure_ms=1e-4, flicker=0.0, stamped="middle")
+    model = small.levelled(Model(effects=(blur,)))
+    assert model.level == pytest.approx(2.0, rel=0.1)
+    held = [replace(p, scored=p.fit) for p in small.patches]
+    gains, after = heldout_gains(small, model, held, False)
+    assert abs(gains["motion_blur"]) < 1e-3
+    assert judge(held, small.noise, Model(), share_own=False).log_score > after.log_score + 0.1
