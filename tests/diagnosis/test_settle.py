@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks.relief import datasheet, part, record
 from benchmarks.strength import bench_workspace, taken_with
+from diagnosis import settle
 from diagnosis.explain import left_by_placement, shows
 from diagnosis.finish import level_change
 from diagnosis.fit import fit_effect
@@ -60,6 +61,30 @@ def test_a_held_out_recording_is_placed_anew(ws: Workspace) -> None:
     ]
     assert off[1] < 0.01 < off[0]
     assert all(p.scored.any() for p in found)
+
+
+def test_a_recording_stays_where_its_readings_are_more_probable(
+    ws: Workspace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A registration under a model may end in another optimum."""
+    scene, sheet = part("domes"), datasheet(100)
+    laser = Laser.from_datasheet(sheet)
+    made = record(scene, sheet, [], name="r", seed=4, profiles=70, pitch_mm=0.6, misplaced=1.0)
+    commanded = Placement(
+        shift=np.zeros(PRIOR_SD.size), centre_mm=np.zeros(3),
+        covariance=np.eye(PRIOR_SD.size), poses=made.poses,
+    )  # fmt: skip
+    elsewhere = made.poses.copy()
+    elsewhere[:, 0, 3] += 3.0
+    monkeypatch.setattr(settle, "register", lambda *a, **k: replace(commanded, poses=elsewhere))
+    monkeypatch.setattr(settle, "NEAR_MM", 0.0)
+    patches = cut(0, made, commanded, scene, sheet, laser, lateral_mm=0.03)
+    placed = {"r": commanded}
+    found = placed_anew(
+        Model(), patches, [made], scene, sheet, {"r": laser}, placed, ws.noise, 0.03, by_law=False
+    )
+    assert found == patches
+    assert placed["r"] is commanded
 
 
 def test_a_drift_is_told_by_the_recording_that_shows_it_most(ws: Workspace) -> None:
