@@ -1,9 +1,7 @@
 """The development bench of the diagnosis: nulls, every effect at three strengths, withheld effects.
 
 Recordings come from the plain simulator plus effects, so that this shows errors of the inference,
-not of the physics. Strength is the whitened signal to noise over the recordings that are fitted,
-the pose projected out: sqrt(2 x nats of the true law over the plain one); expected nats for bulk
-physics, those of simulated recordings for what lives on depth edges, where poses are uncertain.
+not of the physics. strength.py says what a strength is.
 
     python -m benchmarks.diagnose --out docs/diagnosis-bench.md [--nulls 60] [--minutes 30]
 """
@@ -18,14 +16,7 @@ import numpy as np
 from scipy import stats
 
 from benchmarks.relief import VIEWS
-from benchmarks.strength import (
-    POINTS,
-    PROFILES,
-    Case,
-    Entry,
-    at_strength,
-    plain,
-)
+from benchmarks.strength import POINTS, PROFILES, Case, Entry, at_strength, plain
 from diagnosis.diagnose import Diagnosis, diagnose
 from diagnosis.heldout import judge
 from diagnosis.locate import departure_mask

@@ -71,6 +71,11 @@ class Case:
     reflectance: ReflectanceMap | None = None
     plates: bool = False
 
+    @property
+    def count(self) -> int:
+        """How many recordings are fitted."""
+        return len(self.views) - 1
+
     def scene(self) -> Scene:
         """Return the part with what is printed on it."""
         return part(self.part).finished(self.reflectance)
@@ -99,8 +104,7 @@ class Case:
 
     def fitted(self, effects: Sequence[Entry]) -> list[Recording]:
         """Take the recordings that strengths are measured with, the same but for the effects."""
-        count = len(self.views) - 1
-        return [self.record(effects, k, name=f"w{k}", seed=900 + k) for k in range(count)]
+        return [self.record(effects, k, name=f"w{k}", seed=900 + k) for k in range(self.count)]
 
     @cached_property
     def workspace(self) -> Workspace:
@@ -137,7 +141,7 @@ class Case:
             value: object = [scale * v for v in typical]
         else:
             none = float(null) if isinstance(null, int | float) else 0.0
-            size = float(typical or 1.0) - none  # type: ignore[arg-type]  # a number
+            size = (float(typical) if isinstance(typical, int | float) and typical else 1.0) - none
             value = float(np.clip(none + scale * size, described.low, described.high))
         return {"name": self.name, **self.more, self.scaled: value}
 
@@ -159,11 +163,12 @@ def taken_with(ws: Workspace, name: str, effect: Effect) -> Workspace:
 
 def strength(case: Case, effect: Entry) -> float:
     """Whitened signal to noise of an effect."""
-    ws, thing = case.workspace, effect_of(dict(effect))
+    thing = effect_of(dict(effect))
     if thing.undrawn():
         thing = thing.draw(np.random.default_rng(0))
     if isinstance(thing, PoseError):
-        return _mounting_strength(thing, len(ws.patches))
+        return _mounting_strength(thing, case.count)
+    ws = case.workspace
     if isinstance(thing, RoughnessLevel | AnisotropicLay):
         white = sigma_mm(ws.patches[0].view.datasheet)
         nats = sum(finish_nats(thing, ws.noise, p.shape, white) for p in ws.patches)

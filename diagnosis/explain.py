@@ -118,8 +118,10 @@ def _least_of(effect: Effect, listed: bool) -> float:
     listed : whether the sensor's file says what depth edges do
     """
     if isinstance(effect, MotionBlur):
-        beside = LEAST_BLUR if listed else LEAST_GAIN
-        return LEAST_NOISY if effect.flicker > NOISY else beside
+        if effect.flicker > NOISY:
+            return LEAST_NOISY
+        if listed:
+            return LEAST_BLUR
     at_edges = effect.covariate in READ_AT_EDGES
     return LEAST_LISTED if listed and at_edges else LEAST_GAIN
 

@@ -137,8 +137,11 @@ def covariate_picture(result: Diagnosis, found: FoundEffect) -> bytes | None:
 def profile_picture(result: Diagnosis) -> bytes | None:
     """Before and after on a held-out profile, and the distribution of what is left."""
     best = None
-    both = (*result.before.residuals_mm, *result.after.residuals_mm)
-    every = np.concatenate([np.abs(r[np.isfinite(r)]) for r in both])
+    left_mm = [
+        np.concatenate([r[np.isfinite(r)] for r in judged.residuals_mm])
+        for judged in (result.before, result.after)
+    ]
+    every = np.abs(np.concatenate(left_mm))
     if not every.size:
         return None
     # a few readings from elsewhere, at a step's foot, are no scale for the others
@@ -162,16 +165,18 @@ def profile_picture(result: Diagnosis) -> bytes | None:
     patch = result.held_patches[k]
     figure, (left, right) = _figure(10.5, 3.0, 2)
     x = patch.view.column_x_mm
-    for residuals, colour, word in (
-        (result.before.residuals_mm, BEFORE, "plain simulation"),
-        (result.after.residuals_mm, AFTER, "with the effects found"),
+    for judged, values_mm, colour, word in (
+        (result.before, left_mm[0], BEFORE, "plain simulation"),
+        (result.after, left_mm[1], AFTER, "with the effects found"),
     ):
-        near = 1e3 * np.clip(residuals[k][row], -reach, reach)
+        near = 1e3 * np.clip(judged.residuals_mm[k][row], -reach, reach)
         left.plot(x, near, ".", ms=2.5, color=colour, label=word)
-        every = np.concatenate([r[np.isfinite(r)] for r in residuals]) * 1e3
+        values = values_mm * 1e3
         limit = 4 * 1e3 * result.noise.sd_mm
-        limit = max(limit, float(np.quantile(np.abs(every), 0.98)))
-        right.hist(every, bins=90, range=(-limit, limit), histtype="step", color=colour, label=word)
+        limit = max(limit, float(np.quantile(np.abs(values), 0.98)))
+        right.hist(
+            values, bins=90, range=(-limit, limit), histtype="step", color=colour, label=word
+        )
     left.set_ylim(-1.05e3 * reach, 1.05e3 * reach)
     left.axhline(0, color="#b9c2c9", lw=0.8, zorder=0)
     left.set_xlabel("x, mm", fontsize=8)

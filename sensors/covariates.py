@@ -65,6 +65,14 @@ def _curvature_y(view: View) -> Floats:
     return curvature
 
 
+def hidden_from(view: View, camera_y_mm: float) -> Floats:
+    """Return 1 where a camera at (0, camera_y_mm, 0) doesn't see the hit, 0 where it does, (n, m).
+
+    NaN without a return.
+    """
+    return np.where(view.valid, (~view.visible_from(camera_y_mm)).astype(np.float64), np.nan)
+
+
 def _camera_row(view: View) -> Floats:
     rows = view.datasheet.require("camera_rows")
     return np.asarray(row_of_depth(view.depth_mm, view.datasheet, rows) % 1.0)
@@ -127,7 +135,7 @@ ALL = (
         words="whether the part stands between point and camera",
         unit="",
         frame="sensor",
-        values=lambda v: np.where(v.valid, (~v.visible).astype(np.float64), np.nan),
+        values=lambda v: hidden_from(v, v.datasheet.camera_offset_mm),
         needs=CAMERA,
     ),
     Covariate(

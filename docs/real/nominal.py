@@ -59,12 +59,10 @@ def plane_of(here: Map, mask: Mask) -> Floats:
     design = np.stack([x, y, np.ones(z.size)], axis=1)
     counts, ends = np.histogram(z, bins=60)
     start = ends[np.argmax(counts)]
-    level = np.array([0.0, 0.0, start])
     # a ramp has no commonest height: all of it serves as a start, too
     starts = [np.abs(z - start) < max(0.05 * np.ptp(z), FLAT_MM), np.ones(z.size, dtype=bool)]
-    best, most = level, -1
+    best, most = np.zeros(3), -1
     for near in starts:
-        plane = level
         for _ in range(15):
             plane = np.linalg.lstsq(design[near], z[near], rcond=None)[0]
             away = np.abs(z - design @ plane)
@@ -112,8 +110,14 @@ def pillar(area: CrossSection, plane: Floats, deep_mm: float) -> Manifold:
     size = float(np.linalg.norm(normal))
     low, high = plane[2] - 200.0, plane[2] + 200.0
     solid = area.extrude(high - low).translate((0.0, 0.0, low))
-    solid = solid.trim_by_plane(tuple(normal / size), -plane[2] / size)
-    return solid.trim_by_plane(tuple(-normal / size), (plane[2] - deep_mm) / size)
+    return _over(solid.trim_by_plane(tuple(normal / size), -plane[2] / size), plane, deep_mm)
+
+
+def _over(solid: Manifold, plane: Floats, deep_mm: float) -> Manifold:
+    """Return what of a solid lies above a plane, that one lowered by `deep_mm`."""
+    normal = np.array([-plane[0], -plane[1], 1.0])
+    size = float(np.linalg.norm(normal))
+    return solid.trim_by_plane(tuple(normal / size), (plane[2] - deep_mm) / size)
 
 
 def standing(here: Map, plane: Floats, within: Mask) -> tuple[list[Manifold], list[Manifold]]:
@@ -131,9 +135,7 @@ def standing(here: Map, plane: Floats, within: Mask) -> tuple[list[Manifold], li
         if (np.abs(over[mask]) < FLAT_MM).mean() < FLAT_SHARE:
             centre, radius = sphere_of(here, mask)
             ball = Manifold.sphere(radius, 180).translate(tuple(centre))
-            normal = np.array([-plane[0], -plane[1], 1.0])
-            size = float(np.linalg.norm(normal))
-            solids.append(ball.trim_by_plane(tuple(normal / size), (plane[2] - 0.5) / size))
+            solids.append(_over(ball, plane, 0.5))
             continue
         face = mask & (over > -STEP_MM)
         # a ramp goes on below the step
@@ -173,12 +175,10 @@ def nominal(
     known = np.isfinite(here.z)
     floor = plane_of(here, known & (here.z > floor_mm[0]) & (here.z < floor_mm[1]))
     solids, holes = standing(here, floor, known)
-    ends = CrossSection.square((np.ptp(here.x) + 4, np.ptp(here.y) + 4)).translate(
-        (here.x.min() - 2, here.y.min() - 2)
-    )
-    if not table:
-        read = ndimage.binary_opening(known, iterations=3)
-        ends = outline(here, read).hull()
+    if table:
+        ends = _around(here, 2.0)
+    else:
+        ends = outline(here, ndimage.binary_opening(known, iterations=3)).hull()
     whole = sum(solids, Manifold())
     for hole in holes:
         whole -= hole
@@ -189,10 +189,15 @@ def plate(recording: Recording) -> trimesh.Trimesh:
     """Build a plate whose top is the plane of most of the readings."""
     here = Map.of(recording)
     top = plane_of(here, np.isfinite(here.z))
-    ends = CrossSection.square((np.ptp(here.x) + 2, np.ptp(here.y) + 2)).translate(
-        (here.x.min() - 1, here.y.min() - 1)
+    return _mesh(pillar(_around(here, 1.0), top, DEEP_MM))
+
+
+def _around(here: Map, margin_mm: float) -> CrossSection:
+    """Rectangle around all places of a scan."""
+    sides = np.ptp(here.x) + 2 * margin_mm, np.ptp(here.y) + 2 * margin_mm
+    return CrossSection.square(sides).translate(
+        (here.x.min() - margin_mm, here.y.min() - margin_mm)
     )
-    return _mesh(pillar(ends, top, DEEP_MM))
 
 
 def _mesh(solid: Manifold) -> trimesh.Trimesh:

@@ -7,6 +7,7 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from sensors.covariates import hidden_from
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
@@ -92,8 +93,7 @@ class CameraOcclusion(Effect):
 
     def covariate_values(self, view: View) -> Floats:
         """Return 1 where the effect's camera doesn't see the point, else 0, (n, m)."""
-        seen = view.visible_from(self.camera_y_mm(view))
-        return np.where(view.valid, (~seen).astype(np.float64), np.nan)
+        return hidden_from(view, self.camera_y_mm(view))
 
     def camera_y_mm(self, view: View) -> float:
         """Return the camera's place along the sensor's y, mm.

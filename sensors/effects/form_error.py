@@ -117,10 +117,8 @@ class FormError(AdditiveEffect):
         """
         place = (np.arange(PLACES) + 0.5) / PLACES
         u, v = (field.ravel() for field in np.meshgrid(place, place, indexing="ij"))
-        pairs = zip(orders(len(self.coefficients_um)), self.coefficients_um, strict=True)
-        height = np.zeros(u.size)
-        for (i, j), size in pairs:
-            height += size * np.cos(i * math.pi * u) * np.cos(j * math.pi * v)
+        waves = _waves(len(self.coefficients_um), u, v)
+        height = sum((c * w for c, w in zip(self.coefficients_um, waves, strict=True)), 0.0 * u)
         plane = np.stack([u, v, np.ones(u.size)], axis=1)
         left = height - plane @ np.linalg.lstsq(plane, height, rcond=None)[0]
         return float(np.sqrt(np.mean(left**2)))
@@ -141,7 +139,12 @@ class FormError(AdditiveEffect):
         out = np.einsum("nk,nmk->nm", view.poses[:, thin, :3], view.normal)
         nearer = np.clip(out / np.maximum(view.cos_incidence, 1e-9), -MOST, MOST)
         raised = -1e-3 * nearer / np.hypot(1.0, view.laser.slope_x)
-        pairs = orders(len(self.coefficients_um))
-        along_u = {i: raised * np.cos(i * math.pi * u) for i in {i for i, _ in pairs}}
-        along_v = {j: np.cos(j * math.pi * v) for j in {j for _, j in pairs}}
-        return tuple(along_u[i] * along_v[j] for i, j in pairs)
+        return _waves(len(self.coefficients_um), u, v, raised)
+
+
+def _waves(count: int, u: Floats, v: Floats, size: Floats | float = 1.0) -> tuple[Floats, ...]:
+    """Return the first `count` waves of a size, each as large as u, v (shares of the sides)."""
+    pairs = orders(count)
+    along_u = {i: size * np.cos(i * math.pi * u) for i in {i for i, _ in pairs}}
+    along_v = {j: np.cos(j * math.pi * v) for j in {j for _, j in pairs}}
+    return tuple(along_u[i] * along_v[j] for i, j in pairs)

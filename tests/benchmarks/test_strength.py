@@ -33,8 +33,7 @@ def test_a_level_tells_as_much_as_so_many_gaussian_numbers() -> None:
 def test_a_mounting_is_held_against_how_parts_lie() -> None:
     """Of n recordings, √n times the turn over the scatter of one."""
     effect = {**OF["pose_error"].entry(1.0), "pitch_deg": 0.1}
-    count = len(OF["pose_error"].views) - 1
-    expected = math.sqrt(count) * math.radians(0.1) / 5e-4
+    expected = math.sqrt(5) * math.radians(0.1) / 5e-4
     assert strength(OF["pose_error"], effect) == pytest.approx(expected, rel=1e-9)
 
 

@@ -16,12 +16,15 @@ from diagnosis.registration import PRIOR_SD, Placement
 from diagnosis.settle import placed_anew
 from diagnosis.trials import crossfitted
 from diagnosis.workspace import Model, Workspace
+from sensors.datasheet import Datasheet
 from sensors.effects.base import Effect
 from sensors.effects.interreflection import Interreflection
 from sensors.effects.range_scale import RangeScale
 from sensors.effects.thermal_drift import ThermalDrift
 from sensors.effects.travel_ripple import TravelRipple
 from sensors.laser import Laser
+from sensors.recording import Recording
+from sensors.scene import Scene
 from sensors.view import View
 
 
@@ -38,14 +41,23 @@ def ws() -> Workspace:
     return bench_workspace("valley")
 
 
-def test_a_held_out_recording_is_placed_anew(ws: Workspace) -> None:
+def as_commanded(
+    misplaced: float,
+) -> tuple[Scene, Datasheet, Laser, Recording, Placement]:
+    """Return part, sensor, rays, a recording of the part misplaced, and where it is told."""
     scene, sheet = part("domes"), datasheet(100)
-    laser = Laser.from_datasheet(sheet)
-    made = record(scene, sheet, [], name="r", seed=4, profiles=70, pitch_mm=0.6, misplaced=6.0)
+    made = record(
+        scene, sheet, [], name="r", seed=4, profiles=70, pitch_mm=0.6, misplaced=misplaced
+    )
     commanded = Placement(
         shift=np.zeros(PRIOR_SD.size), centre_mm=np.zeros(3),
         covariance=np.eye(PRIOR_SD.size), poses=made.poses,
     )  # fmt: skip
+    return scene, sheet, Laser.from_datasheet(sheet), made, commanded
+
+
+def test_a_held_out_recording_is_placed_anew(ws: Workspace) -> None:
+    scene, sheet, laser, made, commanded = as_commanded(6.0)
     patches = cut(
         0, made, commanded, scene, sheet, laser, lateral_mm=0.03,
         held_out=np.ones(made.depth_mm.shape, dtype=bool),
@@ -67,13 +79,7 @@ def test_a_recording_stays_where_its_readings_are_more_probable(
     ws: Workspace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A registration under a model may end in another optimum."""
-    scene, sheet = part("domes"), datasheet(100)
-    laser = Laser.from_datasheet(sheet)
-    made = record(scene, sheet, [], name="r", seed=4, profiles=70, pitch_mm=0.6, misplaced=1.0)
-    commanded = Placement(
-        shift=np.zeros(PRIOR_SD.size), centre_mm=np.zeros(3),
-        covariance=np.eye(PRIOR_SD.size), poses=made.poses,
-    )  # fmt: skip
+    scene, sheet, laser, made, commanded = as_commanded(1.0)
     elsewhere = made.poses.copy()
     elsewhere[:, 0, 3] += 3.0
     monkeypatch.setattr(settle, "register", lambda *a, **k: replace(commanded, poses=elsewhere))
