@@ -9,13 +9,17 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+import trimesh
 
 from benchmarks.relief import SPECKLE, VIEWS, datasheet, part, record
 from diagnosis.diagnose import Diagnosis, diagnose
 from diagnosis.outputs import write_outputs
+from flawforge.cli import main
 from sensors.datasheet import Datasheet
 from sensors.laser import Laser
 from sensors.law import plain_law
+from sensors.recording import Recording
+from sensors.scene import Scene
 from sensors.view import View
 
 BOW = [{"name": "line_bow", "sag_um": 40.0}]
@@ -83,6 +87,57 @@ def test_the_sensor_found_reproduces_the_recordings(diagnosed: tuple[Diagnosis, 
     columns = np.nanmean(residual, axis=0)
     assert np.abs(columns[:5].mean() - columns[48:52].mean()) < 0.004
     assert SPECKLE.amplitude_mm > 0
+
+
+RECIPE = """\
+name: bowls
+seed: 5
+sensor: sensor.yaml
+surface: finish/surface.yaml
+profiles: 60
+scans: 1
+parts: [{path: bowl.stl}]
+flaws: {}
+motion: {look: [0, 0, -1], travel: [0, 1, 0], length_mm: 41}
+"""
+
+
+def test_a_recipe_with_the_sensor_found_makes_the_recordings_residuals(
+    diagnosed: tuple[Diagnosis, Path], tmp_path: Path
+) -> None:
+    """Command by command: the bow and the noise of what was generated are the instrument's."""
+    scene, sheet = part("bowl"), datasheet(100)
+    sheet.save(tmp_path / "plain.yaml")
+    shutil.copy(diagnosed[1] / "sensor.yaml", tmp_path)
+    trimesh.Trimesh(scene.vertices_mm, scene.faces, process=False).export(tmp_path / "bowl.stl")
+    plate = record(part("plate"), sheet, [], name="plate", seed=3, profiles=80, pitch_mm=0.7)
+    plate.save(tmp_path / "plate.h5")
+    (tmp_path / "bowls.yaml").write_text(RECIPE)
+    at = {k: str(tmp_path / k) for k in ("plate.h5", "plain.yaml", "finish", "bowls.yaml", "data")}
+    finish = ["--sensor", at["plain.yaml"], "--out", at["finish"]]
+    assert main(["roughness", at["plate.h5"], *finish]) == 0
+    assert main(["generate", at["bowls.yaml"], "--out", at["data"]]) == 0
+    assert main(["export", at["data"], "--to", "recording"]) == 0
+    truth = record(scene, sheet, BOW, name="t", seed=8, profiles=60, pitch_mm=0.7, misplaced=0.0)
+    (file,) = (tmp_path / "data").glob("export*/*.h5")
+    bow, noise = _residual_law(scene, sheet, truth)
+    again, scatter = _residual_law(scene, sheet, Recording.load(file))
+    both = np.isfinite(again) & np.isfinite(bow)
+    assert both.sum() > 80
+    # the mean over 60 profiles of noise that is correlated over two or three
+    assert np.std((again - bow)[both]) < 0.004 < 0.5 * np.std(bow[both])
+    assert scatter == pytest.approx(noise, rel=0.15)
+
+
+def _residual_law(
+    scene: Scene, sheet: Datasheet, made: Recording
+) -> tuple[np.ndarray, float]:
+    """Mean departure of each column from the part, mm (NaN: hardly read), the scatter about it."""
+    left = made.depth_mm - scene.cast(Laser.from_datasheet(sheet), made.poses).depth_mm
+    read = np.isfinite(left).sum(axis=0) > 40
+    columns = np.full(left.shape[1], np.nan)
+    columns[read] = np.nanmean(left[:, read], axis=0)
+    return columns, float(np.nanstd(left - columns))
 
 
 def test_report_stands_by_itself(diagnosed: tuple[Diagnosis, Path]) -> None:
