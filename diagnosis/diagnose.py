@@ -1,6 +1,6 @@
 """The whole diagnosis: register, calibrate, detect, explain, judge, locate."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,14 +11,7 @@ from diagnosis.empirical_fit import fit_empirical
 from diagnosis.explain import explain
 from diagnosis.finding import Finding
 from diagnosis.finish import averaged_grain, finish_effects, finish_intervals, sunken
-from diagnosis.found import (
-    FoundEffect,
-    at_limits,
-    commanded_gain,
-    found_effects,
-    plainly_found,
-    sheet_with,
-)
+from diagnosis.found import FoundEffect, at_limits, found_effects, plainly_found, sheet_with
 from diagnosis.heldout import Judgement, judge
 from diagnosis.inputs import (
     check_fits,
@@ -33,7 +26,7 @@ from diagnosis.inputs import (
 from diagnosis.leftover import held_findings
 from diagnosis.locate import Region
 from diagnosis.maps import RecordingMaps, map_recording
-from diagnosis.mounting import mounting_error
+from diagnosis.mounting import LEAST_NATS, mounting_error
 from diagnosis.noise import NoiseModel
 from diagnosis.patch import Patch, cut, in_range
 from diagnosis.registration import Placement, register
@@ -184,25 +177,18 @@ def diagnose(
         gains = {e.name: plain - whole for e in finishes}
         if len(finishes) > 1:
             gains["roughness_level"] = min(plain - level, plain - whole)
-        beside += [plainly_found(e, gains[e.name], finish_intervals(e)) for e in finishes]
+        beside += [
+            plainly_found(e, gains[e.name], finish_intervals(e))
+            for e in finishes
+            if gains[e.name] >= LEAST_GAIN
+        ]
         if nominal is not None:
             model = sunken(ws, model, finishes, withheld)
     warped = any(isinstance(e, FormError) and e.coefficients_um for e in model.effects)
     if "pose_error" not in withheld and not warped:
         # what the model takes for physics is no misplacement; a warped part's low waves turn and
         # shift it, so that how it lies can't be told from how the sensor sits
-        moved = ws.placements(model)
-        mounting = mounting_error(
-            [r.poses for r in fit_on],
-            [placed[r.name].further(moved[k]) for k, r in enumerate(fit_on)],
-            travel_mm=_travelled_mm(ws, model),
-        )
-        if mounting is not None:
-            gain = commanded_gain(
-                everything, held_patches, placed, scene, datasheet, laser, noise, mounting, lateral
-            )
-            beside.append(plainly_found(mounting.effect, gain, mounting.intervals))
-    beside = [f for f in beside if f.heldout_gain >= LEAST_GAIN]
+        beside += _mounted(ws, model, everything, placed, held_patches)
     verdict, left = _joined(verdict, left, bool(beside), strange)
     if verdict in ("unexplained", "partly_explained"):
         progress("describing what is left")
@@ -258,6 +244,33 @@ def diagnose(
         notes=tuple(notes),
         seed=seed,
     )
+
+
+def _mounted(
+    ws: Workspace,
+    model: Model,
+    recordings: Sequence[Recording],
+    placed: Mapping[str, Placement],
+    held: Sequence[Patch],
+) -> list[FoundEffect]:
+    """Return what the fitted recordings share of the mounting if the held-out ones bear it out."""
+    apart = Workspace.build(held, ws.noise)
+    moved = ws.placements(model)
+    settled_by = apart.placements(model, [p.counted & ~p.edge for p in held])
+    fitted = [placed[recordings[k].name].further(moved[k]) for k in moved]
+    mounting = mounting_error(
+        [recordings[k].poses for k in moved], fitted, travel_mm=_travelled_mm(ws, model)
+    )
+    if mounting is None:
+        return []
+    gain = sum(
+        mounting.gain(recordings[k].poses, placed[recordings[k].name].further(step))
+        for k, step in settled_by.items()
+    )
+    if gain < LEAST_NATS:
+        return []
+    per_reading = gain / max(sum(int(p.counted.sum()) for p in held), 1)
+    return [plainly_found(mounting.effect, per_reading, mounting.intervals)]
 
 
 def _travelled_mm(ws: Workspace, model: Model) -> float:

@@ -1,16 +1,11 @@
 """The effects of a diagnosis as they are reported: what each gains, its intervals, its rivals."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-
-import numpy as np
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 from diagnosis.edges import EDGE_COVARIATES
 from diagnosis.heldout import Judgement, judge
-from diagnosis.mounting import Mounting, part_lies
-from diagnosis.noise import NoiseModel
-from diagnosis.patch import Patch, cut
-from diagnosis.registration import PRIOR_SD, Placement
+from diagnosis.patch import Patch
 from diagnosis.select import Choice, refit_linear
 from diagnosis.uncertainty import intervals
 from diagnosis.workspace import Model, Workspace
@@ -19,9 +14,6 @@ from sensors.covariates import COVARIATES
 from sensors.datasheet import Datasheet, with_effects
 from sensors.effects import effects_of
 from sensors.effects.base import Effect
-from sensors.laser import Laser
-from sensors.recording import Recording
-from sensors.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -153,42 +145,3 @@ def sheet_with(datasheet: Datasheet, effects: Sequence[Effect]) -> Datasheet:
     wide = as_wide(listed, found)
     new = {e.name: e for e, was in zip(wide, listed, strict=True) if e != was} | found
     return with_effects(datasheet, tuple(e.to_mapping() for e in new.values()))
-
-
-def commanded_gain(
-    recordings: Sequence[Recording],
-    held: Sequence[Patch],
-    placed: Mapping[str, Placement],
-    scene: Scene,
-    datasheet: Datasheet,
-    laser: dict[str, Laser],
-    noise: NoiseModel,
-    mounting: Mounting,
-    lateral: float,
-) -> float:
-    """Nats per held-out reading that a common offset gains at commanded poses.
-
-    But for how the part lies: that differs from time to time, and is refitted in the directions
-    that the offset leaves open.
-    """
-    names = {p.recording for p in held}
-    total, count = 0.0, 0.0
-    for number, recording in enumerate(recordings):
-        if number not in names:
-            continue
-        stay = replace(
-            placed[recording.name], shift=np.zeros(PRIOR_SD.size), poses=recording.poses
-        )
-        patches = cut(
-            number, recording, stay, scene, datasheet, laser[recording.name], lateral_mm=lateral,
-            held_out=np.ones(recording.depth_mm.shape, dtype=bool),
-        )  # fmt: skip
-        free = part_lies(mounting.effect, recording.poses, stay)
-        masks = [p.counted & ~p.edge for p in patches]
-        ws = Workspace.build(patches, noise)
-        for sign, model in ((-1, Model()), (1, Model(effects=(mounting.effect,)))):
-            lies = ws.placements(model, masks, within=free)
-            densities = ws.log_densities(model, placements=lies)
-            total += sign * sum(float(d.sum()) for d in densities)
-        count += float(sum(p.counted.sum() for p in patches))
-    return total / max(count, 1.0)

@@ -3,6 +3,10 @@
 Every other test takes a recording's rigid misplacement as a nuisance. Where the corrections of
 several recordings agree in the sensor's frame, far better than they scatter, it isn't the part that
 lay wrong each time but the sensor that sits wrong: pose_error.
+
+An error is what all share, what the faces of a part leave open, and how that part lies, by as much
+along each axis: a random effects model. Placements are few; their readings, however many, settle
+each of them once.
 """
 
 import math
@@ -11,30 +15,91 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
-from scipy.linalg import null_space
+from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from diagnosis.noise import Field
 from diagnosis.registration import PRIOR_SD, Placement, travel_columns
 from sensors.effects.pose_error import PoseError
 
-LEVEL = 1e-3
+LEVEL = 5e-3
+"""Probability of as large an error by chance; held-out placements have to bear it out, too."""
 LEAST = np.array([0.02, 0.02, 0.02, 0.04, 0.04, 0.04])
 """Smallest turns (degrees) and offsets (mm) that are worth telling."""
+LEAST_NATS = 1.0
+"""What it must gain on held-out placements: they are more than twice as likely with it."""
 SLACK = np.array([0.01, 0.01, 0.01, 0.01, 0.01, 0.02])
 """What registration alone scatters: turns in degrees, offsets in mm."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Mounting:
-    """A common error of the mounting with its intervals."""
+    """A common error of the mounting with its intervals.
+
+    Attributes
+    ----------
+    unsure : (6, 6) float64
+        Covariance of what the fitted recordings say of it.
+    lies, lies_off : (2,) float64
+        How parts lie off along each axis, mm and rad: about the mounting, and if there is none.
+    """
 
     effect: PoseError
     intervals: dict[str, tuple[float, float, float]]
     z: float
+    unsure: Field
+    lies: Field
+    lies_off: Field
+
+    def gain(self, commanded: Field, placement: Placement) -> float:
+        """Nats that the mounting gains on where another recording was found to lie.
+
+        A placement is one number per direction, however many readings it was settled by. Either
+        the part lies off from the mounting as the fitted ones do, or from nothing.
+        """
+        seen = _Seen.of(commanded, placement)
+        told = np.array([getattr(self.effect, name) for name in NAMES])
+        with_it = seen.covariance(self.lies) + self.unsure
+        without = seen.covariance(self.lies_off)
+        return float(
+            stats.multivariate_normal.logpdf(seen.error, told, with_it)
+            - stats.multivariate_normal.logpdf(seen.error, np.zeros(6), without)
+        )
 
 
 NAMES = ("yaw_deg", "roll_deg", "pitch_deg", "x_mm", "y_mm", "z_mm")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class _Seen:
+    """Where one recording was found to lie, in the sensor's frame.
+
+    Attributes
+    ----------
+    error : (6,) float64
+        As `NAMES`.
+    unsettled : (6, 6) float64
+        Its covariance: what faces settle, and `SLACK`. Where a part's faces leave a direction open,
+        so does a placement.
+    slopes : (6, 6) float64
+        Change of the error by how the part lies: mm, and rad about its middle.
+    """
+
+    error: Field
+    unsettled: Field
+    slopes: Field
+
+    @classmethod
+    def of(cls, commanded: Field, placement: Placement, travel_mm: float = 0.0) -> "_Seen":
+        slopes = _slopes(commanded, placement)
+        unsettled = slopes @ placement.covariance @ slopes.T + np.diag(SLACK**2)
+        unsettled[4, 4] += travel_mm**2
+        error = _in_sensor(commanded, placement)
+        return cls(error=error, unsettled=unsettled, slopes=slopes[:, :6])
+
+    def covariance(self, lies: Field) -> Field:
+        """Covariance (6, 6) of the error of a part that lies off by (2,) mm and rad."""
+        return np.asarray(self.unsettled + (self.slopes * np.repeat(lies**2, 3)) @ self.slopes.T)
 
 
 def mounting_error(
@@ -50,13 +115,10 @@ def mounting_error(
     """
     if len(placements) < 2 or _spread_deg(commanded) < 15:
         return None
-    errors = np.stack([_in_sensor(p, q) for p, q in zip(commanded, placements, strict=True)])
-    covariances = np.stack([_uncertainty(p, q) for p, q in zip(commanded, placements, strict=True)])
-    covariances[:, 4, 4] += travel_mm**2
-    mean, shared, dof = _agreed(errors, covariances)
+    seen = [_Seen.of(p, q, travel_mm) for p, q in zip(commanded, placements, strict=True)]
+    lies = _scatter(seen, shared=True)
+    mean, shared, dof = _agreed(seen, lies)
     tail = float(stats.f.sf(mean @ np.linalg.solve(shared, mean) / 6, 6, dof))
-    # how a part lies differs from time to time, in some directions more than in others
-    mean, shared, dof = _agreed(errors, covariances + np.diag(errors.var(axis=0, ddof=1)))
     reach = float(stats.t.ppf(0.975, dof))
     sd = np.sqrt(np.diag(shared))
     certain = _certain(shared * reach**2, mean)
@@ -72,18 +134,50 @@ def mounting_error(
             for n, v, s in zip(NAMES, mean, sd, strict=True)
         },
         z=float(stats.norm.isf(max(tail, 1e-300))),
+        unsure=shared,
+        lies=lies,
+        lies_off=_scatter(seen, shared=False),
     )
 
 
-def _agreed(errors: Field, covariances: Field) -> tuple[Field, Field, int]:
+def _agreed(seen: Sequence[_Seen], lies: Field) -> tuple[Field, Field, int]:
     """Mean (6,) of the errors, its covariance by their scatter, and its degrees of freedom."""
-    weights = np.linalg.inv(covariances)
+    weights = np.linalg.inv([s.covariance(lies) for s in seen])
+    errors = np.stack([s.error for s in seen])
     shared = np.linalg.inv(weights.sum(axis=0))
     mean = shared @ np.einsum("kij,kj->i", weights, errors)
     rest = errors - mean
     dof = 6 * (len(errors) - 1)
     scale = max(float(np.einsum("ki,kij,kj->", rest, weights, rest)) / dof, 1.0)
     return mean, scale * shared, dof
+
+
+def _scatter(seen: Sequence[_Seen], *, shared: bool) -> Field:
+    """How far parts lie off along each axis, mm and rad (2,), by restricted likelihood.
+
+    Parameters
+    ----------
+    shared : about an error that all share, else about none
+    """
+    errors = np.stack([s.error for s in seen])
+
+    def unlikely(log_lies: Field) -> float:
+        covariances = np.array([s.covariance(np.exp(log_lies)) for s in seen])
+        weights = np.linalg.inv(covariances)
+        cost = float(np.linalg.slogdet(covariances)[1].sum())
+        rest = errors
+        if shared:
+            together = weights.sum(axis=0)
+            cost += float(np.linalg.slogdet(together)[1])
+            rest = errors - np.linalg.solve(together, np.einsum("kij,kj->i", weights, errors))
+        return cost + float(np.einsum("ki,kij,kj->", rest, weights, rest))
+
+    least, most = 1e-3 * PRIOR_SD[[0, 3]], PRIOR_SD[[0, 3]]
+    found = minimize(
+        unlikely, np.log(0.03 * most), method="L-BFGS-B",
+        bounds=list(zip(np.log(least), np.log(most), strict=True)),
+    )  # fmt: skip
+    return np.asarray(np.exp(found.x))
 
 
 def _certain(bounds: Field, mean: Field) -> Field:
@@ -123,15 +217,6 @@ def _in_sensor(commanded: Field, placement: Placement) -> Field:
     return np.concatenate([[math.degrees(a) for a in angles], error[:3, 3]])
 
 
-def _uncertainty(commanded: Field, placement: Placement) -> Field:
-    """Covariance (6, 6) of an error in the sensor's frame: what faces settle, and `SLACK`.
-
-    Where a part's faces leave a direction open, so does a placement.
-    """
-    slopes = _slopes(commanded, placement)
-    return np.asarray(slopes @ placement.covariance @ slopes.T + np.diag(SLACK**2))
-
-
 def _slopes(commanded: Field, placement: Placement) -> Field:
     """Change of the error in the sensor's frame by each number of a placement, (6, 9)."""
     step = 1e-3 * PRIOR_SD
@@ -143,17 +228,6 @@ def _slopes(commanded: Field, placement: Placement) -> Field:
         ],
         axis=1,
     )
-
-
-def part_lies(effect: PoseError, commanded: Field, placement: Placement) -> Field:
-    """Directions (9, k) in which the part may lie otherwise than told: not those of the mounting.
-
-    Orthonormal, in prior deviations of a placement; its travel stays.
-    """
-    told = [k for k, name in enumerate(NAMES) if getattr(effect, name) != 0.0]
-    rigid = (_slopes(commanded, placement) * PRIOR_SD)[told, :6]
-    free = null_space(rigid / np.linalg.norm(rigid, axis=1, keepdims=True))
-    return np.vstack([free, np.zeros((PRIOR_SD.size - 6, free.shape[1]))])
 
 
 def _spread_deg(commanded: Sequence[Field]) -> float:

@@ -91,24 +91,15 @@ def placements(
     patches: Sequence[Patch],
     states: Sequence[Whitened],
     masks: Sequence[Mask],
-    *,
-    within: Field | None = None,
 ) -> dict[int, Field]:
     """Best placement (9,) of each recording given whitened residuals, in prior deviations.
 
     Least squares, then again without the readings that are far off under it.
-
-    Parameters
-    ----------
-    within : (9, k), orthonormal; the directions in which it may lie, all where left out
     """
     taken: list[tuple[int, Field, Field]] = []
     for patch, state, mask in zip(patches, states, masks, strict=True):
         pick = mask & state.used
-        columns = state.columns[pick]
-        if within is not None:
-            columns = columns @ within
-        taken.append((patch.recording, columns, state.innovations[pick]))
+        taken.append((patch.recording, state.columns[pick], state.innovations[pick]))
     found: dict[int, Field] = {}
     for _ in range(3):
         normal: dict[int, Field] = {}
@@ -121,7 +112,7 @@ def placements(
             normal[r] = normal.get(r, np.eye(columns.shape[-1])) + columns.T @ columns
             right[r] = right.get(r, 0.0) + columns.T @ values
         found = {r: np.linalg.solve(normal[r], right[r]) for r in normal}
-    return found if within is None else {r: within @ f for r, f in found.items()}
+    return found
 
 
 def placed(patch: Patch, state: Whitened, placement: Field) -> Whitened:

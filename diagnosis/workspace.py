@@ -158,23 +158,16 @@ class Workspace:
         """Return the readings that may be fitted."""
         return [p.fit & p.counted for p in self.patches]
 
-    def placements(
-        self,
-        model: Model,
-        masks: Sequence[Mask] | None = None,
-        *,
-        within: Field | None = None,
-    ) -> dict[int, Field]:
+    def placements(self, model: Model, masks: Sequence[Mask] | None = None) -> dict[int, Field]:
         """Best placement of each recording under a model, by the readings that may be fitted.
 
         Parameters
         ----------
         masks : the readings to place by instead
-        within : see `score.placements`
         """
         predictions = self.predict(model)
         raw = [whitened(p, q, self.noise) for p, q in zip(self.patches, predictions, strict=True)]
-        return placements(self.patches, raw, masks or self.masks(), within=within)
+        return placements(self.patches, raw, masks or self.masks())
 
     def masks_for(self, kind: type[Effect]) -> list[Mask]:
         """Return the readings on which an effect is fitted: bulk physics away from edges."""

@@ -1,13 +1,11 @@
 """A mounting error is what recordings in several orientations share, where their faces tell it."""
 
 import numpy as np
-import pytest
 from scipy.spatial.transform import Rotation
 
-from diagnosis.mounting import NAMES, _in_sensor, mounting_error, part_lies
+from diagnosis.mounting import mounting_error
 from diagnosis.noise import Field
 from diagnosis.registration import PRIOR_SD, Placement
-from sensors.effects.pose_error import PoseError
 
 TURNS_DEG = (0.0, 90.0, 180.0)
 KNOWN = np.array([2e-3] * 3 + [1e-5] * 3 + [1e-4] * 3)
@@ -71,20 +69,15 @@ def test_what_scatters_is_left_at_zero() -> None:
     assert np.isclose(found.effect.x_mm, 0.3, atol=0.02)
 
 
-@pytest.mark.parametrize("told", [("yaw_deg",), ("yaw_deg", "z_mm"), ("pitch_deg", "y_mm")])
-def test_a_part_may_lie_in_all_that_the_mounting_leaves_open(told: tuple[str, ...]) -> None:
-    poses = commanded(70.0)
-    still = placed(poses, np.zeros(3), KNOWN)
-    free = part_lies(PoseError.none().with_parameters(dict.fromkeys(told, 0.2)), poses, still)
-    assert free.shape == (PRIOR_SD.size, 6 - len(told))
-    assert np.allclose(free.T @ free, np.eye(6 - len(told)))
-    errors = np.stack(
-        [
-            _in_sensor(poses, Placement(shift=1e-3 * PRIOR_SD * way, centre_mm=np.zeros(3),
-                                        covariance=still.covariance, poses=poses))
-            for way in free.T
-        ]
-    )  # fmt: skip
-    size = np.abs(errors).max()
-    for k, name in enumerate(NAMES):
-        assert (np.abs(errors[:, k]).max() < 1e-4 * size) == (name in told)
+def test_a_recording_that_lies_as_told_bears_the_mounting_out() -> None:
+    poses = [commanded(t) for t in TURNS_DEG]
+    offset, scatter = np.array([0.3, 0.0, 0.0]), np.diag([0.02, 0.02, 0.02])
+    fitted = [placed(p, offset + s, KNOWN) for p, s in zip(poses, scatter, strict=True)]
+    found = mounting_error(poses, fitted)
+    assert found is not None
+    other = commanded(45.0)
+    assert found.gain(other, placed(other, offset, KNOWN)) > 1
+    assert found.gain(other, placed(other, np.zeros(3), KNOWN)) < 0
+    # nor does one that says nothing
+    open_all = np.array([2.0] * 3 + [0.02] * 3 + [1e-4] * 3)
+    assert abs(found.gain(other, placed(other, offset, open_all))) < 0.5
