@@ -41,7 +41,7 @@ AVERAGED = (
     " Light from within a translucent material averages speckle, too: to tell them apart, spray the"
     " part matt and record again."
 )
-FINISHED = 0.75
+FINISHED = 0.9
 """Factor on a plate's noise below which it isn't a finish that lowers it.
 
 Speckle of a surface that is rough beyond the wavelength doesn't depend on how rough it is (Dorsch,
