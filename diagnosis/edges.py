@@ -9,6 +9,8 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from diagnosis.noise import Field, Mask
+from sensors.effects.base import Effect
+from sensors.effects.form_error import FormError
 from sensors.view import View
 
 EDGE_COVARIATES = {"curvature_y", "edge_y", "hidden"}
@@ -28,6 +30,13 @@ BEND = 0.2
 """Change of slope from one point to the next that makes a crease."""
 LINE_SD_MM = 0.03
 """Standard deviation of a laser line across its width where the sensor's file says nothing."""
+
+
+def on_edges(effect: Effect | type[Effect]) -> bool:
+    """Whether an effect lives on depth edges and creases alone; a small fillet does."""
+    if isinstance(effect, FormError) and effect.fillet_mm > 0:
+        return not any(effect.coefficients_um)
+    return effect.covariate in EDGE_COVARIATES
 
 
 def edge_softness(

@@ -31,6 +31,8 @@ RADII_MM = (0.4, 0.8, 1.6, 3.2, 6.4)
 FINER = (0.65, 0.75, 0.87, 1.15, 1.33, 1.5)
 CORNER_COSTS = 5.0
 """Nats that a fillet in a corner must gain."""
+EDGE_COSTS = 0.5
+"""Nats that each of its readings must gain besides, where the plain law may be off by its noise."""
 ALIKE = math.radians(12.0)
 """Turns of corners of one kind differ by less."""
 STRONGER = (1.0, 2.0, 4.0, 8.0, 16.0)
@@ -59,7 +61,7 @@ def fit_effect(
     start : the effect at which to begin, instead of its grid
     polish : search the nonlinear parameters beyond the grid
     """
-    masks = list(masks) if masks is not None else ws.masks_for(kind)
+    masks = list(masks) if masks is not None else ws.masks_for(start or kind)
     try:
         points = (start,) if start is not None else _grid(kind, ws, states)
     except (RecipeError, TypeError):
@@ -72,18 +74,17 @@ def fit_effect(
     else:
         found = _fit_searched(points, ws, model, masks, polish)
     if kind is FormError and start is None:
-        filled = _fit_fillets(ws, model, masks, polish)
+        filled = _fit_fillets(ws, model, polish)
         both = [f for f in (found, filled) if f is not None]
         found = max(both, key=lambda f: f.gain - f.free, default=None)
     return found
 
 
-def _fit_fillets(
-    ws: Workspace, model: Model, masks: Sequence[Mask], polish: bool
-) -> Fitted | None:
+def _fit_fillets(ws: Workspace, model: Model, polish: bool) -> Fitted | None:
     """Fit one radius to the concave corners that are the better for it.
 
-    Their readings are apart: what one radius gains is told for each corner by itself.
+    Their readings are apart: what one radius gains is told for each corner by itself. A small one
+    fills nothing but what counts as edge.
     """
     creases = concave_creases(ws.patches[0].view.scene)
     middles, corners = creases.middle_mm, len(creases.middle_mm)
@@ -95,11 +96,13 @@ def _fit_fillets(
     def fit(radius_mm: float) -> Fitted:
         everywhere = FormError(coefficients_um=(), fillet_mm=radius_mm)
         densities = ws.log_densities(model.with_effect(everywhere), placements=still)
-        gains = np.zeros(corners + 1)
-        for patch, mask, after, before in zip(ws.patches, masks, densities, base, strict=True):
+        gains, doubt = np.zeros((2, corners + 1))
+        for patch, mask, after, before in zip(ws.patches, ws.masks(), densities, base, strict=True):
             _, crease = filled_mm(patch.view, radius_mm)
             gains += np.bincount(crease[mask] + 1, (after - before)[mask], minlength=corners + 1)
-        better = np.flatnonzero(gains[1:] > CORNER_COSTS)
+            edge = mask & patch.edge
+            doubt += EDGE_COSTS * np.bincount(crease[edge] + 1, minlength=corners + 1)
+        better = np.flatnonzero(gains[1:] > CORNER_COSTS + doubt[1:])
         silent = _as_silent(creases.turn_rad, gains[1:])
         which = tuple(float(v) for v in middles[np.union1d(better, silent)].ravel())
         effect = replace(everywhere, fillet_mm=radius_mm if better.size else 0.0, corners_mm=which)

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from diagnosis.edges import EDGE_COVARIATES
+from diagnosis.edges import on_edges
 from diagnosis.heldout import Judgement, judge
 from diagnosis.patch import Patch
 from diagnosis.select import Choice, refit_linear
@@ -95,7 +95,7 @@ def heldout_gains(
             # the noise's level is free with it: that alone is no gain of the effect's
             rest = ws.levelled(rest, shaped=True)
         without = judge(held, ws.noise, rest, share_own=share_own)
-        if effect.covariate in EDGE_COVARIATES:
+        if on_edges(effect):
             gains[effect.name] = without.log_score - after.log_score
         else:
             gains[effect.name] = without.bulk_score - after.bulk_score

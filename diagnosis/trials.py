@@ -67,7 +67,7 @@ def crossfitted(
     linear coefficients are solved on one half of the readings and judged on the other. A few
     searched numbers cost a nat each instead.
     """
-    masks = ws.masks_for(kind)
+    masks = ws.masks_for(fitted.effect)
     trial = ws.levelled(model.with_effect(fitted.effect, fitted.own))
     if phase_is_own(fitted.effect):
         small, rest = own_parts(masks)

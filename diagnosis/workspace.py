@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from diagnosis.edges import EDGE_COVARIATES
+from diagnosis.edges import on_edges
 from diagnosis.noise import Field, Mask, NoiseModel
 from diagnosis.patch import WHOLE, Patch, thinned
 from diagnosis.prediction import Prediction, effects_for, predict
@@ -169,9 +169,9 @@ class Workspace:
         raw = [whitened(p, q, self.noise) for p, q in zip(self.patches, predictions, strict=True)]
         return placements(self.patches, raw, masks or self.masks())
 
-    def masks_for(self, kind: type[Effect]) -> list[Mask]:
+    def masks_for(self, effect: Effect | type[Effect]) -> list[Mask]:
         """Return the readings on which an effect is fitted: bulk physics away from edges."""
-        if kind.covariate in EDGE_COVARIATES:
+        if on_edges(effect):
             return self.masks()
         return [m & ~p.edge for p, m in zip(self.patches, self.masks(), strict=True)]
 
