@@ -47,6 +47,8 @@ FINISHED = 0.9
 Speckle of a surface that is rough beyond the wavelength doesn't depend on how rough it is (Dorsch,
 Häusler and Herrmann, Appl. Opt. 33 (1994) 1306); light from many depths averages it.
 """
+SURELY_LESS = 0.75
+"""Factor on a plate's noise that is told beside a bent mean, too, which only adds to noise."""
 UNSUNKEN = (
     " It averages speckle; how deep it goes hardly shows. A plate of another finish would do that,"
     " too: to tell them apart, spray the part matt and record again."
@@ -169,7 +171,7 @@ def _stands_out(effect: Effect) -> bool:
     """Whether a finish is told although a bent mean adds to the noise."""
     if isinstance(effect, AnisotropicLay):
         return math.log(effect.ratio) > 2 * LAY_TOLERANCE
-    return isinstance(effect, RoughnessLevel) and effect.amplitude < FINISHED
+    return isinstance(effect, RoughnessLevel) and effect.amplitude < SURELY_LESS
 
 
 def _plates_doubt(model: Model) -> float:

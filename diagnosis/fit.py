@@ -113,7 +113,12 @@ def _fit_fillets(ws: Workspace, model: Model, polish: bool) -> Fitted | None:
     best = max(tried, key=lambda r: tried[r].gain - tried[r].free)
     if polish and not tried[best].effect.is_null:
         tried |= {best * s: fit(best * s) for s in FINER}
-    return max(tried.values(), key=lambda f: f.gain - f.free)
+    found = max(tried.values(), key=lambda f: f.gain - f.free)
+    if not polish or found.effect.is_null:
+        return found
+    # a placement gives way to what it lacks: it moves with the radius
+    finer = _fit_searched((found.effect,), ws, model, ws.masks(), True)
+    return found if finer is None else replace(finer, free=found.free)
 
 
 def _as_silent(turn_rad: Field, gains: Field) -> NDArray[np.int64]:
