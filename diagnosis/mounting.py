@@ -155,6 +155,10 @@ def _agreed(seen: Sequence[_Seen], lies: Field) -> tuple[Field, Field, int]:
 def _scatter(seen: Sequence[_Seen], *, shared: bool) -> Field:
     """How far parts lie off along each axis, mm and rad (2,), by restricted likelihood.
 
+    Twice its negative logarithm is Σ ln|S_k| + ln|Σ S_k⁻¹| + Σ r_k' S_k⁻¹ r_k, S_k the covariance
+    of recording k, r_k its error beyond the shared one (Patterson, Thompson, Biometrika 58 (1971)
+    545).
+
     Parameters
     ----------
     shared : about an error that all share, else about none
