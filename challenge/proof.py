@@ -60,9 +60,9 @@ _DOUBTS = """\
   0.45 with those as sealed). Later sets were sealed so. The runs before stand as they were judged.
 - Small jobs ran beside the first ten minutes of the sixteenth run, which commit 1a82492 diagnosed.
   What its opened cases taught was in the code of the seventeenth (03416ad, nothing beside it).
-- Sets of 160 cases differ: of the last three runs the seventeenth met every aim, the sixteenth missed
-  two by 0.03 and the fifteenth one by 0.1. The seventeenth's share of the gain, counted to 1 in each
-  case, is below 0.7; another set may miss it.
+- Sets of 160 cases differ: of the last three runs the seventeenth met every aim, the sixteenth
+  missed two by 0.03 and the fifteenth one by 0.1. The seventeenth's share of the gain, counted to
+  1 in each case, is below 0.7; another set may miss it.
 - Light from facing walls is followed along 32 rays from each place, the same in every frame. Their
   pattern is in the oracle, too: on grooves part of its gain belongs to it, and no law has that.
 - Up to protocol 4 pairs with pixel locking had a region and an oracle, although the instrument
