@@ -254,18 +254,18 @@ def _mounted(
     held: Sequence[Patch],
 ) -> list[FoundEffect]:
     """Return what the fitted recordings share of the mounting if the held-out ones bear it out."""
-    apart = Workspace.build(held, ws.noise)
     moved = ws.placements(model)
-    settled_by = apart.placements(model, [p.counted & ~p.edge for p in held])
     fitted = [placed[recordings[k].name].further(moved[k]) for k in moved]
     mounting = mounting_error(
         [recordings[k].poses for k in moved], fitted, travel_mm=_travelled_mm(ws, model)
     )
     if mounting is None:
         return []
+    apart = Workspace.build(held, ws.noise)
+    moved = apart.placements(model, [p.counted & ~p.edge for p in held])
     gain = sum(
         mounting.gain(recordings[k].poses, placed[recordings[k].name].further(step))
-        for k, step in settled_by.items()
+        for k, step in moved.items()
     )
     if gain < LEAST_NATS:
         return []

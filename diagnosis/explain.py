@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.edges import BESIDE_EDGES, EDGE_COVARIATES, READ_AT_EDGES
+from diagnosis.edges import BESIDE_EDGES, EDGE_COVARIATES, READ_AT_EDGES, on_edges
 from diagnosis.found import heldout_gains
 from diagnosis.linear import phase_is_own
 from diagnosis.noise import Mask, NoiseModel
@@ -98,7 +98,7 @@ def shows(effect: Effect, patches: Sequence[Patch], noise: NoiseModel) -> bool:
     travel moves nothing where that recording looks at flats, and an error of the range is a tilt
     and a shift where it sees planes that lie as one.
     """
-    if effect.frame == "part" or effect.covariate in EDGE_COVARIATES:
+    if effect.frame == "part" or on_edges(effect):
         return True
     waves = [effect]
     if phase_is_own(effect):

@@ -22,6 +22,7 @@ from diagnosis.noise import Field
 from diagnosis.registration import PRIOR_SD, Placement, travel_columns
 from sensors.effects.pose_error import PoseError
 
+NAMES = ("yaw_deg", "roll_deg", "pitch_deg", "x_mm", "y_mm", "z_mm")
 LEVEL = 5e-3
 """Probability of as large an error by chance; held-out placements have to bear it out, too."""
 LEAST = np.array([0.02, 0.02, 0.02, 0.04, 0.04, 0.04])
@@ -30,44 +31,6 @@ LEAST_NATS = 1.0
 """What it must gain on held-out placements: they are more than twice as likely with it."""
 SLACK = np.array([0.01, 0.01, 0.01, 0.01, 0.01, 0.02])
 """What registration alone scatters: turns in degrees, offsets in mm."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Mounting:
-    """A common error of the mounting with its intervals.
-
-    Attributes
-    ----------
-    unsure : (6, 6) float64
-        Covariance of what the fitted recordings say of it.
-    lies, lies_off : (2,) float64
-        How parts lie off along each axis, mm and rad: about the mounting, and if there is none.
-    """
-
-    effect: PoseError
-    intervals: dict[str, tuple[float, float, float]]
-    z: float
-    unsure: Field
-    lies: Field
-    lies_off: Field
-
-    def gain(self, commanded: Field, placement: Placement) -> float:
-        """Nats that the mounting gains on where another recording was found to lie.
-
-        A placement is one number per direction, however many readings it was settled by. Either
-        the part lies off from the mounting as the fitted ones do, or from nothing.
-        """
-        seen = _Seen.of(commanded, placement)
-        told = np.array([getattr(self.effect, name) for name in NAMES])
-        with_it = seen.covariance(self.lies) + self.unsure
-        without = seen.covariance(self.lies_off)
-        return float(
-            stats.multivariate_normal.logpdf(seen.error, told, with_it)
-            - stats.multivariate_normal.logpdf(seen.error, np.zeros(6), without)
-        )
-
-
-NAMES = ("yaw_deg", "roll_deg", "pitch_deg", "x_mm", "y_mm", "z_mm")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -102,6 +65,40 @@ class _Seen:
         return np.asarray(self.unsettled + (self.slopes * np.repeat(lies**2, 3)) @ self.slopes.T)
 
 
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Mounting:
+    """A common error of the mounting with its intervals.
+
+    Attributes
+    ----------
+    unsure : (6, 6) float64
+        Covariance of what the fitted recordings say of it.
+    lies, lies_off : (2,) float64
+        How parts lie off along each axis, mm and rad: about the mounting, and if there is none.
+    """
+
+    effect: PoseError
+    intervals: dict[str, tuple[float, float, float]]
+    unsure: Field
+    lies: Field
+    lies_off: Field
+
+    def gain(self, commanded: Field, placement: Placement) -> float:
+        """Nats that the mounting gains on where another recording was found to lie.
+
+        A placement is one number per direction, however many readings it was settled by. Either
+        the part lies off from the mounting as the fitted ones do, or from nothing.
+        """
+        seen = _Seen.of(commanded, placement)
+        told = np.array([getattr(self.effect, name) for name in NAMES])
+        with_it = seen.covariance(self.lies) + self.unsure
+        without = seen.covariance(self.lies_off)
+        return float(
+            stats.multivariate_normal.logpdf(seen.error, told, with_it)
+            - stats.multivariate_normal.logpdf(seen.error, np.zeros(6), without)
+        )
+
+
 def mounting_error(
     commanded: Sequence[Field], placements: Sequence[Placement], *, travel_mm: float = 0.0
 ) -> Mounting | None:
@@ -133,7 +130,6 @@ def mounting_error(
             n: (float(v), float(v - reach * s), float(v + reach * s))
             for n, v, s in zip(NAMES, mean, sd, strict=True)
         },
-        z=float(stats.norm.isf(max(tail, 1e-300))),
         unsure=shared,
         lies=lies,
         lies_off=_scatter(seen, shared=False),
@@ -142,14 +138,22 @@ def mounting_error(
 
 def _agreed(seen: Sequence[_Seen], lies: Field) -> tuple[Field, Field, int]:
     """Mean (6,) of the errors, its covariance by their scatter, and its degrees of freedom."""
-    weights = np.linalg.inv([s.covariance(lies) for s in seen])
-    errors = np.stack([s.error for s in seen])
-    shared = np.linalg.inv(weights.sum(axis=0))
-    mean = shared @ np.einsum("kij,kj->i", weights, errors)
-    rest = errors - mean
+    errors, weights, mean, shared = _weighed(seen, lies)
     dof = 6 * (len(errors) - 1)
-    scale = max(float(np.einsum("ki,kij,kj->", rest, weights, rest)) / dof, 1.0)
-    return mean, scale * shared, dof
+    return mean, max(_square(errors - mean, weights) / dof, 1.0) * shared, dof
+
+
+def _weighed(seen: Sequence[_Seen], lies: Field) -> tuple[Field, Field, Field, Field]:
+    """Errors (k, 6), their weights (k, 6, 6), the mean (6,) by these and its covariance (6, 6)."""
+    errors = np.stack([s.error for s in seen])
+    weights = np.linalg.inv([s.covariance(lies) for s in seen])
+    shared = np.linalg.inv(weights.sum(axis=0))
+    return errors, weights, shared @ np.einsum("kij,kj->i", weights, errors), shared
+
+
+def _square(rest: Field, weights: Field) -> float:
+    """Sum of squares of what is left (k, 6), weighted."""
+    return float(np.einsum("ki,kij,kj->", rest, weights, rest))
 
 
 def _scatter(seen: Sequence[_Seen], *, shared: bool) -> Field:
@@ -163,18 +167,13 @@ def _scatter(seen: Sequence[_Seen], *, shared: bool) -> Field:
     ----------
     shared : about an error that all share, else about none
     """
-    errors = np.stack([s.error for s in seen])
 
     def unlikely(log_lies: Field) -> float:
-        covariances = np.array([s.covariance(np.exp(log_lies)) for s in seen])
-        weights = np.linalg.inv(covariances)
-        cost = float(np.linalg.slogdet(covariances)[1].sum())
-        rest = errors
-        if shared:
-            together = weights.sum(axis=0)
-            cost += float(np.linalg.slogdet(together)[1])
-            rest = errors - np.linalg.solve(together, np.einsum("kij,kj->i", weights, errors))
-        return cost + float(np.einsum("ki,kij,kj->", rest, weights, rest))
+        errors, weights, mean, unsure = _weighed(seen, np.exp(log_lies))
+        cost = -float(np.linalg.slogdet(weights)[1].sum())
+        if not shared:
+            return cost + _square(errors, weights)
+        return cost - float(np.linalg.slogdet(unsure)[1]) + _square(errors - mean, weights)
 
     least, most = 1e-3 * PRIOR_SD[[0, 3]], PRIOR_SD[[0, 3]]
     found = minimize(

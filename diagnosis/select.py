@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.edges import BESIDE_EDGES, EDGE_COVARIATES
+from diagnosis.edges import BESIDE_EDGES, on_edges
 from diagnosis.families import effect_families, fillet_families, free_families
 from diagnosis.finding import Finding, Screening
 from diagnosis.fit import fit_effect
@@ -185,7 +185,7 @@ def _best(
             or name in model.names()
             or any(name in kin and kin & set(model.names()) for kin in KIN)
             or not only - waiting
-            or (kind.covariate in EDGE_COVARIATES and not edges and not shown & _of_kin(name))
+            or (on_edges(kind) and not edges and not shown & _of_kin(name))
         ):
             continue
         fitted = trials.fitted(name, polish=False)

@@ -71,6 +71,19 @@ def test_a_lay_between_the_axes_keeps_its_angle_on_the_part() -> None:
     assert np.linalg.det(np.stack([line, travel])) == pytest.approx(-1.0)
 
 
+def names_told(
+    monkeypatch: pytest.MonkeyPatch, lay: AnisotropicLay | None, level: float, *, bent: bool
+) -> list[str]:
+    """Return the effects told where a lay and a factor on the noise's size were measured."""
+    monkeypatch.setattr(finish, "_lay", lambda *args, **more: lay)
+    monkeypatch.setattr(finish, "level_change", lambda *args: math.log(level))
+    view = View(part("steps"), datasheet(40), poses(3), np.arange(3.0))
+    ws: Any = SimpleNamespace(patches=[SimpleNamespace(view=view)])
+    noise: Any = SimpleNamespace(correlation_length_px=lambda: (1.0, 1.0))
+    effects, _ = finish.finish_effects(ws, Model(), noise, noise, 0.01, bent=bent)
+    return [e.name for e in effects]
+
+
 @pytest.mark.parametrize(("ratio", "bent", "told"), [
     (1.5, False, True), (1.5, True, False), (2.5, False, True), (2.5, True, True),
 ])  # fmt: skip
@@ -78,25 +91,12 @@ def test_beside_a_bent_mean_a_strong_lay_alone_is_told(
     monkeypatch: pytest.MonkeyPatch, ratio: float, bent: bool, told: bool
 ) -> None:
     lay = AnisotropicLay(ratio=ratio, angle_deg=30.0)
-    monkeypatch.setattr(finish, "_lay", lambda *args, **more: lay)
-    monkeypatch.setattr(finish, "level_change", lambda *args: math.log(0.8))
-    scene, sheet = part("steps"), datasheet(40)
-    patch = SimpleNamespace(view=View(scene, sheet, poses(3), np.arange(3.0)))
-    noise: Any = SimpleNamespace(correlation_length_px=lambda: (1.0, 1.0))
-    ws: Any = SimpleNamespace(patches=[patch])
-    effects, _ = finish.finish_effects(ws, Model(), noise, noise, 0.01, bent=bent)
-    names = [e.name for e in effects]
+    names = names_told(monkeypatch, lay, 0.8, bent=bent)
     assert names == [n for n, shown in (("roughness_level", not bent), (lay.name, told)) if shown]
 
 
 def test_a_bent_mean_makes_no_noise_small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(finish, "_lay", lambda *args, **more: None)
-    monkeypatch.setattr(finish, "level_change", lambda *args: math.log(0.6))
-    view = View(part("steps"), datasheet(40), poses(3), np.arange(3.0))
-    ws: Any = SimpleNamespace(patches=[SimpleNamespace(view=view)])
-    noise: Any = SimpleNamespace(correlation_length_px=lambda: (1.0, 1.0))
-    effects, _ = finish.finish_effects(ws, Model(), noise, noise, 0.01, bent=True)
-    assert [e.name for e in effects] == ["roughness_level"]
+    assert names_told(monkeypatch, None, 0.6, bent=True) == ["roughness_level"]
 
 
 @pytest.mark.parametrize(
