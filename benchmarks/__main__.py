@@ -23,7 +23,7 @@ from benchmarks.end_to_end import (
     scan_cost_alone,
 )
 from benchmarks.perlin import fields, median_seconds
-from pipeline.backend import THREADS
+from pipeline.batch.backend import THREADS
 
 MESHES = tuple(
     HOME.parent / "shared" / "meshes" / "cad" / name for name in ("ADIS16480.STL", "cycloidal.ply")

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.laser import Laser
-from sensors.scene import Scene
+from sensors.casting.laser import Laser
+from sensors.casting.scene import Scene
 
 Floats = NDArray[np.float64]
 
@@ -169,7 +169,7 @@ def growth_rows(
 
 def built_in_meshes(facets_um: Iterable[float] = FACETS_UM) -> Iterator[tuple[str, Scene]]:
     """Yield the car door at several finenesses."""
-    from pipeline.parts import build
+    from pipeline.parts.builtin import build
 
     for facet_um in facets_um:
         part = build("car_door", facet_um=facet_um)
@@ -178,7 +178,7 @@ def built_in_meshes(facets_um: Iterable[float] = FACETS_UM) -> Iterator[tuple[st
 
 def mesh_file(path: Path) -> tuple[str, Scene]:
     """Read a real mesh, brought to 500 mm so that the fan covers it."""
-    from pipeline.part import load_part
+    from pipeline.parts.part import load_part
 
     part = load_part(path)
     vertices = part.vertices_mm - part.vertices_mm.mean(axis=0)

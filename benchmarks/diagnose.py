@@ -24,7 +24,7 @@ from diagnosis.maps import RIGID
 from diagnosis.noise import NoiseModel
 from diagnosis.workspace import Model
 from sensors.effects import effect_of
-from sensors.reflectance import ReflectanceMap, Stripes
+from sensors.surface.reflectance import ReflectanceMap, Stripes
 
 STRENGTHS = (6, 12, 24)
 TURNED = tuple({**view, "heading_deg": 60.0 * k} for k, view in enumerate((*VIEWS, *VIEWS)))

@@ -17,7 +17,7 @@ import trimesh
 from benchmarks.end_to_end import HOME
 from benchmarks.page import fill, table
 from benchmarks.relief import VIEWS, datasheet, part, record
-from sensors.perlin import PerlinField
+from sensors.noise.perlin import PerlinField
 
 PAGE = HOME / "docs" / "diagnosis.md"
 LENGTH_MM = 44.0

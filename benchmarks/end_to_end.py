@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.backend import THREADS
+from pipeline.batch.backend import THREADS
 
 HOME = Path(__file__).resolve().parents[1]
 SIZES = ((200, 512), (2000, 4096))
@@ -104,12 +104,12 @@ def recipe_in(folder: Path, *, profiles: int, points: int, parts: str, work: str
 
 def scan_cost(profiles: int, points: int, *, rounds: int = 7, part: str) -> ScanCost:
     """Scan one flawed part `rounds` times in this process and write each scan."""
-    from pipeline.batch import find_wanted
-    from pipeline.plan import PlannedPart, PlannedScans
+    from pipeline.batch.plan import PlannedPart, PlannedScans
+    from pipeline.batch.run import find_wanted
+    from pipeline.batch.work import _scan
+    from pipeline.dataset.shards import ShardWriter
+    from pipeline.injection.specimen import load_entry, make_specimen, store_part
     from pipeline.recipe import Recipe
-    from pipeline.shards import ShardWriter
-    from pipeline.specimen import load_entry, make_specimen, store_part
-    from pipeline.work import _scan
 
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -167,10 +167,10 @@ def scan_cost(profiles: int, points: int, *, rounds: int = 7, part: str) -> Scan
 @contextmanager
 def stopwatch() -> Iterator[dict[str, float]]:
     """Add up seconds by the clock within the stages' functions; yields them by stage."""
-    from pipeline.shards import ShardWriter
-    from sensors import view
+    from pipeline.dataset.shards import ShardWriter
+    from sensors.casting.scene import Scene
     from sensors.law import Law
-    from sensors.scene import Scene
+    from sensors.view.view import view
 
     places: list[tuple[str, Any, str]] = [
         ("cast", Scene, "cast"),

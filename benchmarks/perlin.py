@@ -4,8 +4,8 @@ import time
 
 import numpy as np
 
-from sensors.perlin import PerlinField
-from sensors.surface import Surface
+from sensors.noise.perlin import PerlinField
+from sensors.surface.surface import Surface
 
 PROFILES, POINTS = 2000, 4096
 ROUNDS = 7

@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from sensors.casting.laser import Laser
+from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.effects import effects_of
-from sensors.laser import Laser
 from sensors.law import draw_effects, law_with
-from sensors.perlin import PerlinField
+from sensors.noise.perlin import PerlinField
 from sensors.recording import Recording
-from sensors.scene import Scene
-from sensors.view import View
+from sensors.view.view import View
 
 Floats = NDArray[np.float64]
 SPECKLE = PerlinField(amplitude_mm=0.035, cell_x_mm=0.8, cell_y_mm=1.1, octaves=3)

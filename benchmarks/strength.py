@@ -27,18 +27,18 @@ from diagnosis.prediction import predict
 from diagnosis.registration import register
 from diagnosis.score import CLIP, placements, whitened
 from diagnosis.workspace import Model, Workspace
+from sensors.casting.laser import Laser
+from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.effects import effect_of
 from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.effects.base import Effect
 from sensors.effects.pose_error import PoseError
 from sensors.effects.roughness_level import RoughnessLevel
-from sensors.laser import Laser
+from sensors.noise.uncertainty import sigma_mm
 from sensors.recording import Recording
-from sensors.reflectance import ReflectanceMap
-from sensors.scene import Scene
+from sensors.surface.reflectance import ReflectanceMap
 from sensors.typed_yaml import RecipeError
-from sensors.uncertainty import sigma_mm
 
 POINTS, PROFILES, PITCH_MM = 100, 72, 0.6
 Entry = dict[str, object]

@@ -8,7 +8,7 @@ from manifold3d import Error, Manifold, Mesh64, OpType
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from defects.inside import Inside
+from defects.point_in_mesh import Inside
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]

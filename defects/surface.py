@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from defects.march import CREASE_RAD, blend_normals, drop, march
+from defects.geodesic import CREASE_RAD, blend_normals, drop, march
 from defects.nearest import build_tree
 
 Floats = NDArray[np.float64]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, distance_transform_edt, median_filter
 
 from diagnosis.noise import Field
-from sensors.view import View
+from sensors.view.view import View
 
 NARROW, WIDE = 5, 15
 CLEAR = 6.0

@@ -11,10 +11,10 @@ from diagnosis.plates import plate_residual
 from diagnosis.prediction import plain_gain
 from sensors.datasheet import Datasheet
 from sensors.law import geometric_law
+from sensors.noise.uncertainty import sigma_mm
 from sensors.recording import Recording
-from sensors.surface import Surface
-from sensors.uncertainty import sigma_mm
-from sensors.view import View
+from sensors.surface.surface import Surface
+from sensors.view.view import View
 
 USUAL_SHARE = 5e-4
 """Most spikes and losses on a plate that pass for noise; more is for the sensor's file to state."""

@@ -34,12 +34,12 @@ from diagnosis.select import LEAST_GAIN, Selection
 from diagnosis.settle import placed_anew, settled
 from diagnosis.trust import trust
 from diagnosis.workspace import Model, Workspace
+from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.effects.form_error import FormError
 from sensors.effects.motion_blur import MotionBlur
 from sensors.recording import Recording
-from sensors.scene import Scene
-from sensors.surface import Surface
+from sensors.surface.surface import Surface
 from sensors.typed_yaml import RecipeError
 
 Progress = Callable[[str], None]

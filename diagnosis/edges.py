@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation
 from diagnosis.noise import Field, Mask
 from sensors.effects.base import Effect
 from sensors.effects.form_error import FormError
-from sensors.view import View
+from sensors.view.view import View
 
 EDGE_COVARIATES = {"curvature_y", "edge_y", "hidden"}
 """Covariates of effects that live on depth edges alone."""

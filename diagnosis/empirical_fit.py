@@ -9,10 +9,10 @@ from diagnosis.finding import Finding
 from diagnosis.linear import Fitted, solve_linear
 from diagnosis.trials import crossfitted
 from diagnosis.workspace import Model, Workspace, bootstrap_interval
-from sensors.covariates import COVARIATES
 from sensors.effects.base import Effect
 from sensors.effects.empirical import Empirical
 from sensors.typed_yaml import RecipeError
+from sensors.view.covariates import COVARIATES
 
 KNOTS = 9
 

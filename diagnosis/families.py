@@ -14,13 +14,13 @@ from diagnosis.edges import EDGE_COVARIATES
 from diagnosis.noise import Field, NoiseModel
 from diagnosis.patch import Patch
 from diagnosis.prediction import Prediction, predict, starting
-from sensors.covariates import COVARIATES
-from sensors.creases import concave_creases, filled_mm
 from sensors.effects import CATALOGUE, AdditiveEffect
 from sensors.effects.base import Effect
 from sensors.effects.form_error import FormError
 from sensors.typed_yaml import RecipeError
-from sensors.view import View
+from sensors.view.covariates import COVARIATES
+from sensors.view.creases import concave_creases, filled_mm
+from sensors.view.view import View
 
 SKIPPED = {
     "roughness_level", "anisotropic_lay", "form_error", "pose_error", "empirical",

@@ -24,7 +24,7 @@ from sensors.effects.motion_blur import MotionBlur
 from sensors.effects.pixel_locking import PixelLocking
 from sensors.effects.roughness_level import RoughnessLevel
 from sensors.effects.volume_scattering import VolumeScattering
-from sensors.uncertainty import sigma_mm
+from sensors.noise.uncertainty import sigma_mm
 
 LEVEL_TOLERANCE = 0.05
 """Least change of the noise's logarithm against a plate's; 300 sealed nulls have 0.035 at most."""

@@ -20,11 +20,11 @@ from diagnosis.rangewise import strongest_rows
 from diagnosis.rowwise import row_powers
 from diagnosis.score import Whitened
 from diagnosis.workspace import Model, Workspace
-from sensors.creases import concave_creases, filled_mm
 from sensors.effects.base import Effect
 from sensors.effects.form_error import FormError
 from sensors.effects.pixel_locking import PixelLocking
 from sensors.typed_yaml import RecipeError
+from sensors.view.creases import concave_creases, filled_mm
 
 MAX_GRID = 600
 RADII_MM = (0.4, 0.8, 1.6, 3.2, 6.4)

@@ -9,11 +9,11 @@ from diagnosis.patch import Patch
 from diagnosis.select import Choice, refit_linear
 from diagnosis.uncertainty import intervals
 from diagnosis.workspace import Model, Workspace
-from sensors.beam import as_wide
-from sensors.covariates import COVARIATES
 from sensors.datasheet import Datasheet, with_effects
 from sensors.effects import effects_of
 from sensors.effects.base import Effect
+from sensors.line.beam import as_wide
+from sensors.view.covariates import COVARIATES
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

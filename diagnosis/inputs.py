@@ -11,12 +11,12 @@ from diagnosis.noise import Mask
 from diagnosis.patch import Patch
 from diagnosis.printed import MOST_READINGS, find_print
 from diagnosis.registration import Placement
+from sensors.casting.laser import Laser
+from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
-from sensors.laser import Laser
 from sensors.recording import Recording, repeated_rows
-from sensors.scene import Scene
 from sensors.typed_yaml import RecipeError
-from sensors.view import View
+from sensors.view.view import View
 
 LEAST_REPEATS = 0.01
 """Share of profiles that repeat the one before from which it is a fault worth telling."""

@@ -23,8 +23,8 @@ from diagnosis.registration import (
     step_by_step,
 )
 from diagnosis.workspace import Model
-from sensors.laser import Laser
-from sensors.view import View
+from sensors.casting.laser import Laser
+from sensors.view.view import View
 
 READINGS = 6_000
 """Readings that a placement goes by, about: whole columns, evenly spread."""

@@ -22,12 +22,12 @@ from diagnosis.registration import (
 from diagnosis.score import CLIP
 from diagnosis.trust import Trust, bending_effects
 from diagnosis.workspace import Model
+from sensors.casting.laser import Laser
+from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.effects.base import Effect
-from sensors.laser import Laser
 from sensors.recording import Recording, repeated_rows
-from sensors.scene import Scene
-from sensors.view import View
+from sensors.view.view import View
 
 CHUNK = 450_000
 RIGID = 6

@@ -14,11 +14,11 @@ from diagnosis.edges import edge_softness, near_edges
 from diagnosis.noise import Field, Mask
 from diagnosis.prediction import law_of
 from diagnosis.registration import PRIOR_SD, Placement, hits_normal, pose_columns
+from sensors.casting.laser import Laser
+from sensors.casting.scene import Hits, Scene
 from sensors.datasheet import Datasheet
-from sensors.laser import Laser
 from sensors.recording import Recording, repeated_rows
-from sensors.scene import Hits, Scene
-from sensors.view import View
+from sensors.view.view import View
 
 WHOLE = 450_000
 STRIP_ROWS = 40

@@ -9,7 +9,7 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.found import FoundEffect
 from diagnosis.noise import Field, Mask
 from diagnosis.workspace import Workspace
-from sensors.covariates import COVARIATES
+from sensors.view.covariates import COVARIATES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

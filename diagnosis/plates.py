@@ -6,8 +6,8 @@ import numpy as np
 
 from diagnosis.noise import Field
 from diagnosis.patch import in_range
+from sensors.casting.laser import Laser
 from sensors.datasheet import Datasheet
-from sensors.laser import Laser
 from sensors.recording import Recording, repeated_rows
 from sensors.typed_yaml import RecipeError
 

@@ -12,14 +12,14 @@ import numpy as np
 from scipy.special import ndtr
 
 from diagnosis.noise import Field, Mask, NoiseModel
-from sensors.beam import as_wide
 from sensors.datasheet import Datasheet
 from sensors.effects.base import Effect
-from sensors.kept import Kept
 from sensors.law import Law, as_moved, geometric_law, sheet_effects
-from sensors.perlin import PerlinField
-from sensors.uncertainty import sigma_mm
-from sensors.view import KEPT_POINTS, View
+from sensors.line.beam import as_wide
+from sensors.noise.perlin import PerlinField
+from sensors.noise.uncertainty import sigma_mm
+from sensors.view.kept import Kept
+from sensors.view.view import KEPT_POINTS, View
 
 FLOOR_MISSING = 2e-4
 """Least probability that any reading is lost, or that one comes where none can."""

@@ -15,7 +15,7 @@ from diagnosis.noise import Field, Mask
 from diagnosis.patch import Patch
 from diagnosis.score import CLIP, Whitened
 from diagnosis.whitening import transposed
-from sensors.camera import row_of_depth
+from sensors.view.camera import row_of_depth
 
 BINS = 4096
 LEAST_CYCLES = 8

@@ -18,9 +18,9 @@ from diagnosis.patch import Patch
 from diagnosis.prediction import Prediction
 from diagnosis.score import Whitened
 from diagnosis.workspace import block_sums
-from sensors.covariates import COVARIATES
 from sensors.effects.base import Effect
 from sensors.law import sheet_effects
+from sensors.view.covariates import COVARIATES
 
 TOLERANCES = {"variance": 0.12, "missing": 0.004, "tails": 0.002}
 """Least departure that is a mismatch: change of the noise (rms over readings), share of them."""

@@ -15,12 +15,12 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from diagnosis.noise import Field, Mask, mad_sd
+from sensors.casting.laser import Laser
+from sensors.casting.scene import Hits, Scene
 from sensors.datasheet import Datasheet
-from sensors.laser import Laser
 from sensors.recording import Recording
-from sensors.scene import Hits, Scene
-from sensors.sight import camera_visible
 from sensors.typed_yaml import RecipeError
+from sensors.view.visibility import camera_visible
 
 PRIOR_SD = np.array([2.0, 2.0, 2.0, 0.02, 0.02, 0.02, 2e-3, 0.01, 0.01])
 """How far a commanded pose may be off: mm, radians, share of the travel, its direction."""

@@ -14,7 +14,7 @@ from diagnosis.noise import Field, Mask, NoiseModel
 from diagnosis.patch import SPIKE_SD, Patch, spikes
 from diagnosis.prediction import Prediction
 from diagnosis.whitening import Whitener
-from sensors.kept import Kept
+from sensors.view.kept import Kept
 
 LOG_ROOT_2PI = 0.5 * np.log(2 * np.pi)
 CLIP = 4.0

@@ -12,10 +12,10 @@ from diagnosis.patch import Patch, cut
 from diagnosis.prediction import predict
 from diagnosis.registration import PRIOR_SD, Placement, register
 from diagnosis.workspace import Model, Workspace
+from sensors.casting.laser import Laser
+from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
-from sensors.laser import Laser
 from sensors.recording import Recording
-from sensors.scene import Scene
 
 NEAR_MM, NEAR_SD = 0.03, 3.0
 """A placement changes no further than this, sideways and in units of the noise, for nothing."""

@@ -12,7 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from diagnosis.noise import Field, Mask, NoiseModel
-from sensors.kept import Kept
+from sensors.view.kept import Kept
 
 # earlier neighbours as (rows up, columns): the current profile's last three, then profiles before
 NEIGHBOURS = np.array(

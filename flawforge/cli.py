@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any, Final, NoReturn
 
-from pipeline.stop import heard, stoppable
+from pipeline.batch.stop import heard, stoppable
 
 COMMANDS: Final = {
     "generate": "make a labelled dataset from a recipe",
@@ -137,7 +137,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def _is_users(error: Exception) -> bool:
     """Whether an error is about what the user gave or the disk (and not a fault of ours)."""
     from flawforge.dataset import ShardError
-    from pipeline.part import PartError
+    from pipeline.parts.part import PartError
     from sensors.typed_yaml import RecipeError
 
     if isinstance(error, OSError) and error.errno is not None:

@@ -46,15 +46,15 @@ example:
 
 def run(args: argparse.Namespace) -> int:
     """Diagnose and write the results; 0 whatever the verdict."""
-    from pipeline.backend import one_thread_each
+    from pipeline.batch.backend import one_thread_each
 
     one_thread_each()  # many small sums: threads would wait for each other, and round otherwise
     from diagnosis.diagnose import diagnose
     from diagnosis.outputs import write_outputs
-    from pipeline.part import load_part
+    from pipeline.parts.part import load_part
     from sensors.datasheet import Datasheet
     from sensors.recording import Recording
-    from sensors.surface import Surface
+    from sensors.surface.surface import Surface
 
     began = time.monotonic()
 

@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Export; say what was written."""
-    from pipeline.export import export
+    from pipeline.dataset.export import export
 
     out = arguments.out or arguments.dataset / f"export-{arguments.to}"
     written = export(arguments.dataset, out, to=arguments.to, scans=arguments.scan)

@@ -61,11 +61,11 @@ def run(arguments: argparse.Namespace) -> int:
     """Make the dataset; say on standard output what came out."""
     import os
 
-    from pipeline.backend import Backend
+    from pipeline.batch.backend import Backend
 
     jobs = arguments.jobs or os.cpu_count() or 1
     with Backend(jobs=jobs, scheduler=arguments.scheduler).started() as backend:
-        from pipeline.batch import generate
+        from pipeline.batch.run import generate
         from pipeline.recipe import Recipe
         from sensors.typed_yaml import RecipeError
 

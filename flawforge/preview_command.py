@@ -47,11 +47,11 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.what.is_dir() and arguments.scan is not None:
         raise RecipeError("--scan goes with a dataset; of a recipe, --part chooses")
     if arguments.what.is_dir():
-        from pipeline.preview import draw_scan
+        from pipeline.preview.scan_picture import draw_scan
 
         picture = draw_scan(arguments.what, arguments.out, scan_id=arguments.scan)
     else:
-        from pipeline.preview_recipe import draw_recipe
+        from pipeline.preview.recipe_picture import draw_recipe
 
         picture = draw_recipe(
             arguments.what, arguments.out, part=arguments.part, roots=tuple(arguments.parts)

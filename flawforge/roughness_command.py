@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from sensors.calibration import Solution
-    from sensors.measured import Measured
-    from sensors.surface import Surface
+    from sensors.noise.calibration import Solution
+    from sensors.noise.measured import Measured
+    from sensors.surface.surface import Surface
 
 EPILOG = """\
 Writes surface.yaml (figures, and the noise whose simulated scans have the same figures, heights
@@ -82,7 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _solve_for_figures(arguments: argparse.Namespace) -> int:
-    from sensors.surface import Surface
+    from sensors.surface.surface import Surface
 
     surface = Surface.load(arguments.file)
     resolution, repeatability = _uncertainty(arguments)
@@ -103,13 +103,13 @@ def _solve_for_figures(arguments: argparse.Namespace) -> int:
 def _measure(arguments: argparse.Namespace) -> int:
     import numpy as np
 
-    from sensors.calibration import calibrate
     from sensors.datasheet import Datasheet
-    from sensors.form import remove_form
-    from sensors.measured import measure
-    from sensors.roughness import FIGURES, profile_roughness
-    from sensors.surface import Surface
-    from sensors.topography import load_topography, resolution_of
+    from sensors.noise.calibration import calibrate
+    from sensors.noise.measured import measure
+    from sensors.surface.form import remove_form
+    from sensors.surface.roughness import FIGURES, profile_roughness
+    from sensors.surface.surface import Surface
+    from sensors.surface.topography import load_topography, resolution_of
     from sensors.typed_yaml import RecipeError
 
     sensor = Datasheet.load(arguments.sensor) if arguments.sensor else None
@@ -231,8 +231,8 @@ def _draw(
     import numpy as np
 
     from flawforge.roughness_picture import draw
-    from sensors.form import remove_form
-    from sensors.measured import simulate
+    from sensors.noise.measured import simulate
+    from sensors.surface.form import remove_form
 
     simulated = None
     if solution is not None:

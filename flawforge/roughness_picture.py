@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.measured import Measured
-from sensors.spectrum import power_spectrum
+from sensors.noise.measured import Measured
+from sensors.noise.spectrum import power_spectrum
 
 Floats = NDArray[np.float64]
 

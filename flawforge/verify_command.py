@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check; one line for each finding."""
-    from pipeline.verify import compare_with_lock, verify, write_lock
+    from pipeline.dataset.verify import compare_with_lock, verify, write_lock
     from sensors.typed_yaml import RecipeError
 
     if arguments.write and arguments.lock is None:

@@ -10,12 +10,12 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, Len
 from pydantic import PlainValidator
 
-from pipeline.flawplan import FlawPlan
-from pipeline.motion import Motion
-from pipeline.trajectory import follow, frame, rate_of
+from pipeline.injection.flawplan import FlawPlan
+from pipeline.motion.limits import Motion
+from pipeline.motion.trajectory import follow, frame, rate_of
 from sensors.datasheet import Datasheet
-from sensors.reflectance import ReflectanceMap
-from sensors.surface import Surface
+from sensors.surface.reflectance import ReflectanceMap
+from sensors.surface.surface import Surface
 from sensors.typed_yaml import Document, RecipeError, load_yaml, parse, plain, record
 
 Count = Annotated[int, Ge(1), Le(1_000_000)]

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.perlin import PerlinField, grid_pitch
-from sensors.surface import Surface
-from sensors.uncertainty import sigma_mm
-from sensors.view import Reason, View
+from sensors.noise.perlin import PerlinField, grid_pitch
+from sensors.noise.uncertainty import sigma_mm
+from sensors.surface.surface import Surface
+from sensors.view.view import Reason, View
 
 if TYPE_CHECKING:
     from sensors.effects.base import Effect

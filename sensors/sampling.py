@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.lay import sample_lay
-from sensors.perlin import grid_pitch
-from sensors.uncertainty import quantise
-from sensors.view import Reason, View
+from sensors.noise.lay import sample_lay
+from sensors.noise.perlin import grid_pitch
+from sensors.noise.uncertainty import quantise
+from sensors.view.view import Reason, View
 
 if TYPE_CHECKING:
     from sensors.law import Law, RngOf

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.backend import one_thread_each
+from pipeline.batch.backend import one_thread_each
 
 one_thread_each()  # before anything loads numpy: workers share the cores already
 
@@ -50,7 +50,7 @@ motion: {length_mm: 26, yaw_deg: 15, aim_at_flaws: 1.0, aim_jitter: 0.3}
 
 
 def _small(folder: Path, columns: str) -> Path:
-    from pipeline.batch import generate
+    from pipeline.batch.run import generate
     from pipeline.recipe import Recipe
 
     (folder / "sensor.yaml").write_text(SMALL_SENSOR.replace("{columns}", columns))

@@ -14,11 +14,11 @@ MAY_IMPORT = {
     "challenge": {"challenge"},
 }
 ONE_PLACE = {
-    "joblib": {"pipeline/backend.py"},
-    "embreex": {"sensors/embree.py"},
+    "joblib": {"pipeline/batch/backend.py"},
+    "embreex": {"sensors/casting/embree.py"},
     "pydantic": {"sensors/typed_yaml.py", "pipeline/size_field.py", "pipeline/recipe.py"},
     "yaml": {"sensors/typed_yaml.py"},
-    "distributed": {"pipeline/cluster.py"},
+    "distributed": {"pipeline/batch/cluster.py"},
 }
 ALLOWED_IN_DATASET = {"numpy", "h5py", "pandas"}
 

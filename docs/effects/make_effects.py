@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from sensors.covariates import COVARIATES
+from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.effects import CATALOGUE, AdditiveEffect, Effect, MotionEffect, Parameter
 from sensors.law import Law, geometric_law
-from sensors.perlin import PerlinField
-from sensors.reflectance import Patch, ReflectanceMap, Stripes
-from sensors.scene import Scene
-from sensors.view import View
+from sensors.noise.perlin import PerlinField
+from sensors.surface.reflectance import Patch, ReflectanceMap, Stripes
+from sensors.view.covariates import COVARIATES
+from sensors.view.view import View
 
 HERE = Path(__file__).resolve().parent
 SHEET = Datasheet(
@@ -227,10 +227,12 @@ def text() -> str:
         "Effects that move the sensor (`pose_error`, `travel_ripple`) act first, wherever they",
         "stand, since shadows and edges go with them; the others act in the order of the list.",
         "`finite_spot`, `edge_mixing`, `reflectance_edge` and `motion_blur` are one operator",
-        "(`sensors/line_operator.py`): the part is scanned again at sub-lines of the laser's width",
+        "(`sensors/line/line_operator.py`): the part is scanned again at sub-lines of the laser's",
+        "width",
         "and located by centre of gravity, so nothing is linearised at edges. A line that moves or",
         "is wider than listed is read of what exceeds the finder's threshold, the listed",
-        "`camera_occlusion`'s `weakest` (`sensors/thin_light.py`): a steep wall spreads its light",
+        "`camera_occlusion`'s `weakest` (`sensors/line/thin_light.py`): a steep wall spreads its",
+        "light",
         "too thinly over the camera's rows.",
         "",
         "| effect | changes | follows | against | looks like |",

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from recordings import Outcome
 from tables import TITLES, scans, unlimited, window_of
 
-from sensors.perlin import PerlinField
-from sensors.spectrum import power_spectrum
-from sensors.surface import Surface
-from sensors.uncertainty import gaussian_sd_mm, quantise
+from sensors.noise.perlin import PerlinField
+from sensors.noise.spectrum import power_spectrum
+from sensors.noise.uncertainty import gaussian_sd_mm, quantise
+from sensors.surface.surface import Surface
 
 Floats = NDArray[np.float64]
 

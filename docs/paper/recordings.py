@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.calibration import Solution, calibrate
-from sensors.form import remove_form
-from sensors.measured import Measured, distribution, measure, simulate
+from sensors.noise.calibration import Solution, calibrate
+from sensors.noise.measured import Measured, distribution, measure, simulate
+from sensors.noise.spectrum import decibels
 from sensors.recording import repeated_rows
-from sensors.roughness import roughness
-from sensors.spectrum import decibels
-from sensors.surface import Surface
+from sensors.surface.form import remove_form
+from sensors.surface.roughness import roughness
+from sensors.surface.surface import Surface
 
 Floats = NDArray[np.float64]
 

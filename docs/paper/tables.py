@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.calibration import calibrate
-from sensors.measured import Measured, simulate
-from sensors.perlin import PerlinField
-from sensors.roughness import FIGURES, profile_roughness, roughness
-from sensors.surface import Surface
+from sensors.noise.calibration import calibrate
+from sensors.noise.measured import Measured, simulate
+from sensors.noise.perlin import PerlinField
+from sensors.surface.roughness import FIGURES, profile_roughness, roughness
+from sensors.surface.surface import Surface
 
 Floats = NDArray[np.float64]
 

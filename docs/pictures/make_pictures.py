@@ -10,17 +10,17 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from pipeline import parts
-from pipeline.batch import generate
-from pipeline.camera import Camera, render
-from pipeline.flawplan import FlawPlan, exactly
-from pipeline.injection import FlawedPart, inject
-from pipeline.part import Part
-from pipeline.preview import draw_scan
-from pipeline.preview_recipe import draw_recipe
+from pipeline.batch.run import generate
+from pipeline.injection.flawplan import FlawPlan, exactly
+from pipeline.injection.inject import FlawedPart, inject
+from pipeline.parts import builtin as parts
+from pipeline.parts.part import Part
+from pipeline.preview.camera import Camera, render
+from pipeline.preview.recipe_picture import draw_recipe
+from pipeline.preview.scan_picture import draw_scan
 from pipeline.recipe import Recipe
 from pipeline.seeds import streams
-from sensors.scene import Scene
+from sensors.casting.scene import Scene
 
 HERE = Path(__file__).parent
 RECIPES = HERE.parents[1] / "manifests"

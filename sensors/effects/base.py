@@ -18,12 +18,12 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.covariates import COVARIATES
 from sensors.effects.basis import Basis
 from sensors.effects.parameter import Parameter
 from sensors.law import Law, geometric_law
 from sensors.typed_yaml import RecipeError
-from sensors.view import View
+from sensors.view.covariates import COVARIATES
+from sensors.view.view import View
 
 Floats = NDArray[np.float64]
 Channel = Literal["mean", "variance", "missing", "tails", "correlation"]
@@ -47,7 +47,7 @@ class Effect(ABC):
     also : what it changes besides, beside edges
     faint : whether `fields` hold for a faint effect alone, so that a fit has to go on from there
     frame : what its signature follows
-    covariate : key of `sensors.covariates.COVARIATES` against which it shows
+    covariate : key of `sensors.view.covariates.COVARIATES` against which it shows
     rivals : effects that look alike
     separating : the measurement that tells them apart
     needs : keys of the datasheet without which it can't be computed

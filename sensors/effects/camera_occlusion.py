@@ -7,12 +7,12 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.covariates import hidden_from
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
-from sensors.line_operator import gaussian_weights, read_line, sub_lines
-from sensors.view import Reason, View
+from sensors.line.line_operator import gaussian_weights, read_line, sub_lines
+from sensors.view.covariates import hidden_from
+from sensors.view.view import Reason, View
 
 Floats = NDArray[np.float64]
 

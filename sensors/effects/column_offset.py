@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from sensors.effects.base import AdditiveEffect
 from sensors.effects.parameter import parameter
-from sensors.hats import hats
 from sensors.law import Law
-from sensors.view import View
+from sensors.piecewise_linear import hats
+from sensors.view.view import View
 
 Floats = NDArray[np.float64]
 

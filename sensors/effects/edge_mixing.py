@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
-from sensors.line_operator import gaussian_weights, line_sd_mm, read_line, sub_lines
-from sensors.view import View
+from sensors.line.line_operator import gaussian_weights, line_sd_mm, read_line, sub_lines
+from sensors.view.view import View
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -26,7 +26,8 @@ class EdgeMixing(Effect):
         "z_m = Σ L V [z + κ η cot θ] / Σ L V less Σ L z / Σ L; half a line: κ · 0.80 s cot θ"
     )
     source: ClassVar = (
-        "Centre of gravity of a Gaussian line, sensors/line_operator.py; Siegman, Lasers (1986), "
+        "Centre of gravity of a Gaussian line, sensors/line/line_operator.py; "
+        "Siegman, Lasers (1986), "
         "ch. 17 for the beam's width away from focus; half-normal mean √(2/π) s"
     )
     statement: ClassVar = (

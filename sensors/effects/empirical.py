@@ -6,13 +6,13 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.covariates import COVARIATES
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
-from sensors.hats import hats_at
 from sensors.law import Law
+from sensors.piecewise_linear import hats_at
 from sensors.typed_yaml import RecipeError
-from sensors.view import View
+from sensors.view.covariates import COVARIATES
+from sensors.view.view import View
 
 Floats = NDArray[np.float64]
 

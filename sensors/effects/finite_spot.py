@@ -6,13 +6,13 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.beam import listed_sd_mm, wider_mm
 from sensors.effects.base import Effect
 from sensors.effects.parameter import Parameter, parameter
-from sensors.kept import Kept
 from sensors.law import Law, sheet_effects
-from sensors.line_operator import gaussian_weights, lean_mm, line_sd_mm, read_line, sub_lines
-from sensors.view import View
+from sensors.line.beam import listed_sd_mm, wider_mm
+from sensors.line.line_operator import gaussian_weights, lean_mm, line_sd_mm, read_line, sub_lines
+from sensors.view.kept import Kept
+from sensors.view.view import View
 
 _ROUNDED: Kept[NDArray[np.float64]] = Kept(1)
 TIMES_WIDER = (0.5, 1.4, 2.0, 2.8)
@@ -37,7 +37,8 @@ class FiniteSpot(Effect):
         "(Σ L I [z + κ η cot θ] / Σ L I less the same without the brightness I)"
     )
     source: ClassVar = (
-        "Centre of gravity of a Gaussian line, sensors/line_operator.py; Siegman, Lasers (1986), "
+        "Centre of gravity of a Gaussian line, sensors/line/line_operator.py; "
+        "Siegman, Lasers (1986), "
         "ch. 17 for the beam's width away from focus"
     )
     statement: ClassVar = (

@@ -7,12 +7,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.creases import filled_mm
 from sensors.effects.base import AdditiveEffect, Effect
 from sensors.effects.parameter import Parameter, parameter
 from sensors.law import Law
 from sensors.typed_yaml import RecipeError
-from sensors.view import View
+from sensors.view.creases import filled_mm
+from sensors.view.view import View
 
 Floats = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
-from sensors.view import View
+from sensors.view.view import View
 
 STEEPEST_DEG = 80.0
 """Incidence beyond which the law is held constant."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
-from sensors.view import View
+from sensors.view.view import View
 
 Floats = NDArray[np.float64]
 

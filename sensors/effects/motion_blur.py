@@ -6,13 +6,13 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.beam import listed_sd_mm, listed_shift_mm, read_beam, standing, weakest_light
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
-from sensors.line_operator import STEEPEST, between_rows
-from sensors.smear import Smear, smear
-from sensors.view import Reason, View
+from sensors.line.beam import listed_sd_mm, listed_shift_mm, read_beam, standing, weakest_light
+from sensors.line.line_operator import STEEPEST, between_rows
+from sensors.line.line_spread import Smear, smear
+from sensors.view.view import Reason, View
 
 Floats = NDArray[np.float64]
 
@@ -27,8 +27,8 @@ class MotionBlur(Effect):
     """Centre of gravity of a line that travels during the exposure.
 
     Light from every place counts as much as a matt surface sends of it to the camera, as far as it
-    isn't spread too thinly over the camera's rows (sensors/thin_light.py), and speckle makes it
-    flicker: where the depth changes on the way, the reading scatters for it.
+    isn't spread too thinly over the camera's rows (sensors/line/thin_light.py), and speckle makes
+    it flicker: where the depth changes on the way, the reading scatters for it.
     """
 
     name: ClassVar = "motion_blur"
@@ -41,7 +41,8 @@ class MotionBlur(Effect):
         "to t_exp, S cos β towards the camera; σ² = σ0² + f² var of z(y + v t)"
     )
     source: ClassVar = (
-        "Convolution of a Gaussian line and a box, sensors/smear.py; Lambert's cosine law; "
+        "Convolution of a Gaussian line and a box, sensors/line/line_spread.py; "
+        "Lambert's cosine law; "
         "shift v·t_exp/2, bias (v·t_exp)²/24 · ∂²z/∂y² beyond it; "
         "variance of a mean of N depths with random weights of relative scatter f √N; "
         "f v·t_exp ∂z/∂y / √12 on a slope"

@@ -7,11 +7,11 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.camera import depth_per_row, row_of_depth
 from sensors.effects.base import AdditiveEffect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
-from sensors.view import View
+from sensors.view.camera import depth_per_row, row_of_depth
+from sensors.view.view import View
 
 Floats = NDArray[np.float64]
 

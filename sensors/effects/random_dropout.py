@@ -6,7 +6,7 @@ from typing import ClassVar
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
-from sensors.view import View
+from sensors.view.view import View
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sensors.effects.base import AdditiveEffect
 from sensors.effects.parameter import parameter
-from sensors.view import View
+from sensors.view.view import View
 
 Floats = NDArray[np.float64]
 

@@ -6,12 +6,12 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from sensors.beam import listed_along_mm
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
-from sensors.line_operator import lean_mm, line_sd_mm
-from sensors.view import View
+from sensors.line.beam import listed_along_mm
+from sensors.line.line_operator import lean_mm, line_sd_mm
+from sensors.view.view import View
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -33,7 +33,8 @@ class ReflectanceEdge(Effect):
         "in a gradient"
     )
     source: ClassVar = (
-        "Centre of gravity of a Gaussian line, sensors/line_operator.py; Siegman, Lasers (1986), "
+        "Centre of gravity of a Gaussian line, sensors/line/line_operator.py; "
+        "Siegman, Lasers (1986), "
         "ch. 17 for the beam's width away from focus; Buzinski, Levine, Stevenson, Proc. SPIE "
         "1661 (1992) on reflectance edges in triangulation"
     )

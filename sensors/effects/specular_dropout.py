@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from sensors.beam import listed_along_mm, merging_mm
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
-from sensors.kept import Kept
 from sensors.law import Law
-from sensors.line_operator import Line, bright_line, line_sd_mm
-from sensors.view import View
+from sensors.line.beam import listed_along_mm, merging_mm
+from sensors.line.line_operator import Line, bright_line, line_sd_mm
+from sensors.view.kept import Kept
+from sensors.view.view import View
 
 Floats = NDArray[np.float64]
 

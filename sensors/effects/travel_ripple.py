@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from sensors.effects.base import MotionEffect
 from sensors.effects.parameter import parameter
-from sensors.rigid import rigid_jacobian
-from sensors.view import View
+from sensors.view.rigid import rigid_jacobian
+from sensors.view.view import View
 
 Floats = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
-from sensors.line_operator import line_mean, line_sd_mm
-from sensors.view import View
+from sensors.line.line_operator import line_mean, line_sd_mm
+from sensors.view.view import View
 
 Floats = NDArray[np.float64]
 

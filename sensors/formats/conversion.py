@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sensors.datasheet import Datasheet
 from sensors.formats.height_map import Floats, HeightMap
 from sensors.recording import Recording, repeated_rows
-from sensors.topography import resolution_of
+from sensors.surface.topography import resolution_of
 from sensors.typed_yaml import RecipeError
 
 RATE_HZ = 1000.0  # where nothing tells the time

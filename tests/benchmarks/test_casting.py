@@ -4,7 +4,7 @@ import pytest
 import trimesh
 
 from benchmarks.casting import growth_rows, rows, wavy_sheet
-from sensors.scene import Scene
+from sensors.casting.scene import Scene
 
 
 def test_every_caster_is_measured_or_skipped_with_a_word():

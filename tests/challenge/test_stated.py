@@ -8,11 +8,11 @@ from challenge.cases.case import Secret, edge_on, stage
 from challenge.cases.nominal import noise_law
 from challenge.cases.stated import Rays, stated
 from challenge.instrument.instrument import Path, Solid
+from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.effects import effects_of
 from sensors.law import geometric_law
-from sensors.scene import Scene
-from sensors.view import View
+from sensors.view.view import View
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from defects.inside import Inside, in_boxes
+from defects.point_in_mesh import Inside, in_boxes
 from defects.solid import Block, BooleanError, Cutter, Solid, is_closed
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from benchmarks.relief import datasheet, part, poses
 from diagnosis.brightness import by_direction, smoothed_brightness, surface_brightness
-from sensors.view import View
+from sensors.view.view import View
 
 
 def speckled(base: np.ndarray, seed: int) -> np.ndarray:

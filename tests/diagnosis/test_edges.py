@@ -6,7 +6,7 @@ import pytest
 from benchmarks.relief import datasheet, part, poses
 from diagnosis.edges import edge_softness, near_edges
 from diagnosis.prediction import law_of
-from sensors.view import View
+from sensors.view.view import View
 
 FINITE = {"name": "finite_spot", "line_sd_um": 200.0}
 

@@ -10,12 +10,12 @@ import pytest
 from benchmarks.relief import Floats, datasheet, poses, record, solid
 from diagnosis.diagnose import diagnose
 from diagnosis.fit import _as_silent
-from sensors.creases import concave_creases, filled_mm
+from sensors.casting.laser import Laser
+from sensors.casting.scene import Scene
 from sensors.effects.form_error import FormError
-from sensors.laser import Laser
-from sensors.scene import Scene
 from sensors.typed_yaml import RecipeError
-from sensors.view import View
+from sensors.view.creases import concave_creases, filled_mm
+from sensors.view.view import View
 
 TURN = math.radians(50)
 AT_MM = 10.0

@@ -14,10 +14,10 @@ from diagnosis.diagnose import diagnose
 from diagnosis.finish import _stretch
 from diagnosis.noise import calibrate
 from diagnosis.workspace import Model
+from sensors.casting.scene import Scene
 from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.recording import Recording
-from sensors.scene import Scene
-from sensors.view import View
+from sensors.view.view import View
 
 
 @pytest.mark.parametrize(("ratio", "angle_deg"), [(1.0, 0.0), (2.5, 0.0), (2.5, 35.0), (2.0, 90.0)])

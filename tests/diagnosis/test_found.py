@@ -16,7 +16,7 @@ from sensors.effects.edge_mixing import EdgeMixing
 from sensors.effects.finite_spot import FiniteSpot
 from sensors.effects.line_bow import LineBow
 from sensors.effects.motion_blur import MotionBlur
-from sensors.view import View
+from sensors.view.view import View
 
 LISTED = (
     {"name": "finite_spot", "line_sd_um": 60.0},

@@ -9,8 +9,8 @@ from diagnosis.law_placement import placed_by_law
 from diagnosis.patch import cut
 from diagnosis.registration import PRIOR_SD, Placement, move
 from diagnosis.workspace import Model
+from sensors.casting.laser import Laser
 from sensors.effects.motion_blur import MotionBlur
-from sensors.laser import Laser
 
 PITCH_MM = 0.4
 SHADOWS = {"name": "camera_occlusion", "line_sd_um": 100.0, "weakest": 0.03}

@@ -15,12 +15,12 @@ from benchmarks.relief import SPECKLE, VIEWS, datasheet, part, record
 from diagnosis.diagnose import Diagnosis, diagnose
 from diagnosis.outputs import write_outputs
 from flawforge.cli import main
+from sensors.casting.laser import Laser
+from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
-from sensors.laser import Laser
 from sensors.law import plain_law
 from sensors.recording import Recording
-from sensors.scene import Scene
-from sensors.view import View
+from sensors.view.view import View
 
 BOW = [{"name": "line_bow", "sag_um": 40.0}]
 

@@ -9,12 +9,12 @@ from benchmarks.relief import datasheet, part, poses
 from diagnosis.inputs import with_brightness
 from diagnosis.printed import find_print
 from diagnosis.registration import Placement
-from sensors.line_operator import lean_mm
+from sensors.casting.scene import Scene
+from sensors.line.line_operator import lean_mm
 from sensors.recording import Recording
-from sensors.reflectance import Picture, ReflectanceMap
-from sensors.scene import Scene
+from sensors.surface.reflectance import Picture, ReflectanceMap
 from sensors.typed_yaml import load_yaml
-from sensors.view import View
+from sensors.view.view import View
 
 PITCH_MM = 0.15
 PERIOD_MM = 4.0

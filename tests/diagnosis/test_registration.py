@@ -8,10 +8,10 @@ import pytest
 
 from benchmarks.relief import VIEWS, datasheet, part, poses, record
 from diagnosis.registration import hits_normal, move, pose_columns, register
-from sensors.laser import Laser
-from sensors.scene import Scene
+from sensors.casting.laser import Laser
+from sensors.casting.scene import Scene
 from sensors.typed_yaml import RecipeError
-from sensors.view import View
+from sensors.view.view import View
 
 
 def test_pose_columns_are_the_derivative_of_depth() -> None:

@@ -16,16 +16,16 @@ from diagnosis.registration import PRIOR_SD, Placement
 from diagnosis.settle import placed_anew
 from diagnosis.trials import crossfitted
 from diagnosis.workspace import Model, Workspace
+from sensors.casting.laser import Laser
+from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.effects.base import Effect
 from sensors.effects.interreflection import Interreflection
 from sensors.effects.range_scale import RangeScale
 from sensors.effects.thermal_drift import ThermalDrift
 from sensors.effects.travel_ripple import TravelRipple
-from sensors.laser import Laser
 from sensors.recording import Recording
-from sensors.scene import Scene
-from sensors.view import View
+from sensors.view.view import View
 
 
 def begun(view: View, start_time_s: float) -> View:

@@ -331,7 +331,7 @@ class TestDamage:
 
 
 def test_it_reads_what_the_generator_writes(small_dataset: Path) -> None:
-    from pipeline.shards import read_scan
+    from pipeline.dataset.shards import read_scan
 
     scans = flawforge.dataset.open(small_dataset)
     assert len(scans) == 4

@@ -58,7 +58,7 @@ def test_keep_repeated_and_what_is_given(
 
 def test_what_was_imported_can_be_measured(scan: Path, tmp_path: Path) -> None:
     """The roughness command reads the recording with the pitch that was given."""
-    from sensors.topography import load_topography
+    from sensors.surface.topography import load_topography
 
     main(["import", str(scan), "--as", str(tmp_path / "r.h5"), *PITCH])
     topography = load_topography(tmp_path / "r.h5")
@@ -68,7 +68,7 @@ def test_what_was_imported_can_be_measured(scan: Path, tmp_path: Path) -> None:
 
 def test_roughness_reads_what_import_reads(tmp_path: Path, shared_dir: Path) -> None:
     """A file and its recording have the same pitch and heights, depths being heights' negatives."""
-    from sensors.topography import load_topography
+    from sensors.surface.topography import load_topography
 
     for name in ("sick/OCR_3D_image_34.json", "roughness/dektak-1.csv", "roughness/sur-2.sur"):
         path = shared_dir / "real" / name

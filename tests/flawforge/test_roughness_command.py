@@ -8,8 +8,8 @@ import pytest
 
 from flawforge.cli import main
 from sensors.recording import Recording
-from sensors.surface import Surface
-from sensors.topography import load_topography, resolution_of
+from sensors.surface.surface import Surface
+from sensors.surface.topography import load_topography, resolution_of
 
 PITCH = ["--pitch-x-mm", "0.05", "--pitch-y-mm", "0.2"]
 

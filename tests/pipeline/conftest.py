@@ -59,7 +59,7 @@ def recipe_path(tmp_path: Path) -> Path:
 @pytest.fixture(scope="session")
 def made_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The tiny dataset, made without interruption by one process; not to be written to."""
-    from pipeline.batch import generate
+    from pipeline.batch.run import generate
     from pipeline.recipe import Recipe
 
     folder = tmp_path_factory.mktemp("tiny")

@@ -67,7 +67,7 @@ def test_what_is_wrong_is_said_in_one_line(recipe_path, old, new, words):
 
 
 def test_paths_stay_inside_what_the_user_named(recipe_path, tmp_path):
-    from pipeline.batch import find_wanted
+    from pipeline.batch.run import find_wanted
 
     outside = tmp_path / "elsewhere"
     outside.mkdir()

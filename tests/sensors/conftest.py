@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
-from sensors.scene import Scene
-from sensors.view import View
+from sensors.view.view import View
 
 SHEET: dict[str, Any] = {
     "name": "test",

@@ -6,8 +6,8 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from sensors.laser import Laser
-from sensors.scene import Scene
+from sensors.casting.laser import Laser
+from sensors.casting.scene import Scene
 
 Floats = NDArray[np.float64]
 

@@ -12,10 +12,10 @@ from sensors.effects.pose_error import PoseError
 from sensors.effects.stage_vibration import StageVibration
 from sensors.effects.travel_ripple import TravelRipple
 from sensors.law import Law, geometric_law, law_at, law_with, plain_law, true_view
-from sensors.perlin import PerlinField
-from sensors.surface import Surface
-from sensors.uncertainty import sigma_mm
-from sensors.view import Reason, View
+from sensors.noise.perlin import PerlinField
+from sensors.noise.uncertainty import sigma_mm
+from sensors.surface.surface import Surface
+from sensors.view.view import Reason, View
 
 FIELD = PerlinField(amplitude_mm=0.05, cell_x_mm=3.0, cell_y_mm=3.0)
 PERFECT = {"z_resolution_um": 0.0, "repeatability_um": 0.0}

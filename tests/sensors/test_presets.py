@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import yaml
 
+from sensors.casting.laser import Laser
 from sensors.datasheet import Datasheet, preset_names
-from sensors.laser import Laser
 
 FOLDER = Path(__file__).resolve().parents[2] / "sensors" / "presets"
 FILES = sorted(FOLDER.glob("*.yaml"))

@@ -7,13 +7,13 @@ import pickle
 import numpy as np
 import pytest
 
-from sensors.covariates import COVARIATES
 from sensors.datasheet import Datasheet
 from sensors.effects import CATALOGUE, AdditiveEffect, MotionEffect, effect_of, effects_of
 from sensors.law import geometric_law, plain_law
-from sensors.perlin import PerlinField
-from sensors.reflectance import ReflectanceMap, Stripes
+from sensors.noise.perlin import PerlinField
+from sensors.surface.reflectance import ReflectanceMap, Stripes
 from sensors.typed_yaml import RecipeError, dump_yaml, load_yaml, parse
+from sensors.view.covariates import COVARIATES
 
 NAMES = [
     "camera_occlusion",

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.special import erf, ndtr
 
-from sensors.camera import depth_per_row, row_of_depth
 from sensors.effects.column_offset import ColumnOffset
 from sensors.effects.incidence_bias import IncidenceBias
 from sensors.effects.interreflection import Interreflection
@@ -18,6 +17,7 @@ from sensors.effects.pixel_locking import PixelLocking
 from sensors.effects.range_scale import RangeScale
 from sensors.effects.volume_scattering import VolumeScattering
 from sensors.law import geometric_law, plain_law
+from sensors.view.camera import depth_per_row, row_of_depth
 
 COT = 1 / math.tan(math.radians(30.0))
 

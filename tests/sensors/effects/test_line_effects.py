@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from sensors.beam import as_wide
 from sensors.effects.camera_occlusion import CameraOcclusion
 from sensors.effects.edge_mixing import EdgeMixing
 from sensors.effects.finite_spot import FiniteSpot
@@ -14,10 +13,11 @@ from sensors.effects.motion_blur import MotionBlur
 from sensors.effects.reflectance_edge import ReflectanceEdge
 from sensors.effects.specular_dropout import SpecularDropout
 from sensors.law import geometric_law, plain_law
-from sensors.light import matt
-from sensors.line_operator import SUB_LINES, gaussian_weights, line_mean, read_line, sub_lines
-from sensors.reflectance import Patch, ReflectanceMap
-from sensors.view import Reason, View
+from sensors.line.beam import as_wide
+from sensors.line.light import matt
+from sensors.line.line_operator import SUB_LINES, gaussian_weights, line_mean, read_line, sub_lines
+from sensors.surface.reflectance import Patch, ReflectanceMap
+from sensors.view.view import Reason, View
 
 COT = 1 / math.tan(math.radians(30.0))
 FINE = np.linspace(-1.0, 1.0, 41)
@@ -454,7 +454,7 @@ def test_a_large_scan_is_blurred_block_by_block(view_of, monkeypatch, uneven):
     view = view_of("step", y_mm=y + 0.02 * np.sin(y) if uneven else y)
     effect = MotionBlur(exposure_ms=80.0)
     whole = effect.apply(geometric_law(view, None), view)
-    monkeypatch.setattr("sensors.line_operator.BLOCK_POINTS", 7 * view.shape[1])
+    monkeypatch.setattr("sensors.line.line_operator.BLOCK_POINTS", 7 * view.shape[1])
     parts = effect.apply(geometric_law(view, None), view)
     assert np.array_equal(whole.mean_mm, parts.mean_mm, equal_nan=True)
     assert np.array_equal(whole.white_sd_mm, parts.white_sd_mm)

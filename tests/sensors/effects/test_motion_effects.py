@@ -11,7 +11,7 @@ from sensors.effects.stage_vibration import StageVibration
 from sensors.effects.thermal_drift import ThermalDrift
 from sensors.effects.travel_ripple import TravelRipple
 from sensors.law import geometric_law
-from sensors.rigid import rigid_jacobian
+from sensors.view.rigid import rigid_jacobian
 
 
 def test_vibration_moves_whole_rows_at_its_frequency(view_of):

@@ -14,10 +14,10 @@ from sensors.effects.random_dropout import RandomDropout
 from sensors.effects.roughness_level import RoughnessLevel
 from sensors.effects.specular_dropout import SpecularDropout
 from sensors.law import geometric_law
-from sensors.lay import sample_lay
-from sensors.perlin import PerlinField
+from sensors.noise.lay import sample_lay
+from sensors.noise.perlin import PerlinField
 from sensors.typed_yaml import RecipeError
-from sensors.view import Reason
+from sensors.view.view import Reason
 
 FIELD = PerlinField(amplitude_mm=0.05, cell_x_mm=3.0, cell_y_mm=3.0, octaves=2)
 DRAWS = 150

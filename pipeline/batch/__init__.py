@@ -1,0 +1,1 @@
+"""Many scans: the plan, units of work, processes and clusters."""

@@ -1,0 +1,213 @@
+"""The batch: parts are prepared, shards are made in parallel, the manifest is written last.
+
+A shard is a unit of work: it depends on the recipe and the plan
+alone, so the bytes are the same for any number of workers and after any restart.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from pipeline.batch.backend import Backend
+from pipeline.batch.plan import Plan, PlannedPart, make_plan
+from pipeline.batch.work import Workplace, is_whole, make_shard, read_journal
+from pipeline.dataset.folder import drop_leftovers, drop_parts, held
+from pipeline.dataset.manifest import versions, write_manifest
+from pipeline.dataset.shards import file_sha256
+from pipeline.injection.specimen import check_plan, load_entry, store_part
+from pipeline.parts.part import PartError, find_parts
+from pipeline.recipe import PartEntry, Recipe, resolve
+
+__all__ = ["Backend", "generate"]
+
+Event = Callable[[str, Mapping[str, Any]], None]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Wanted:
+    """A part that the recipe names, before anyone has looked at it."""
+
+    name: str
+    entry: PartEntry
+    path: Path | None
+
+
+def generate(
+    recipe: Recipe,
+    out: Path,
+    *,
+    backend: Backend | None = None,
+    event: Event = lambda name, facts: None,
+) -> dict[str, Any]:
+    """Make the dataset of a recipe in the folder `out`; return what dataset.json says.
+
+    Calls `event` with "plan", "part", "shard", "done" and their facts. What was made before and
+    is whole stays.
+
+    Raises
+    ------
+    RecipeError
+        Where the folder is in use or holds something else.
+    PartError
+        Where not one part can be used.
+    """
+    backend = backend or Backend()
+    recipe = recipe.ready()
+    used, made_by = recipe.as_used(), versions()
+    wanted, failed = find_wanted(recipe)
+    identity = {"recipe": used, "versions": made_by, "files": _checksums(recipe, wanted)}
+    fingerprint = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
+    out = out.absolute()
+    with backend.chosen() as client, held(out, fingerprint) as hidden:
+        if client is not None:
+            from pipeline.batch.cluster import check_folder
+
+            check_folder(client, hidden)
+        parts, facts, failed_parts = prepare(recipe, wanted, hidden / "parts", backend, event)
+        failed += failed_parts
+        if not parts:
+            wrong, _, mend = failed[0]["why"].partition("; mend: ")
+            raise PartError(recipe.document.path, f"no part can be used: {wrong}", mend)
+        plan = make_plan(recipe, parts)
+        event("plan", {"scans": plan.scans, "shards": len(plan.shards), "parts": len(parts)})
+        attributes = {"name": recipe.file.name, "recipe": used, "versions": made_by}
+        place = Workplace(recipe=recipe, out=out, attributes=attributes)
+        _make_shards(place, plan, {one["part"]: one["triangles"] for one in facts}, backend, event)
+        dataset = write_manifest(
+            out,
+            journals=(read_journal(place, shard.name) for shard in plan.shards),
+            facts={
+                "name": recipe.file.name,
+                "seed": recipe.file.seed,
+                "split_by": plan.split_by,
+                "parts": facts,
+                "recipe": used,
+                "versions": made_by,
+                "files": identity["files"],
+                "failed": failed,
+            },
+        )
+        drop_parts(hidden / "parts")
+        drop_leftovers(out)
+        event("done", {"scans": dataset["scans"], "failed": len(dataset["failed"])})
+        return dataset
+
+
+def find_wanted(recipe: Recipe) -> tuple[list[Wanted], list[dict[str, str]]]:
+    """List every part that the recipe names, each under a name of its own; and what isn't there."""
+    wanted: list[Wanted] = []
+    failed: list[dict[str, str]] = []
+    taken: set[str] = set()
+    for index, entry in enumerate(recipe.file.parts):
+        if entry.builtin is not None:
+            found: list[tuple[str, Path | None]] = [(entry.builtin, None)]
+        else:
+            where = recipe.document.where(("parts", index, "path"))
+            place = resolve(str(entry.path), recipe.roots, where)
+            try:
+                paths = find_parts(place)
+            except PartError as error:
+                why = f"{error.wrong}; mend: {error.mend}"
+                failed.append({"part": str(entry.path), "why": why})
+                continue
+            found = [(path.stem, path) for path in paths]
+        for stem, path in found:
+            wish = entry.name or stem
+            if entry.name and len(found) > 1:
+                wish = f"{entry.name}-{stem}"
+            name = _free_name(wish, taken)
+            taken.add(name)
+            wanted.append(Wanted(name=name, entry=entry, path=path))
+    return wanted, failed
+
+
+def _free_name(wish: str, taken: set[str]) -> str:
+    clean = "".join(c if c.isalnum() and c.isascii() or c in "._-" else "_" for c in wish) or "part"
+    name, number = clean, 2
+    while name in taken:
+        name, number = f"{clean}-{number}", number + 1
+    return name
+
+
+def _checksums(recipe: Recipe, wanted: list[Wanted]) -> dict[str, str | None]:
+    """SHA-256 of every file that the dataset is made from, by what it is for."""
+    files = {want.name: want.path for want in wanted if want.path is not None}
+    if recipe.reflectance is not None and recipe.reflectance.picture is not None:
+        files["reflectance"] = Path(recipe.reflectance.picture.path)
+    sums: dict[str, str | None] = {}
+    for name, path in files.items():
+        try:
+            sums[name] = file_sha256(path)
+        except OSError:
+            sums[name] = None
+    return sums
+
+
+def prepare(
+    recipe: Recipe, wanted: list[Wanted], folder: Path, backend: Backend, event: Event
+) -> tuple[list[PlannedPart], list[dict[str, Any]], list[dict[str, str]]]:
+    """Load, mend and keep every part, in parallel; one that fails doesn't stop the others."""
+    drop_parts(folder)
+    folder.mkdir()
+    results: dict[str, tuple[str | None, dict[str, Any]]] = {}
+    for name, stored, facts in backend.results(
+        _prepare_one, ((recipe, want, folder) for want in wanted)
+    ):
+        results[name] = stored, facts
+        event("part", facts)
+    planned, facts_kept, failed = [], [], []
+    for want in wanted:
+        stored, facts = results[want.name]
+        if stored is None:
+            failed.append({"part": want.name, "why": facts["why"]})
+            continue
+        planned.append(
+            PlannedPart(name=want.name, entry=want.entry, stored=f"parts/{stored}")
+        )
+        facts_kept.append(facts)
+    return planned, facts_kept, failed
+
+
+def _prepare_one(
+    recipe: Recipe, want: Wanted, folder: Path
+) -> tuple[str, str | None, dict[str, Any]]:
+    facts: dict[str, Any] = {"part": want.name}
+    try:
+        part = load_entry(want.entry, want.path, want.name)
+        if want.path is not None:
+            part = replace(part, source=want.path.name)
+        check_plan(recipe, want.entry, part)
+        facts |= {
+            "triangles": len(part.faces),
+            "volume_mm3": part.volume_mm3,
+            "bounds_mm": part.bounds_mm.tolist(),
+            "source": part.source,
+            "mended": list(part.mended),
+        }
+        return want.name, store_part(part, folder), facts
+    except PartError as error:
+        # without the folder, which is another on each machine
+        why = f"{Path(error.source).name}: {error.wrong}; mend: {error.mend}"
+        return want.name, None, facts | {"why": why}
+
+
+def _make_shards(
+    place: Workplace, plan: Plan, triangles: Mapping[str, int], backend: Backend, event: Event
+) -> None:
+    """Make the shards that aren't there yet; the dearest first, so that none is waited for."""
+    todo = []
+    for shard in plan.shards:
+        if is_whole(place, shard.name):
+            event("shard", {"shard": shard.name, "scans": shard.scans, "kept": True})
+        else:
+            todo.append(shard)
+    cost = {
+        shard.name: sum(triangles[work.part.name] * (work.last - work.first) for work in shard.work)
+        for shard in todo
+    }
+    todo.sort(key=lambda shard: cost[shard.name], reverse=True)
+    for name, scans in backend.results(make_shard, ((place, shard) for shard in todo)):
+        event("shard", {"shard": name, "scans": scans, "kept": False})

@@ -1,0 +1,212 @@
+"""One unit of work: make one shard, alone, from the recipe and the plan."""
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.batch.plan import PlannedScans, PlannedShard
+from pipeline.dataset.folder import write_whole
+from pipeline.dataset.shards import ShardWriter, file_sha256
+from pipeline.injection.inject import Flaw
+from pipeline.injection.specimen import Specimen, make_specimen
+from pipeline.parts.part import PartError
+from pipeline.recipe import Recipe
+from pipeline.scan.labelled_scan import Scan, take_scan
+from pipeline.scan.labels import Tally
+from pipeline.seeds import seed_of, streams
+from sensors.typed_yaml import plain
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Workplace:
+    """What every worker of a dataset shares."""
+
+    recipe: Recipe
+    out: Path
+    attributes: dict[str, Any]
+
+    @property
+    def hidden(self) -> Path:
+        """Folder of the journals and the kept parts."""
+        return self.out / ".flawforge"
+
+    def journal(self, shard: str) -> Path:
+        """Where it is written down that a shard is whole, and what is in it."""
+        return self.hidden / f"{shard}.json"
+
+
+def read_journal(place: Workplace, shard: str) -> dict[str, Any]:
+    """Return what was written down of a shard."""
+    journal: dict[str, Any] = json.loads(place.journal(shard).read_text())
+    return journal
+
+
+def is_whole(place: Workplace, shard: str) -> bool:
+    """Whether a shard's file is there with the checksum that its journal names."""
+    try:
+        written: str = read_journal(place, shard)["sha256"]
+        return file_sha256(place.out / shard) == written
+    except (OSError, ValueError, KeyError):
+        return False
+
+
+def make_shard(place: Workplace, shard: PlannedShard) -> tuple[str, int]:
+    """Make a shard and its journal (rows of the manifest, what failed); return name and scans."""
+    recipe = place.recipe
+    scans: list[dict[str, Any]] = []
+    flaws: list[dict[str, Any]] = []
+    failed: list[dict[str, Any]] = []
+    dropped: list[dict[str, Any]] = []
+    redrawn = 0
+    with ShardWriter(
+        place.out / shard.name,
+        datasheet=recipe.datasheet,
+        shape=(shard.scans, recipe.file.profiles, recipe.points),
+        attributes=place.attributes,
+        with_points=recipe.file.points_on_disk,
+    ) as writer:
+        for work in shard.work:
+            try:
+                specimen = _specimen(place, work.part.name, work.specimen, work)
+            except PartError as error:
+                failed.append(
+                    {"part": work.part.name, "specimen": work.specimen_id, "why": str(error)}
+                )
+                continue
+            if work.first == 0:
+                redrawn += specimen.flawed.redrawn
+                dropped += [
+                    {"specimen": work.specimen_id, "why": why} for why in specimen.flawed.dropped
+                ]
+            for number in range(work.first, work.last):
+                scan_id = f"{work.specimen_id}-{number:04d}"
+                try:
+                    scan, seen, facts = _scan(recipe, work, specimen, number)
+                except PartError as error:
+                    failed.append({"part": work.part.name, "scan": scan_id, "why": str(error)})
+                    continue
+                row = {
+                    "scan_id": scan_id,
+                    "part": work.part.name,
+                    "specimen": work.specimen_id,
+                    "split": work.split,
+                    "split_by": work.split_by,
+                    "shard": shard.name,
+                    "row": len(scans),
+                    "checksum": writer.add(scan_id, scan),
+                    **facts,
+                }
+                scans.append(row)
+                flaws.extend(_flaw_rows(scan_id, work.part.name, seen, specimen))
+    journal = {
+        "shard": shard.name,
+        "sha256": file_sha256(place.out / shard.name),
+        "scans": plain(scans),
+        "flaws": plain(flaws),
+        "failed": failed,
+        "redrawn": redrawn,
+        "dropped": dropped,
+    }
+    write_whole(place.journal(shard.name), json.dumps(journal))
+    return shard.name, len(scans)
+
+
+# A specimen with more scans than a shard holds comes back for the next shard: keep the last one.
+_SPECIMENS: dict[tuple[str, str, int], Specimen] = {}
+
+
+def _specimen(place: Workplace, part: str, number: int, work: PlannedScans) -> Specimen:
+    key = (str(place.out), part, number)
+    specimen = _SPECIMENS.get(key)
+    if specimen is None:
+        _SPECIMENS.clear()
+        specimen = make_specimen(
+            place.recipe, work.part, number, place.hidden, shared=not work.whole
+        )
+        _SPECIMENS[key] = specimen
+    return specimen
+
+
+def _scan(
+    recipe: Recipe, work: PlannedScans, specimen: Specimen, number: int
+) -> tuple[Scan, Tally, dict[str, Any]]:
+    file = recipe.file
+    names = (work.part.name, work.specimen, "scan", number)
+    rng_of = streams(file.seed, *names)
+    path, drawn = specimen.aimer.path(rng_of)
+    surface_name = work.part.entry.surface or file.surface
+    scan = take_scan(
+        flawed=specimen.flawed,
+        scenes=specimen.scenes,
+        trajectory=path,
+        datasheet=recipe.datasheet,
+        laser=specimen.laser,
+        surface=recipe.surfaces[surface_name] if surface_name is not None else None,
+        reflectance=recipe.reflectance,
+        visible_at=file.visible_at,
+        rng_of=rng_of,
+    )
+    seen = scan.tally(len(specimen.flawed.flaws))
+    seed = "".join(f"{word:08x}" for word in seed_of(file.seed, *names).generate_state(4))
+    start = path.poses[0, :3, 3]
+    facts: dict[str, Any] = {
+        "seed": seed,
+        "sensor": recipe.datasheet.name,
+        "surface": surface_name,
+        "flaws": len(specimen.flawed.flaws),
+        "flaws_seen": int((seen.pixels > 0).sum()),
+        "flaws_visible": int((seen.visible > 0).sum()),
+        "share_valid": seen.valid / seen.points,
+        "share_flaw": int(seen.pixels.sum()) / seen.points,
+        "depth_mean_mm": seen.depth_mean_mm,
+        "paths_drawn": drawn,
+        "start_x_mm": start[0],
+        "start_y_mm": start[1],
+        "start_z_mm": start[2],
+        **path.facts,
+    }
+    return scan, seen, facts
+
+
+def _flaw_rows(
+    scan_id: str, part: str, seen: Tally, specimen: Specimen
+) -> list[dict[str, Any]]:
+    """One row for each flaw of the specimen, seen in this scan or not."""
+    rows = []
+    for flaw in specimen.flawed.flaws:
+        number = flaw.instance
+        pixels, ratio = int(seen.pixels[number]), float(seen.deviation_over_noise[number])
+        rows.append(
+            {
+                "scan_id": scan_id,
+                "part": part,
+                **_facts(flaw),
+                "pixels": pixels,
+                "pixels_visible": int(seen.visible[number]),
+                "share_hidden": int(seen.hidden[number]) / pixels if pixels else None,
+                "deviation_over_noise": None if math.isnan(ratio) else ratio,
+            }
+        )
+    return rows
+
+
+def _facts(flaw: Flaw) -> dict[str, Any]:
+    """Say what a flaw is and where it sits, as a row's columns; lengths mm, part frame."""
+    position = dict(zip(("x", "y", "z"), flaw.position_mm.tolist(), strict=True))
+    normal = dict(zip(("x", "y", "z"), flaw.normal.tolist(), strict=True))
+    return {
+        "instance": flaw.instance,
+        "kind": flaw.kind,
+        "class_id": flaw.class_id,
+        "tier": flaw.tier,
+        "parameters": json.dumps(flaw.parameters),
+        "seed": str(flaw.seed),
+        **{f"position_{axis}_mm": value for axis, value in position.items()},
+        **{f"normal_{axis}": value for axis, value in normal.items()},
+        "removed_mm3": flaw.removed_mm3,
+        "added_mm3": flaw.added_mm3,
+        "opening_mm2": flaw.opening_mm2,
+        "depth_mm": flaw.depth_mm,
+    }

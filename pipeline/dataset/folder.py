@@ -1,0 +1,97 @@
+"""The dataset's folder: one run at a time, one recipe, the same after a crash."""
+
+import fcntl
+import json
+import os
+import shutil
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from pipeline.dataset.shards import sync
+from sensors.typed_yaml import RecipeError
+
+
+@contextmanager
+def held(out: Path, fingerprint: str) -> Iterator[Path]:
+    """Hold a dataset's folder for one run; yields the folder of its journals.
+
+    The lock is the operating system's: it is gone when the process is, however it ended. A run
+    that is refused before it made a shard leaves the folder as it found it.
+
+    Raises
+    ------
+    RecipeError
+        Where another run holds it, or it holds something else than this recipe's dataset.
+    """
+    hidden = out / ".flawforge"
+    if out.exists() and not out.is_dir():
+        raise RecipeError("--out is a file", where=out, allowed="a folder")
+    if out.is_dir() and any(out.iterdir()) and not hidden.is_dir():
+        raise RecipeError(
+            "the folder isn't empty and holds no dataset", where=out, allowed="an empty folder"
+        )
+    new = [path for path in (hidden, out, *out.parents) if not path.exists()]
+    try:
+        hidden.mkdir(parents=True, exist_ok=True)
+        lock = (hidden / "lock").open("w")
+    except OSError as error:
+        raise RecipeError(f"can't be written ({error.strerror})", where=out) from None
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise RecipeError("another run is writing into this folder", where=out) from None
+        mark = hidden / "run.json"
+        mine = {"fingerprint": fingerprint}
+        known = _read(mark)
+        if known is not None and known != mine:
+            raise RecipeError(
+                "the folder holds the dataset of another recipe or of other versions",
+                where=out,
+                allowed="an empty folder, or the recipe as it was",
+            )
+        write_whole(mark, json.dumps(mine))
+        drop_leftovers(out)
+        try:
+            yield hidden
+        except ValueError:
+            if hidden in new and not any(out.glob("shard-*")):
+                shutil.rmtree(hidden)
+                for folder in new[1:]:
+                    folder.rmdir()
+            raise
+
+
+def _read(path: Path) -> Any:
+    try:
+        return json.loads(path.read_text())
+    except (OSError, ValueError):
+        return None
+
+
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write a file so that it is there whole or as it was: aside, synced, renamed."""
+    aside = path.with_name(f".{path.name}.{uuid.uuid4().hex}.part")
+    data = content.encode() if isinstance(content, str) else content
+    try:
+        aside.write_bytes(data)
+        sync(aside)
+        os.replace(aside, path)
+    except OSError:
+        aside.unlink(missing_ok=True)
+        raise
+    sync(path.parent)
+
+
+def drop_leftovers(out: Path) -> None:
+    """Remove what a worker that was killed had begun to write."""
+    for leftover in (*out.glob(".*.part"), *(out / ".flawforge").glob(".*")):
+        leftover.unlink(missing_ok=True)
+
+
+def drop_parts(folder: Path) -> None:
+    """Remove the kept parts of a dataset that is finished, or of a run that was stopped."""
+    shutil.rmtree(folder, ignore_errors=True)

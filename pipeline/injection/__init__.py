@@ -1,0 +1,1 @@
+"""Flaws in parts: what is planned, placed, carved and recorded."""

@@ -1,0 +1,305 @@
+"""Injection: flaws drawn from a plan, placed on a part, carved into it, and recorded."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from defects import KINDS
+from defects.kind import Kind
+from defects.point_in_mesh import Inside
+from defects.solid import Block, BooleanError, Carved, Change, Cutter
+from defects.surface import Site, SiteError, Surface
+from pipeline.injection.flawed_part import Flaw, FlawedPart
+from pipeline.injection.flawplan import FlawPlan, KindPlan
+from pipeline.parts.part import Part
+
+__all__ = ["Flaw", "FlawedPart", "cutter_of", "inject"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+PLACES = 60
+"""How many places are tried for a flaw, over all its draws, before it is given up."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class _Placed:
+    """A flaw that passed all its checks, with its neighbourhood for the distance to others."""
+
+    plan: KindPlan
+    number: int
+    tier: str
+    flaw: Kind
+    site: Site
+    cutter: Cutter
+    change: Change
+    seed: int
+    attempt: int
+    tree: cKDTree
+    spacing_mm: float
+
+
+class _Misplaced(Exception):
+    """The flaw doesn't fit at the place drawn; the reason in words."""
+
+
+def inject(
+    part: Part,
+    plan: FlawPlan,
+    *,
+    rng_of: Callable[..., np.random.Generator],
+    visible_faces: NDArray[Any] | None = None,
+    visible_at: Callable[[Floats], Bools] | None = None,
+    surface: Surface | None = None,
+) -> FlawedPart:
+    """Draw a plan's flaws and carve them into a part.
+
+    Parameters
+    ----------
+    part
+        The unflawed part; never written to.
+    plan
+        What is wanted.
+    rng_of
+        Named streams of randomness: the numbers come from `rng_of("number", kind)`, the seed of
+        each flaw from `rng_of("flaw", kind, i)`.
+    visible_faces
+        (F,) bool or weights: where flaws may sit if the plan names no regions; None: anywhere.
+    visible_at
+        Tells which of some points (k, 3) the scan can see, for parts whose faces are larger than
+        the scan; None: all.
+    surface
+        `Surface.of(part.vertices_mm, part.faces)` if it is there already.
+
+    Returns
+    -------
+    FlawedPart
+        With as many flaws as found a place.
+
+    Raises
+    ------
+    ValueError
+        When the plan names regions that the part doesn't have, or `visible_faces` doesn't fit.
+    """
+    plan.check_regions(part.regions)
+    skin = surface or Surface.of(part.vertices_mm, part.faces)
+    block = _block(part)
+    allowed = _allowed(part, plan, visible_faces)
+    forbidden = np.zeros(len(part.faces), np.bool_)
+    for name in plan.keep_free:
+        forbidden |= part.regions[name]
+    placed: list[_Placed] = []
+    redrawn = misplaced = 0
+    dropped: list[str] = []
+    for kind_plan in plan.kinds:
+        number = round(kind_plan.number.draw(rng_of("number", kind_plan.kind)))
+        for i in range(number):
+            seed = int(rng_of("flaw", kind_plan.kind, i).integers(2**63))
+            failed, missed, reason = 0, 0, ""
+            while failed < plan.tries and missed < PLACES:
+                try:
+                    placed.append(
+                        _try(
+                            skin, block, plan, kind_plan, i, placed, allowed, forbidden,
+                            visible_at, seed, failed + missed,
+                        )  # fmt: skip
+                    )
+                    break
+                except BooleanError as error:
+                    failed += 1
+                    reason = str(error)
+                except (SiteError, _Misplaced) as error:
+                    missed += 1
+                    reason = str(error)
+            else:
+                dropped.append(f"{kind_plan.kind} {i}: {reason}")
+            redrawn += failed
+            misplaced += missed
+    carved, placed, lost = _carve(block, part, placed)
+    return FlawedPart(
+        part=part,
+        vertices_mm=carved.vertices_mm,
+        faces=carved.faces,
+        instance=carved.instance,
+        source_face=carved.source_face,
+        flaws=tuple(_record(i, one) for i, one in enumerate(placed, start=1)),
+        cutters=tuple(one.cutter for one in placed),
+        redrawn=redrawn + len(lost),
+        misplaced=misplaced,
+        dropped=(*dropped, *lost),
+        solids=tuple((_inside(one.cutter.removed), _inside(one.cutter.added)) for one in placed),
+    )
+
+
+def cutter_of(surface: Surface, flaw: Flaw, facet_um: float = 1.0) -> Cutter:
+    """Build a recorded flaw's cutter again, alone, from its record.
+
+    Parameters
+    ----------
+    surface
+        Of the unflawed part.
+    flaw
+        The record.
+    facet_um
+        The plan's.
+    """
+    site = Site(
+        position_mm=flaw.position_mm,
+        normal=flaw.normal,
+        heading_rad=flaw.heading_rad,
+        triangle=flaw.triangle,
+    )
+    kind = KINDS[flaw.kind](**flaw.parameters)
+    return kind.cutter(surface, site, _shape_rng(flaw.seed, flaw.attempt), facet_um * 1e-3)
+
+
+@lru_cache(maxsize=2)
+def _block(part: Part) -> Block:
+    """Return the part ready for carving; kept, since many specimens come from one part."""
+    return Block(part.vertices_mm, part.faces)
+
+
+def _shape_rng(seed: int, attempt: int) -> np.random.Generator:
+    return np.random.default_rng([seed, attempt, 1])
+
+
+def _allowed(part: Part, plan: FlawPlan, visible: NDArray[Any] | None) -> Floats:
+    """Return the weight (F,) with which flaws sit on each face."""
+    if plan.where:
+        chosen: Bools = np.any([part.regions[name] for name in plan.where], axis=0)
+        return chosen.astype(np.float64)
+    if visible is None:
+        return np.ones(len(part.faces))
+    weight = np.asarray(visible, np.float64)
+    if weight.shape != (len(part.faces),):
+        raise ValueError(f"visible_faces has shape {weight.shape}, not ({len(part.faces)},)")
+    return weight
+
+
+def _try(
+    surface: Surface,
+    block: Block,
+    plan: FlawPlan,
+    kind_plan: KindPlan,
+    number: int,
+    placed: list[_Placed],
+    allowed: Floats,
+    forbidden: Bools,
+    visible_at: Callable[[Floats], Bools] | None,
+    seed: int,
+    attempt: int,
+) -> _Placed:
+    """Draw one flaw, place it, build it and check it."""
+    rng = np.random.default_rng([seed, attempt, 0])
+    tier, flaw = kind_plan.draw(rng)
+    sites = surface.random_sites(rng, 64, allowed * ~forbidden)
+    if visible_at is not None:
+        seen = visible_at(np.stack([site.position_mm for site in sites]))
+        sites = [site for site, good in zip(sites, seen, strict=True) if good]
+    if not sites:
+        raise _Misplaced("no visible place found")
+    site = sites[0]
+    for other in placed:
+        if other.tree.query(site.position_mm)[0] < max(plan.min_distance_mm, other.spacing_mm):
+            raise _Misplaced("too near to another flaw")
+    cutter = flaw.cutter(surface, site, _shape_rng(seed, attempt), plan.facet_um * 1e-3)
+    _check_free(surface, plan, cutter, forbidden)
+    points = np.concatenate([solid.vertices_mm for solid in cutter.solids])
+    spacing = 0.6 * max(_longest_edge(cutter), 1e-3)
+    for other in placed:
+        gap = max(plan.min_distance_mm, spacing, other.spacing_mm)
+        if np.isfinite(other.tree.query(points, distance_upper_bound=gap)[0]).any():
+            raise _Misplaced("too near to another flaw")
+    return _Placed(
+        plan=kind_plan,
+        number=number,
+        tier=tier,
+        flaw=flaw,
+        site=site,
+        cutter=cutter,
+        change=block.trial(cutter),
+        seed=seed,
+        attempt=attempt,
+        tree=cKDTree(points),
+        spacing_mm=spacing,
+    )
+
+
+def _check_free(surface: Surface, plan: FlawPlan, cutter: Cutter, forbidden: Bools) -> None:
+    for low, high in plan.keep_free_boxes_mm:
+        if ((cutter.skin_mm >= low) & (cutter.skin_mm <= high)).all(axis=1).any():
+            raise _Misplaced("on a place to be kept free")
+    if forbidden.any() and forbidden[surface.project(cutter.skin_mm)[2]].any():
+        raise _Misplaced("on a region to be kept free")
+
+
+def _longest_edge(cutter: Cutter) -> float:
+    longest = 0.0
+    for solid in cutter.solids:
+        corner = solid.vertices_mm[solid.faces]
+        longest = max(
+            longest, float(np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max())
+        )
+    return longest
+
+
+def _carve(
+    block: Block, part: Part, placed: list[_Placed]
+) -> tuple[Carved, list[_Placed], list[str]]:
+    """Carve all at once; should that fail, one after the other, leaving out what fails."""
+    if not placed:
+        count = len(part.faces)
+        untouched = Carved(
+            vertices_mm=part.vertices_mm,
+            faces=part.faces,
+            instance=np.zeros(count, np.uint16),
+            source_face=np.arange(count, dtype=np.int32),
+        )
+        return untouched, [], []
+
+    def carve(some: list[_Placed]) -> Carved:
+        return block.carve([one.cutter for one in some], [one.change for one in some])
+
+    try:
+        return carve(placed), placed, []
+    except BooleanError:
+        kept: list[_Placed] = []
+        lost: list[str] = []
+        for one in placed:
+            try:
+                carve([*kept, one])
+                kept.append(one)
+            except BooleanError as error:
+                lost.append(f"{one.plan.kind} {one.number}: {error}")
+        return (carve(kept) if kept else _carve(block, part, [])[0]), kept, lost
+
+
+def _inside(solid: Any) -> Inside | None:
+    return None if solid is None else Inside.of(solid.vertices_mm, solid.faces)
+
+
+def _record(instance: int, one: _Placed) -> Flaw:
+    change = one.change
+    return Flaw(
+        instance=instance,
+        kind=one.plan.kind,
+        class_id=one.flaw.class_id,
+        tier=one.tier,
+        parameters=asdict(one.flaw),
+        position_mm=one.site.position_mm,
+        normal=one.site.normal,
+        heading_rad=one.site.heading_rad,
+        triangle=one.site.triangle,
+        removed_mm3=change.removed_mm3,
+        added_mm3=change.added_mm3,
+        opening_mm2=change.opening_mm2,
+        depth_mm=change.depth_mm,
+        through=change.through,
+        seed=one.seed,
+        attempt=one.attempt,
+    )

@@ -1,0 +1,192 @@
+"""A specimen: one part with its drawn flaws, ready to be scanned; and how parts are kept.
+
+Parts are loaded, mended and checked once for a dataset and kept beside the shards while it is
+made, so that every worker starts from the same solid without repeating that work. So are flawed
+parts of which several workers take scans.
+"""
+
+import fcntl
+import hashlib
+import io
+import json
+import os
+import pickle
+import uuid
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from defects.surface import Surface
+from pipeline.batch.plan import PlannedPart
+from pipeline.dataset.folder import write_whole
+from pipeline.injection.flawplan import FlawPlan
+from pipeline.injection.inject import FlawedPart, inject
+from pipeline.motion.aim import Aimer, Outlook
+from pipeline.parts import builtin as parts
+from pipeline.parts.part import Part, PartError, load_part
+from pipeline.recipe import PartEntry, Recipe
+from pipeline.seeds import streams
+from sensors.casting.laser import Laser
+from sensors.casting.scene import Scene
+
+NO_FLAWS = FlawPlan(kinds=())
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Specimen:
+    """A flawed part with both solids ready for casting and its paths ready to be drawn."""
+
+    flawed: FlawedPart
+    scenes: tuple[Scene, Scene]
+    aimer: Aimer
+    laser: Laser
+
+
+def load_entry(entry: PartEntry, path: Path | None, name: str) -> Part:
+    """Build or read the part of a recipe's entry.
+
+    Raises
+    ------
+    PartError
+        Where it can't be made a closed solid.
+    """
+    if entry.builtin is not None:
+        part = parts.build(entry.builtin, entry.facet_um, **entry.parameters)
+    else:
+        assert path is not None
+        part = load_part(path, unit=entry.unit, thicken_mm=entry.thicken_mm)
+    return Part(
+        name=name,
+        vertices_mm=part.vertices_mm,
+        faces=part.faces,
+        regions=part.regions,
+        mended=part.mended,
+        source=part.source,
+    )
+
+
+def flaw_plan(recipe: Recipe, entry: PartEntry) -> FlawPlan:
+    """Return the flaws wanted in a part: its own entry's, else the recipe's."""
+    return entry.flaws or recipe.file.flaws or NO_FLAWS
+
+
+def check_plan(recipe: Recipe, entry: PartEntry, part: Part) -> None:
+    """Check that a part has the regions that its flaws name.
+
+    Raises
+    ------
+    PartError
+        Where it hasn't.
+    """
+    try:
+        flaw_plan(recipe, entry).check_regions(part.regions)
+    except ValueError as error:
+        raise PartError(part.name, f"flaws.{error}", "name a region that it has") from None
+
+
+def store_part(part: Part, folder: Path) -> str:
+    """Keep a part in `folder`; return the file's name, its own checksum."""
+    regions = list(part.regions)
+    buffer = io.BytesIO()
+    np.savez(
+        buffer,
+        allow_pickle=False,
+        vertices_mm=part.vertices_mm,
+        faces=part.faces,
+        regions=np.array([part.regions[key] for key in regions], dtype=bool).reshape(
+            len(regions), len(part.faces)
+        ),
+        text=np.array(
+            json.dumps(
+                {
+                    "name": part.name,
+                    "regions": regions,
+                    "mended": part.mended,
+                    "source": part.source,
+                }
+            )
+        ),
+    )
+    data = buffer.getvalue()
+    name = f"{hashlib.sha256(data).hexdigest()[:32]}.npz"
+    aside = folder / f".{uuid.uuid4().hex}"
+    aside.write_bytes(data)
+    os.replace(aside, folder / name)
+    return name
+
+
+@lru_cache(maxsize=4)
+def stored_part(path: Path) -> tuple[Part, Scene, Surface]:
+    """Read a kept part, its scene and the skin that flaws follow."""
+    with np.load(path, allow_pickle=False) as kept:
+        text = json.loads(str(kept["text"]))
+        part = Part(
+            name=text["name"],
+            vertices_mm=kept["vertices_mm"],
+            faces=kept["faces"],
+            regions=dict(zip(text["regions"], kept["regions"], strict=True)),
+            mended=tuple(text["mended"]),
+            source=text["source"],
+        )
+    scene = Scene(part.vertices_mm, part.faces)
+    return part, scene, Surface.of(part.vertices_mm, part.faces)
+
+
+def _cut_once(kept: Path, cut: Callable[[], FlawedPart]) -> FlawedPart:
+    """Cut a flawed part and keep it, or take what another worker kept; wait for one at it.
+
+    The lock is the operating system's: it is gone when its worker is, and the next one cuts.
+    What is kept is read in the run that wrote it alone, see `pipeline.dataset.folder.drop_parts`.
+    """
+    with kept.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not kept.exists():
+            flawed = cut()
+            write_whole(kept, pickle.dumps(flawed, protocol=5))
+            return flawed
+    found: FlawedPart = pickle.loads(kept.read_bytes())
+    return found
+
+
+def make_specimen(
+    recipe: Recipe, planned: PlannedPart, number: int, folder: Path, *, shared: bool = False
+) -> Specimen:
+    """Draw the flaws of specimen `number`, cut them and prepare it for scanning.
+
+    One that is `shared` among workers is cut by the first of them alone.
+    """
+    file = recipe.file
+    part, clean_scene, skin = stored_part(folder / planned.stored)
+    motion = planned.entry.motion or file.motion
+    outlook = Outlook(part, clean_scene, motion, recipe.datasheet, file.profiles)
+
+    def cut() -> FlawedPart:
+        return inject(
+            part,
+            flaw_plan(recipe, planned.entry),
+            visible_faces=outlook.facing,
+            visible_at=outlook.free,
+            surface=skin,
+            rng_of=streams(file.seed, part.name, number, "flaws"),
+        )
+
+    if shared:
+        kept = (folder / planned.stored).with_name(f"{part.name}-{number}.flawed")
+        flawed = replace(_cut_once(kept, cut), part=part)
+    else:
+        flawed = cut()
+    scene = Scene(flawed.vertices_mm, flawed.faces) if flawed.flaws else clean_scene
+    laser = Laser.from_datasheet(recipe.datasheet, points=recipe.points)
+    aimer = Aimer(
+        flawed=flawed,
+        outlook=outlook,
+        scene=clean_scene,
+        motion=motion,
+        datasheet=recipe.datasheet,
+        laser=laser,
+        profiles=file.profiles,
+    )
+    return Specimen(flawed=flawed, scenes=(scene, clean_scene), aimer=aimer, laser=laser)

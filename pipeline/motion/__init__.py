@@ -1,0 +1,1 @@
+"""Where the sensor goes: limits, aim, and the path of poses."""

@@ -1,0 +1,176 @@
+"""Where a scan looks: points of the surface that the sensor can see, and whether a path sees it."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.injection.inject import FlawedPart
+from pipeline.motion.limits import Motion
+from pipeline.motion.trajectory import Trajectory, draw, follow, frame
+from pipeline.parts.part import Part, PartError
+from pipeline.seeds import RngOf
+from sensors.casting.laser import Laser
+from sensors.casting.scene import Scene
+from sensors.datasheet import Datasheet
+
+Floats = NDArray[np.float64]
+
+STEEPEST_RAD = np.radians(80.0)  # faces steeper than this to the look give no useful return
+PASSES = 200  # poses of a given path at which its sweep is looked at
+AIMS = 16  # points of the surface among which one in the open is looked for
+CHECK_PROFILES, CHECK_POINTS = 24, 96  # the coarse scan that judges a drawn path
+
+
+class Outlook:
+    """What of a part the scans of a recipe can see.
+
+    From a path that the recipe gives: what lies in the fan and the working range somewhere along
+    it. From drawn paths: whatever has a free way along the nominal look.
+
+    Attributes
+    ----------
+    facing : (F,) bool
+        Faces that are turned towards the sensor; parts of them may lie in the shade of others.
+    """
+
+    def __init__(
+        self, part: Part, scene: Scene, motion: Motion, datasheet: Datasheet, profiles: int
+    ) -> None:
+        self._scene = scene
+        self._datasheet = datasheet
+        self._path: Trajectory | None = None
+        if motion.path is not None:
+            centre = part.bounds_mm.mean(axis=0)
+            self._path = follow(motion.path, motion, datasheet, profiles, centre)
+        self._look = frame(motion.look, motion.travel)[:, 2]
+        self._far_mm = float(np.ptp(part.bounds_mm, axis=0).sum()) * 2
+        self.facing: NDArray[np.bool_] = -(scene.normals @ self._look) > np.cos(STEEPEST_RAD)
+
+    def free(self, points_mm: Floats) -> NDArray[np.bool_]:
+        """Tell which points (k, 3) of the surface, part frame, the sensor can see."""
+        free = ~self._scene.blocked(points_mm, points_mm - self._far_mm * self._look)
+        return free if self._path is None else free & self._passed(self._path, points_mm)
+
+    def _passed(self, path: Trajectory, points_mm: Floats) -> NDArray[np.bool_]:
+        """Tell which points (k, 3) the laser plane sweeps, within fan and working range."""
+        poses = path.poses[np.unique(np.linspace(0, len(path.poses) - 1, PASSES).astype(int))]
+        local = np.einsum("nkj,nji->nki", points_mm - poses[:, None, :3, 3], poses[:, :3, :3])
+        x, y, z = np.moveaxis(local, -1, 0)
+        within = np.abs(z - self._datasheet.working_distance_mm) <= self._datasheet.z_range_mm / 2
+        half = self._datasheet.x_fov_mm / 2
+        if self._datasheet.columns == "even_angle":
+            within &= np.abs(x) <= half * z / self._datasheet.working_distance_mm
+        else:
+            within &= np.abs(x) <= half
+        crossed = np.diff(np.signbit(y), axis=0) & within[1:] & within[:-1]
+        return np.asarray(crossed.any(axis=0))
+
+
+class Aimer:
+    """Draws paths over one specimen, keeping those that see enough of it."""
+
+    def __init__(
+        self,
+        *,
+        flawed: FlawedPart,
+        outlook: Outlook,
+        scene: Scene,
+        motion: Motion,
+        datasheet: Datasheet,
+        laser: Laser,
+        profiles: int,
+    ) -> None:
+        self.flawed, self.scene, self.motion = flawed, scene, motion
+        self._outlook = outlook
+        self.datasheet, self.laser, self.profiles = datasheet, laser, profiles
+        part = flawed.part
+        corners = part.vertices_mm[part.faces[outlook.facing]]
+        crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        self._corners = corners
+        self._areas = np.cumsum(np.linalg.norm(crossed, axis=1))
+        self._base = frame(motion.look, motion.travel)
+        self._bounds_mm = part.bounds_mm
+        self._enough: float | None = None
+        if len(self._areas) == 0 or not self._areas[-1] > 0:
+            raise PartError(part.name, "no face can be seen along motion.look", "another look")
+
+    def path(self, rng_of: RngOf) -> tuple[Trajectory, int]:
+        """Draw a path until it sees enough; also return how many were drawn.
+
+        Raises
+        ------
+        PartError
+            Where a given path sees nothing, or none of `motion.tries` paths saw enough.
+        """
+        if self.motion.path is not None:
+            centre = self._bounds_mm.mean(axis=0)
+            path = follow(self.motion.path, self.motion, self.datasheet, self.profiles, centre)
+            if self._share_seen(path) == 0:
+                raise PartError(
+                    self.flawed.part.name,
+                    "the path of the recipe sees nothing of the part",
+                    "another motion.path, at the working distance from the part",
+                )
+            return path, 1
+        if self._enough is None:  # the same for every scan of the specimen
+            self._enough = self.motion.least_seen * self._share_seen(self._centred())
+        for attempt in range(self.motion.tries):
+            path = draw(
+                self.motion,
+                self.datasheet,
+                self.profiles,
+                aim_at=self._aim,
+                rng=rng_of("trajectory", attempt),
+            )
+            share = self._share_seen(path)
+            if share > 0 and share >= self._enough:
+                return path, attempt + 1
+        raise PartError(
+            self.flawed.part.name,
+            f"none of {self.motion.tries} paths saw {self.motion.least_seen:.0%} of what a path"
+            " over its middle sees",
+            "a stand-off within the sensor's range, smaller tilts, a lower motion.least_seen",
+        )
+
+    def _share_seen(self, path: Trajectory) -> float:
+        rows = np.unique(np.linspace(0, self.profiles - 1, CHECK_PROFILES).astype(int))
+        count = self.laser.x_mm.size
+        columns = np.unique(np.linspace(0, count - 1, CHECK_POINTS).astype(int))
+        coarse = Laser(x_mm=self.laser.x_mm[columns], slope_x=self.laser.slope_x[columns])
+        depth = self.scene.cast(coarse, path.poses[rows]).depth_mm
+        with np.errstate(invalid="ignore"):
+            off = np.abs(depth - self.datasheet.working_distance_mm)
+            return float((off <= self.datasheet.z_range_mm / 2).mean())
+
+    def _centred(self) -> Trajectory:
+        """Return the nominal path over the middle of the visible surface."""
+        middles = self._corners.mean(axis=1)
+        weights = np.diff(self._areas, prepend=0.0)
+        middle = np.average(middles, axis=0, weights=weights)
+        # the surface point nearest to the middle, so that a ring is not aimed at its hole's depth
+        aim = middles[np.argmin(np.linalg.norm(middles - middle, axis=1))]
+
+        def at_middle(rng: np.random.Generator) -> tuple[Floats, bool]:
+            return aim, False
+
+        return draw(
+            self.motion,
+            self.datasheet,
+            self.profiles,
+            aim_at=at_middle,
+            rng=np.random.default_rng(0),
+        )
+
+    def _aim(self, rng: np.random.Generator) -> tuple[Floats, bool]:
+        at_flaw = bool(rng.uniform() < self.motion.aim_at_flaws) and bool(self.flawed.flaws)
+        if at_flaw:
+            flaw = self.flawed.flaws[int(rng.integers(len(self.flawed.flaws)))]
+            reach = self.motion.aim_jitter * self.datasheet.x_fov_mm / 2
+            part_span = np.ptp(self._bounds_mm, axis=0).max() / 2
+            across = rng.uniform(-1, 1, size=2) * min(reach, part_span)
+            return flaw.position_mm + self._base[:, :2] @ across, True
+        # the first of some points of facing faces that no other face shades
+        picks = np.searchsorted(self._areas, rng.uniform(0, self._areas[-1], AIMS), side="right")
+        corners = self._corners[np.minimum(picks, len(self._corners) - 1)]
+        u, v = np.sort(rng.uniform(size=(2, AIMS)), axis=0)[..., None]
+        points = u * corners[:, 0] + (v - u) * corners[:, 1] + (1 - v) * corners[:, 2]
+        return np.asarray(points[np.argmax(self._outlook.free(points))]), False

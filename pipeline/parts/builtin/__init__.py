@@ -1,0 +1,67 @@
+"""Built-in parts: parametric, closed, in double precision, at life size."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from importlib import import_module
+from typing import Any, Final, cast
+
+from pipeline.parts.part import Part, PartError
+
+NAMES: Final[tuple[str, ...]] = ("bearing_cap", "car_door", "steel_plate")
+
+
+def build(name: str, facet_um: float | None = None, **parameters: Any) -> Part:
+    """Build a built-in part.
+
+    Every part is centred in x and y on the origin, stands on z = 0 and shows its main visible
+    face to +z.
+
+    Parameters
+    ----------
+    name
+        ``bearing_cap``, ``car_door`` or ``steel_plate``.
+    facet_um
+        Largest allowed distance between facets and the true surface, µm; each part's own
+        default where None.
+    **parameters
+        Fields of the part's parameter class (`parameters_of`), e.g. ``length_mm=300``.
+
+    Raises
+    ------
+    PartError
+        For an unknown name or parameter, or a value out of its bounds.
+    """
+    source = f"builtin:{name}"
+    cls = parameters_of(name)
+    known = {item.name: item for item in fields(cls)}
+    for key in parameters:
+        if key not in known:
+            raise PartError(source, f"unknown parameter {key!r}", f"one of {', '.join(known)}")
+    for key, value in parameters.items():
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise PartError(source, f"{key} = {value!r} is not a number", "give a number")
+    if facet_um is not None and not 1.0 <= facet_um <= 1000.0:
+        raise PartError(source, f"facet_um = {facet_um:g}", "allowed: 1 to 1000")
+    chosen = cls(**{key: float(value) for key, value in parameters.items()})
+    for key, item in known.items():
+        low, high = item.metadata["low"], item.metadata["high"]
+        value = getattr(chosen, key)
+        if not low <= value <= high:
+            raise PartError(source, f"{key} = {value:g}", f"allowed: {low:g} to {high:g}")
+    make = cast("Callable[[Any, float | None], Part]", import_module(f"{__name__}.{name}").make)
+    return make(chosen, None if facet_um is None else float(facet_um))
+
+
+def parameters_of(name: str) -> type[Any]:
+    """Parameter class of a built-in: frozen, with default, unit and bounds of every field."""
+    if name not in NAMES:
+        raise PartError(f"builtin:{name}", "no such built-in part", f"one of {', '.join(NAMES)}")
+    return cast("type[Any]", import_module(f"{__name__}.{name}").PARAMETERS)
+
+
+def describe(name: str) -> Mapping[str, Mapping[str, Any]]:
+    """Default, bounds, unit and meaning of each parameter of a built-in, by its name."""
+    declared = fields(parameters_of(name))
+    return {item.name: {"default": item.default, **item.metadata} for item in declared}

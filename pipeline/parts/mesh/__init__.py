@@ -1,0 +1,1 @@
+"""From a mesh file to a closed solid: reading, mending, uniting bodies, thickening sheets."""

@@ -1,0 +1,1 @@
+"""One labelled scan: readings, noise-free twins, labels."""

@@ -1,0 +1,199 @@
+"""A labelled scan: the reading, its noise-free twins with and without flaws, and exact labels."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from defects import KINDS
+from pipeline.injection.inject import FlawedPart
+from pipeline.motion.trajectory import Trajectory
+from pipeline.scan.labels import Tally, cross_boxes, faces_hit, stand_out, tally
+from pipeline.seeds import RngOf
+from sensors.casting.laser import Laser
+from sensors.casting.scene import Scene
+from sensors.datasheet import Datasheet
+from sensors.law import law_at, true_view
+from sensors.surface.surface import Surface
+from sensors.view.view import Reason, Reflectance, View
+
+Floats = NDArray[np.float64]
+
+HIDDEN_BY_FLAW: Final = 5  # the clean part would be seen by the camera here
+REASON_NAMES: Final = {int(r): r.name.lower() for r in Reason} | {HIDDEN_BY_FLAW: "hidden_by_flaw"}
+CLASS_NAMES: Final = {0: "background"} | {kind.class_id: name for name, kind in KINDS.items()}
+SAME_MM: Final = 1e-6  # 1 nm: closer depths come from the same untouched surface
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Scan:
+    """One scan with its labels; arrays are (n, m) profiles by points unless said.
+
+    Attributes
+    ----------
+    depth_mm : float64
+        The reading, mm; NaN = missing.
+    depth_ideal_mm, depth_clean_mm : float64
+        Noise-free depth of the flawed and of the unflawed part from the true poses, mm.
+    mask : uint8
+        Class of the flaw whose face is hit, or that removed the surface hit on the clean part.
+    mask_visible : uint8
+        The same where the flaw's deviation exceeds the noise by the recipe's factor.
+    instance : uint16
+        Number of the flaw on its specimen, 0 = none.
+    invalid_reason : uint8
+        0 where the reading is valid; see `REASON_NAMES`.
+    noise_mm : float64
+        Claimed standard deviation of the reading, mm.
+    poses, poses_true : (n, 4, 4) float64
+        Commanded and true poses, sensor -> part.
+    time_s : (n,) float64
+    laser : Laser
+    """
+
+    depth_mm: Floats
+    depth_ideal_mm: Floats
+    depth_clean_mm: Floats
+    mask: NDArray[np.uint8]
+    mask_visible: NDArray[np.uint8]
+    instance: NDArray[np.uint16]
+    invalid_reason: NDArray[np.uint8]
+    noise_mm: Floats
+    poses: Floats
+    poses_true: Floats
+    time_s: Floats
+    laser: Laser
+
+    def points_part_mm(self) -> Floats:
+        """Return the readings as points (n, m, 3) in the part frame by the commanded poses, mm."""
+        points = self.laser.points_mm(self.depth_mm)
+        turned = points @ self.poses[:, :3, :3].transpose(0, 2, 1)
+        return np.asarray(turned + self.poses[:, None, :3, 3])
+
+    def tally(self, flaws: int) -> Tally:
+        """Count what the scan shows of the specimen's `flaws` flaws."""
+        return tally(
+            flaws,
+            self.instance,
+            self.mask_visible,
+            self.invalid_reason,
+            (int(Reason.HIDDEN_FROM_CAMERA), HIDDEN_BY_FLAW),
+            self.depth_mm,
+            self.depth_ideal_mm,
+            self.depth_clean_mm,
+            self.noise_mm,
+        )
+
+
+def take_scan(
+    *,
+    flawed: FlawedPart,
+    scenes: tuple[Scene, Scene],
+    trajectory: Trajectory,
+    datasheet: Datasheet,
+    laser: Laser,
+    surface: Surface | None,
+    reflectance: Reflectance | None,
+    visible_at: float,
+    rng_of: RngOf,
+) -> Scan:
+    """Scan a specimen and label what is seen.
+
+    Parameters
+    ----------
+    flawed
+        The specimen.
+    scenes
+        The flawed and the clean solid, ready for casting.
+    trajectory
+        Commanded poses.
+    datasheet, laser, surface, reflectance
+        The instrument and what it looks at.
+    visible_at
+        A flaw is visible where its deviation exceeds this many standard deviations of the noise.
+    rng_of
+        Named streams of this scan.
+    """
+    scene, clean_scene = scenes
+    commanded = View(
+        scene,
+        datasheet,
+        trajectory.poses,
+        trajectory.time_s,
+        laser=laser,
+        reflectance=reflectance,
+    )
+    view = true_view(commanded, rng_of)
+    law = law_at(view, surface, rng_of)
+    clean = View(
+        clean_scene, datasheet, view.poses, view.time_s, laser=laser, reflectance=reflectance
+    )
+    depth, reason = law.sample(rng_of, view)
+    instance, moved = faces_hit(
+        view.triangle, flawed.instance, view.depth_mm, clean.depth_mm, SAME_MM
+    )
+    if moved.size:  # what a cut took away is the cut's, too
+        rows, columns = np.divmod(moved, instance.shape[1])
+        instance[rows, columns] = flawed.removed_at(_points(clean, rows, columns))
+    _name_flaw_shadows(reason, view, clean, flawed)
+    noise = law.sd_mm(view)
+    mask, mask_visible = stand_out(
+        instance, flawed.classes, depth, view.depth_mm, clean.depth_mm, noise, visible_at
+    )
+    return Scan(
+        depth_mm=depth,
+        depth_ideal_mm=view.depth_mm,
+        depth_clean_mm=clean.depth_mm,
+        mask=mask,
+        mask_visible=mask_visible,
+        instance=instance,
+        invalid_reason=reason,
+        noise_mm=noise,
+        poses=trajectory.poses,
+        poses_true=view.poses,
+        time_s=trajectory.time_s,
+        laser=laser,
+    )
+
+
+def _points(view: View, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Floats:
+    """Points (k, 3) of some pixels, part frame, mm."""
+    depth = view.depth_mm[rows, columns]
+    local = np.stack(
+        [view.laser.x_mm[columns] + depth * view.laser.slope_x[columns], 0 * depth, depth], axis=-1
+    )
+    poses = view.poses[rows]
+    return np.asarray(np.einsum("kij,kj->ki", poses[:, :3, :3], local) + poses[:, :3, 3])
+
+
+def _name_flaw_shadows(
+    reason: NDArray[np.uint8], view: View, clean: View, flawed: FlawedPart
+) -> None:
+    """Tell points that a flaw hides from the camera from those that the part itself hides.
+
+    A flaw has a hand in it only where it moved the point itself, or where material that it added
+    may stand in the sight line; there the clean part is asked.
+    """
+    hidden = (reason == Reason.HIDDEN_FROM_CAMERA) & clean.in_range
+    rows, columns = np.nonzero(hidden)
+    if rows.size == 0:
+        return
+    points = _points(clean, rows, columns)
+    poses = clean.poses[rows]
+    cameras = poses[:, :3, 1] * clean.datasheet.camera_offset_mm + poses[:, :3, 3]
+    with np.errstate(invalid="ignore"):
+        off = np.abs(view.depth_mm[rows, columns] - clean.depth_mm[rows, columns])
+    asked = ~(off <= SAME_MM) | cross_boxes(points, cameras, _added_boxes_mm(flawed))
+    rows, columns, points, cameras = rows[asked], columns[asked], points[asked], cameras[asked]
+    triangle = clean.triangle[rows, columns]
+    facing = np.einsum("ik,ik->i", clean.scene.normals[triangle], cameras - points) > 0
+    seen = facing & ~clean.scene.blocked(points, cameras, triangle)
+    reason[rows[seen], columns[seen]] = HIDDEN_BY_FLAW
+
+
+def _added_boxes_mm(flawed: FlawedPart) -> Floats:
+    """Least and greatest corners (b, 2, 3) of what flaws added, part frame, mm, and 1 µm more."""
+    added = [cutter.added.vertices_mm for cutter in flawed.cutters if cutter.added is not None]
+    boxes = [[v.min(axis=0) - 1e-3, v.max(axis=0) + 1e-3] for v in added]
+    return np.array(boxes, dtype=np.float64).reshape(-1, 2, 3)

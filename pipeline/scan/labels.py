@@ -1,0 +1,234 @@
+"""Labels of a scan in compiled passes: whose face is hit, whether it stands out, and counts."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Counts = NDArray[np.int64]
+Labels = tuple[NDArray[np.uint8], NDArray[np.uint8]]
+
+
+@njit(cache=True)
+def faces_hit(
+    triangle: NDArray[np.int32],
+    instance_of_face: NDArray[np.uint16],
+    depth_mm: Floats,
+    clean_mm: Floats,
+    same_mm: float,
+) -> tuple[NDArray[np.uint16], NDArray[np.int64]]:
+    """Give each point the flaw whose face it hits, and list those to be asked further.
+
+    Parameters
+    ----------
+    triangle : (n, m)
+        Face hit first, -1 = none.
+    instance_of_face : (F,)
+        Flaw of each face, 0 = the part's skin.
+    depth_mm, clean_mm : (n, m)
+        Depths on the flawed and on the clean part, NaN = no return.
+    same_mm : float
+        Depths closer than this are of the same surface.
+
+    Returns
+    -------
+    instance : (n, m)
+    moved : (k,)
+        Flat numbers of points on no flaw's face whose clean hit is gone.
+    """
+    n, m = triangle.shape
+    instance = np.zeros((n, m), dtype=np.uint16)
+    moved = np.empty(n * m, dtype=np.int64)
+    count = 0
+    for i in range(n):
+        for j in range(m):
+            face = triangle[i, j]
+            if face >= 0 and instance_of_face[face] > 0:
+                instance[i, j] = instance_of_face[face]
+                continue
+            clean = clean_mm[i, j]
+            if not np.isnan(clean) and not abs(depth_mm[i, j] - clean) <= same_mm:
+                moved[count] = i * m + j
+                count += 1
+    return instance, moved[:count].copy()
+
+
+@njit(cache=True)
+def stand_out(
+    instance: NDArray[np.uint16],
+    class_of_instance: NDArray[np.uint8],
+    reading_mm: Floats,
+    depth_mm: Floats,
+    clean_mm: Floats,
+    noise_mm: Floats,
+    visible_at: float,
+) -> Labels:
+    """Give each point its class, and its class where the flaw can be told from the noise.
+
+    A flaw stands out where the noise-free deviation exceeds `visible_at` times the noise, or where
+    one of the two parts returns and the other doesn't; a reading that is missing tells nothing but
+    the latter.
+
+    Returns
+    -------
+    mask, mask_visible : (n, m)
+    """
+    n, m = instance.shape
+    mask = np.zeros((n, m), dtype=np.uint8)
+    visible = np.zeros((n, m), dtype=np.uint8)
+    for i in range(n):
+        for j in range(m):
+            number = instance[i, j]
+            if number == 0:
+                continue
+            mask[i, j] = class_of_instance[number]
+            gone = np.isnan(depth_mm[i, j]) != np.isnan(clean_mm[i, j])
+            off = abs(depth_mm[i, j] - clean_mm[i, j]) > visible_at * noise_mm[i, j]
+            if gone or (off and not np.isnan(reading_mm[i, j])):
+                visible[i, j] = mask[i, j]
+    return mask, visible
+
+
+@njit(cache=True)
+def cross_boxes(from_mm: Floats, to_mm: Floats, boxes_mm: Floats) -> NDArray[np.bool_]:
+    """Tell which straight lines between points (k, 3) come into any of the boxes (b, 2, 3)."""
+    out = np.zeros(len(from_mm), dtype=np.bool_)
+    for i in range(len(from_mm)):
+        for box in boxes_mm:
+            first, last = 0.0, 1.0
+            for axis in range(3):
+                start, way = from_mm[i, axis], to_mm[i, axis] - from_mm[i, axis]
+                low, high = box[0, axis] - start, box[1, axis] - start
+                if way == 0.0:
+                    if low > 0.0 or high < 0.0:
+                        first = 2.0
+                    continue
+                if way < 0.0:
+                    low, high = high, low
+                first, last = max(first, low / way), min(last, high / way)
+            if first <= last:
+                out[i] = True
+                break
+    return out
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Tally:
+    """What a scan shows of its flaws; arrays are by instance (k + 1,), 0 being no flaw.
+
+    Attributes
+    ----------
+    points, valid : int
+        Points of the scan, and those with a reading.
+    depth_mean_mm : float or None
+        Mean reading.
+    pixels, visible, hidden : int64
+        Points of each flaw, those where it stands out, and those that the camera doesn't see.
+    deviation_over_noise : float64
+        Root of the mean square of the deviation over the noise where both parts return; NaN
+        where they never do.
+    """
+
+    points: int
+    valid: int
+    depth_mean_mm: float | None
+    pixels: Counts
+    visible: Counts
+    hidden: Counts
+    deviation_over_noise: Floats
+
+
+def tally(
+    flaws: int,
+    instance: NDArray[np.uint16],
+    mask_visible: NDArray[np.uint8],
+    reason: NDArray[np.uint8],
+    hiding: tuple[int, int],
+    reading_mm: Floats,
+    depth_mm: Floats,
+    clean_mm: Floats,
+    noise_mm: Floats,
+) -> Tally:
+    """Count a scan's points, in all and flaw by flaw.
+
+    Parameters
+    ----------
+    flaws
+        Number of the specimen's flaws.
+    instance, mask_visible, reason, reading_mm, depth_mm, clean_mm, noise_mm : (n, m)
+        The scan, see `pipeline.scan.labelled_scan.Scan`.
+    hiding
+        The two reasons that say that the camera doesn't see a point.
+    """
+    counts, squares = np.zeros((4, flaws + 1), np.int64), np.zeros(flaws + 1)
+    valid, total = _count(
+        instance, mask_visible, reason, *hiding, reading_mm, depth_mm, clean_mm, noise_mm,
+        counts, squares,
+    )  # fmt: skip
+    pixels, visible, hidden, both = counts
+    with np.errstate(invalid="ignore"):
+        ratio = np.sqrt(squares / both)
+    return Tally(
+        points=reason.size,
+        valid=valid,
+        depth_mean_mm=total / valid if valid else None,
+        pixels=pixels,
+        visible=visible,
+        hidden=hidden,
+        deviation_over_noise=ratio,
+    )
+
+
+@njit(cache=True)
+def _count(
+    instance: NDArray[np.uint16],
+    mask_visible: NDArray[np.uint8],
+    reason: NDArray[np.uint8],
+    hidden: int,
+    hidden_too: int,
+    reading_mm: Floats,
+    depth_mm: Floats,
+    clean_mm: Floats,
+    noise_mm: Floats,
+    counts: Counts,
+    squares: Floats,
+) -> tuple[int, float]:
+    """Add up counts (4, k + 1) and squares (k + 1,); return valid points and their depths' sum."""
+    n, m = instance.shape
+    valid, total = 0, 0.0
+    for i in range(n):
+        row = 0.0
+        for j in range(m):
+            why = reason[i, j]
+            if why == 0:
+                valid += 1
+                row += reading_mm[i, j]
+            number = instance[i, j]
+            if number == 0:
+                continue
+            counts[0, number] += 1
+            counts[1, number] += mask_visible[i, j] > 0
+            counts[2, number] += why in (hidden, hidden_too)
+            off = (depth_mm[i, j] - clean_mm[i, j]) / max(noise_mm[i, j], 1e-9)
+            if np.isfinite(off):
+                counts[3, number] += 1
+                squares[number] += off * off
+        total += row
+    return valid, total
+
+
+@njit(cache=True)
+def counts_of(
+    depth_mm: Floats, scale_mm: float, first: int, missing: int, out: NDArray[np.unsignedinteger]
+) -> None:
+    """Write depths (n, m) as counts into `out`: round(depth / scale) - first, NaN = missing."""
+    n, m = depth_mm.shape
+    for i in range(n):
+        for j in range(m):
+            depth = depth_mm[i, j]
+            if np.isnan(depth):
+                out[i, j] = missing
+            else:
+                out[i, j] = min(max(np.rint(depth / scale_mm) - first, 0.0), missing - 1.0)

@@ -1,0 +1,1 @@
+"""The laser and the first hits of its rays on a part."""

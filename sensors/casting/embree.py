@@ -1,0 +1,327 @@
+"""Embree as the finder of triangles, double precision as the judge of hits.
+
+Embree works in single precision: about 0.1 µm at 400 mm, and a hit near an edge may fall on the
+wrong side of it. So the mesh goes into its tree about its own centre and with every triangle grown
+by a margin far above that error; rays start where they enter the part's box; and what Embree names
+is only a candidate, decided by `sensors.casting.section`. A candidate that doesn't hold is
+replaced by one
+of the triangles around it that the ray passes closely, or the ray is sent on behind it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from numba import njit
+from numpy.typing import NDArray
+
+from sensors.casting.section import Floats, Ints, passes_near, ray_depth
+
+_GROWTH = 3e-5  # margin around each triangle, as a share of the mesh's half diagonal
+_ROUNDS = 40  # candidates per ray before all triangles are tried
+_FOLLOWED = 512  # triangles looked at around a candidate
+_BATCH = 1 << 18  # rays at a time
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Rays:
+    """Rays given in frames of their own.
+
+    Attributes
+    ----------
+    frame : (n, 3, 3)
+        Rows are the frame's axes in the part frame.
+    origin, place : (n, 3)
+        A vertex v has the frame's coordinates frame @ (v - origin) - place, mm.
+    index : (k,) int64
+        Frame of each ray.
+    x_mm, slope_x : (k,)
+        Ray (x_mm, 0, 0) + depth·(slope_x, 0, 1) in its frame.
+    """
+
+    frame: Floats
+    origin: Floats
+    place: Floats
+    index: NDArray[np.int64]
+    x_mm: Floats
+    slope_x: Floats
+
+
+class Tree:
+    """Embree's tree over a triangle mesh; finds the first hit of rays in double precision."""
+
+    def __init__(self, vertices_mm: Floats, faces: Ints, normals: Floats) -> None:
+        self.vertices_mm, self.faces, self.normals = vertices_mm, faces, normals
+        low, high = vertices_mm.min(axis=0), vertices_mm.max(axis=0)
+        self._centre = (low + high) / 2
+        half_mm = float(np.linalg.norm(high - low)) / 2
+        self._margin_mm = _GROWTH * half_mm
+        self._low, self._high = low - 4 * self._margin_mm, high + 4 * self._margin_mm
+        self._scene = EmbreeScene(robust=True)
+        corners = _grown(vertices_mm, faces, self._centre, self._margin_mm)
+        TriangleMesh(self._scene, corners)
+        self._ring_start, self._ring = _triangles_at_vertices(faces, len(vertices_mm))
+
+    def first(
+        self,
+        rays: Rays,
+        nearest: Floats | float = 0.0,
+        farthest: Floats | float = np.inf,
+        ignored: Ints | None = None,
+        outside: bool = False,
+    ) -> tuple[Floats, Ints]:
+        """Return depth (k,) and triangle (k,) of the first hits; NaN and -1 where there is none.
+
+        Parameters
+        ----------
+        rays
+            The rays.
+        nearest, farthest
+            Only hits with nearest < depth < farthest count; (k,) or one number.
+        ignored : (k,)
+            A triangle that each ray passes through.
+        outside
+            Rays pass through triangles that they would meet from inside.
+        """
+        count = len(rays.index)
+        depth = np.full(count, np.nan)
+        triangle = np.full(count, -1, dtype=np.int32)
+        nearest = np.broadcast_to(np.asarray(nearest, dtype=np.float64), count)
+        farthest = np.broadcast_to(np.asarray(farthest, dtype=np.float64), count)
+        if ignored is None:
+            ignored = np.full(count, -1, dtype=np.int32)
+        for begin in range(0, count, _BATCH):
+            part = slice(begin, begin + _BATCH)
+            batch = Rays(
+                frame=rays.frame, origin=rays.origin, place=rays.place,
+                index=rays.index[part], x_mm=rays.x_mm[part], slope_x=rays.slope_x[part],
+            )  # fmt: skip
+            self._first(
+                batch, nearest[part], farthest[part], ignored[part], outside,
+                depth[part], triangle[part],
+            )  # fmt: skip
+        return depth, triangle
+
+    def _first(
+        self, rays: Rays, nearest: Floats, farthest: Floats, ignored: Ints, outside: bool,
+        depth: Floats, triangle: Ints,
+    ) -> None:  # fmt: skip
+        """Fill `depth` and `triangle` for one batch of rays."""
+        origins, directions, start, live = _enter(
+            rays.frame, rays.origin, rays.place, rays.index, rays.x_mm, rays.slope_x,
+            self._low, self._high, nearest, farthest,
+        )  # fmt: skip
+        best = np.full(len(depth), np.inf)
+        for turn in range(_ROUNDS):
+            if live.size == 0:
+                break
+            found = self._scene.run(
+                *_single_precision(origins, directions, start, live, self._centre), output=1
+            )
+            live = _judge(
+                self.vertices_mm, self.faces, self.normals, self._ring_start, self._ring,
+                rays.frame, rays.origin, rays.place, rays.index, rays.x_mm, rays.slope_x,
+                directions, live, found["primID"], found["tfar"].astype(np.float64),
+                nearest, farthest, ignored, outside, start, best, triangle,
+                self._margin_mm, self._margin_mm * 2.0 ** (turn - 3),
+            )  # fmt: skip
+        if live.size:
+            _try_all(
+                self.vertices_mm, self.faces,
+                rays.frame, rays.origin, rays.place, rays.index, rays.x_mm, rays.slope_x,
+                live, nearest, farthest, ignored, outside, best, triangle,
+            )  # fmt: skip
+        hit = triangle >= 0
+        depth[hit] = best[hit]
+
+
+def _grown(
+    vertices_mm: Floats, faces: Ints, centre: Floats, margin_mm: float
+) -> NDArray[np.float32]:
+    """Corners (F, 3, 3) of the triangles about `centre`, each grown in its plane by `margin_mm`."""
+    corner = vertices_mm[faces] - centre
+    out = np.empty_like(corner)
+    for i in range(3):
+        a = corner[:, (i + 1) % 3] - corner[:, i]
+        b = corner[:, (i + 2) % 3] - corner[:, i]
+        length_a = np.linalg.norm(a, axis=1, keepdims=True)
+        length_b = np.linalg.norm(b, axis=1, keepdims=True)
+        inward = a / np.maximum(length_a, 1e-300) + b / np.maximum(length_b, 1e-300)
+        size = np.linalg.norm(inward, axis=1, keepdims=True)
+        # |inward| = 2 cos(half the angle); the mitre 1 / sin is cut off in sharp corners.
+        sine = np.sqrt(np.clip(1 - (size / 2) ** 2, 0.0, 1.0))
+        step = margin_mm / np.maximum(sine, 0.25)
+        out[:, i] = corner[:, i] - inward / np.maximum(size, 1e-300) * step
+    return out.astype(np.float32)
+
+
+def _triangles_at_vertices(faces: Ints, count: int) -> tuple[NDArray[np.int64], Ints]:
+    """For each vertex the triangles around it, as one list with the starts of its runs."""
+    flat = faces.ravel()
+    order = np.argsort(flat, kind="stable")
+    start = np.zeros(count + 1, dtype=np.int64)
+    np.cumsum(np.bincount(flat, minlength=count), out=start[1:])
+    return start, (order // 3).astype(np.int32)
+
+
+@njit(cache=True, error_model="numpy")
+def _enter(
+    frame: Floats, origin: Floats, place: Floats,
+    index: NDArray[np.int64], x_mm: Floats, slope_x: Floats,
+    low: Floats, high: Floats, nearest: Floats, farthest: Floats,
+) -> tuple[Floats, Floats, Floats, NDArray[np.int64]]:  # fmt: skip
+    """Rays in the part frame and where they enter a box.
+
+    Origins (k, 3), directions (k, 3) of length 1 or more, the ray parameter (k,) from which a hit
+    may come, and the numbers of the rays that meet the box within their limits.
+    """
+    count = len(index)
+    origins, directions = np.empty((count, 3)), np.empty((count, 3))
+    start = np.empty(count)
+    live = np.empty(count, dtype=np.int64)
+    size = 0
+    for r in range(count):
+        f = index[r]
+        first, last = nearest[r], farthest[r]
+        for axis in range(3):
+            across, along = frame[f, 0, axis], frame[f, 2, axis]
+            o = origin[f, axis] + x_mm[r] * across
+            for k in range(3):
+                o += frame[f, k, axis] * place[f, k]
+            d = slope_x[r] * across + along
+            origins[r, axis], directions[r, axis] = o, d
+            if d == 0.0:
+                if o < low[axis] or o > high[axis]:
+                    last = -np.inf
+                continue
+            near, far = (low[axis] - o) / d, (high[axis] - o) / d
+            first, last = max(first, min(near, far)), min(last, max(near, far))
+        start[r] = first
+        live[size] = r
+        size += int(first < last)
+    return origins, directions, start, live[:size].copy()
+
+
+@njit(cache=True)
+def _single_precision(
+    origins: Floats, directions: Floats, start: Floats, live: NDArray[np.int64], centre: Floats
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Where the live rays go on, about the mesh's centre, and their directions (k, 3)."""
+    where = np.empty((len(live), 3), dtype=np.float32)
+    way = np.empty((len(live), 3), dtype=np.float32)
+    for i in range(len(live)):
+        r = live[i]
+        for axis in range(3):
+            point = origins[r, axis] + start[r] * directions[r, axis] - centre[axis]
+            where[i, axis] = np.float32(point)
+            way[i, axis] = np.float32(directions[r, axis])
+    return where, way
+
+
+@njit(cache=True)
+def _holds(values: Ints, size: int, wanted: int) -> bool:
+    """Whether `wanted` is among the first `size` values."""
+    for i in range(size):  # noqa: SIM110 - numba has no any() of a generator
+        if values[i] == wanted:
+            return True
+    return False
+
+
+@njit(cache=True)
+def _judge(
+    vertices: Floats, faces: Ints, normals: Floats,
+    ring_start: NDArray[np.int64], ring: Ints,
+    frame: Floats, origin: Floats, place: Floats,
+    index: NDArray[np.int64], x_mm: Floats, slope_x: Floats, directions: Floats,
+    live: NDArray[np.int64], candidate: Ints, ahead: Floats,
+    nearest: Floats, farthest: Floats, ignored: Ints, outside: bool,
+    start: Floats, best: Floats, triangle: Ints,
+    margin_mm: float, step_mm: float,
+) -> NDArray[np.int64]:  # fmt: skip
+    """Decide Embree's candidates in double precision; return the rays that must go on."""
+    on = np.empty(len(live), dtype=np.int64)
+    queue = np.empty(_FOLLOWED, dtype=np.int32)
+    corners = np.empty(3 * _FOLLOWED, dtype=np.int32)
+    count = 0
+    for i in range(len(live)):
+        r = live[i]
+        t = candidate[i]
+        if t < 0:
+            continue
+        f, x, s = index[r], x_mm[r], slope_x[r]
+        at = start[r] + ahead[i]
+        if best[r] < at or at - margin_mm > farthest[r]:
+            continue  # what was found before is nearer
+        facing = (
+            normals[t, 0] * directions[r, 0]
+            + normals[t, 1] * directions[r, 1]
+            + normals[t, 2] * directions[r, 2]
+        ) < 0.0
+        d = np.inf
+        if t != ignored[r]:
+            d = ray_depth(vertices, faces, t, frame[f], origin[f], place[f], x, s, outside)
+        if nearest[r] < d < farthest[r]:
+            if d < best[r] or (d == best[r] and t < triangle[r]):
+                best[r], triangle[r] = d, t
+            if facing:
+                continue
+        # Follow the ray over the triangles that hang together with the candidate and that it
+        # passes closely: a few around an edge or a corner, more along a wall that it grazes.
+        queue[0] = t
+        size, head, turned = 1, 0, 0
+        while head < size:
+            for corner in range(3):
+                v = faces[queue[head], corner]
+                if _holds(corners, turned, v):
+                    continue
+                corners[turned] = v
+                turned += 1
+                for k in range(ring_start[v], ring_start[v + 1]):
+                    n = ring[k]
+                    if (
+                        size == _FOLLOWED
+                        or not passes_near(
+                            vertices, faces, n, frame[f], origin[f], place[f], x, s, margin_mm
+                        )
+                        or _holds(queue, size, n)
+                    ):
+                        continue
+                    queue[size] = n
+                    size += 1
+                    if n == ignored[r]:
+                        continue
+                    d = ray_depth(
+                        vertices, faces, n, frame[f], origin[f], place[f], x, s, outside
+                    )
+                    if nearest[r] < d < farthest[r] and (
+                        d < best[r] or (d == best[r] and n < triangle[r])
+                    ):
+                        best[r], triangle[r] = d, n
+            head += 1
+        if best[r] <= at + 4 * margin_mm:
+            continue
+        start[r] = at + step_mm
+        on[count] = r
+        count += 1
+    return on[:count].copy()
+
+
+@njit(cache=True)
+def _try_all(
+    vertices: Floats, faces: Ints, frame: Floats, origin: Floats, place: Floats,
+    index: NDArray[np.int64], x_mm: Floats, slope_x: Floats,
+    live: NDArray[np.int64], nearest: Floats, farthest: Floats, ignored: Ints, outside: bool,
+    best: Floats, triangle: Ints,
+) -> None:  # fmt: skip
+    """Hold rays that never settled against every triangle."""
+    for r in live:
+        f = index[r]
+        for t in range(len(faces)):
+            if t == ignored[r]:
+                continue
+            d = ray_depth(
+                vertices, faces, t, frame[f], origin[f], place[f], x_mm[r], slope_x[r], outside
+            )
+            if nearest[r] < d < farthest[r] and d < best[r]:
+                best[r], triangle[r] = d, t

@@ -1,0 +1,1 @@
+"""The laser line: its width, its motion, its light on the camera."""

@@ -1,0 +1,1 @@
+"""Noise of a scan: Perlin speckle calibrated to measured figures, spectra, uncertainty."""

@@ -1,0 +1,1 @@
+"""The surface as the sensor sees it: roughness, form removal, albedo."""

@@ -1,0 +1,216 @@
+"""A surface as the sensor sees it: its roughness figures and the noise that reproduces them."""
+
+import hashlib
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+from annotated_types import Ge, Gt, Le
+
+from sensors.datasheet import preset_path
+from sensors.noise.calibration import METHOD, Solution, calibrate
+from sensors.noise.heights import HeightMap
+from sensors.noise.measured import Measured
+from sensors.noise.perlin import PerlinField
+from sensors.surface.roughness import FIGURES
+from sensors.typed_yaml import RecipeError, dump_yaml, load_yaml, parse, plain, record
+
+Positive = Annotated[float, Gt(0)]
+
+
+@record
+class Calibration:
+    """Parameters of the noise that were solved for a surface's figures (`calibration`).
+
+    `inputs` names what they were solved for: figures, pitch, window and method. A surface whose
+    figures were changed since then is calibrated anew. `worst_error` is the largest relative error
+    of a figure that was left.
+    """
+
+    inputs: str
+    worst_error: Annotated[float, Ge(0)]
+    z_resolution_um: Annotated[float, Ge(0)]
+    repeatability_um: Annotated[float, Ge(0)] = 0.0
+    cutoff_mm: Positive | None = None
+    cell_x_mm: Positive
+    cell_y_mm: Positive
+    octaves: Annotated[int, Ge(1)]
+    persistence: Annotated[float, Ge(0), Le(1)]
+    knots: tuple[float, ...]
+    heights_mm: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        HeightMap(knots=self.knots, values=self.heights_mm)
+
+    def field(self) -> PerlinField:
+        """Return the noise in mm."""
+        return PerlinField(
+            amplitude_mm=1.0,
+            cell_x_mm=self.cell_x_mm,
+            cell_y_mm=self.cell_y_mm,
+            octaves=self.octaves,
+            persistence=self.persistence,
+            heights=HeightMap(knots=self.knots, values=self.heights_mm),
+        )
+
+
+@record
+class Surface:
+    """Roughness figures of a surface, profile by profile and averaged (surface.yaml).
+
+    The three that the paper's model needs are required. Figures hold at the pitch given (without
+    one, at that of the scan) and in windows of `profiles` by `points_per_profile` (the paper's,
+    100 by 501, where none is given).
+    """
+
+    name: str
+    ra_mm: Positive | None = None
+    rq_mm: Positive | None = None
+    rp_mm: Positive | None = None
+    rv_mm: Positive | None = None
+    rpm_mm: Positive
+    rvm_mm: Positive
+    pc_per_mm: Positive
+    pitch_x_mm: Positive | None = None
+    pitch_y_mm: Positive | None = None
+    points_per_profile: Annotated[int, Ge(16)] | None = None
+    profiles: Annotated[int, Ge(1)] | None = None
+    source: str | None = None
+    calibration: Calibration | None = None
+
+    @classmethod
+    def load(cls, source: str | Path) -> "Surface":
+        """Read a surface.yaml, or a preset by its name.
+
+        Raises
+        ------
+        RecipeError
+            Where there is no such file or preset, or the file isn't a surface.
+        """
+        return parse(cls, load_yaml(preset_path("surfaces", source, "surface")))
+
+    def save(self, path: str | Path) -> None:
+        """Write the surface in the form that `load` reads, without what isn't known."""
+        Path(path).write_text(dump_yaml(_without_none(plain(self))), encoding="utf-8")
+
+    @property
+    def is_calibrated(self) -> bool:
+        """Whether a calibration is stored that was solved for these very figures."""
+        return self.calibration is not None and self.calibration.inputs == self._inputs()
+
+    def ready(
+        self,
+        pitch_x_mm: float | None = None,
+        pitch_y_mm: float | None = None,
+        *,
+        z_resolution_um: float = 3.8,
+        repeatability_um: float = 0.0,
+    ) -> "Surface":
+        """Return this surface with a calibration that fits its figures; solve it where it's needed.
+
+        Parameters
+        ----------
+        pitch_x_mm, pitch_y_mm : float, optional
+            The scan's pitch, taken where the surface states none.
+        z_resolution_um, repeatability_um : float
+            The sensor's, by which the simulated readings are blurred and rounded (equation 10).
+
+        Raises
+        ------
+        RecipeError
+            Where there is no pitch, or no noise at that pitch can have these figures.
+        """
+        surface = replace(
+            self,
+            pitch_x_mm=self.pitch_x_mm or pitch_x_mm,
+            pitch_y_mm=self.pitch_y_mm or pitch_y_mm or self.pitch_x_mm or pitch_x_mm,
+        )
+        if surface.is_calibrated:
+            return surface
+        where = f"surface '{self.name}'"
+        if surface.pitch_x_mm is None or surface.pitch_y_mm is None:
+            raise RecipeError("figures hold at a pitch; key 'pitch_x_mm' is missing", where=where)
+        try:
+            solution = calibrate(
+                Measured(
+                    **{name: getattr(surface, name) for name in FIGURES},
+                    pitch_x_mm=surface.pitch_x_mm,
+                    pitch_y_mm=surface.pitch_y_mm,
+                    points=surface.points_per_profile or 501,
+                    profiles=surface.profiles or 100,
+                    resolution_mm=z_resolution_um / 1000.0,
+                    repeatability_mm=repeatability_um / 1000.0,
+                )
+            )
+        except ValueError as error:
+            raise RecipeError(str(error), where=where) from None
+        return surface.with_solution(solution, z_resolution_um, repeatability_um)
+
+    def with_solution(
+        self,
+        solution: Solution,
+        z_resolution_um: float,
+        repeatability_um: float = 0.0,
+        cutoff_mm: float | None = None,
+    ) -> "Surface":
+        """Return this surface with the noise that was solved for it."""
+        noise = solution.field
+        assert noise.heights is not None
+        calibration = Calibration(
+            inputs=self._inputs(),
+            worst_error=float(f"{solution.worst_error:.2g}"),
+            z_resolution_um=z_resolution_um,
+            repeatability_um=repeatability_um,
+            cutoff_mm=cutoff_mm,
+            cell_x_mm=float(f"{noise.cell_x_mm:.6g}"),
+            cell_y_mm=float(f"{noise.cell_y_mm:.6g}"),
+            octaves=noise.octaves,
+            persistence=float(f"{noise.persistence:.6g}"),
+            knots=noise.heights.knots,
+            heights_mm=tuple(float(f"{h:.6g}") for h in noise.heights.values),
+        )
+        return replace(self, calibration=calibration)
+
+    def _inputs(self) -> str:
+        values = {name: getattr(self, name) for name in FIGURES}
+        values |= {"pitch_x_mm": self.pitch_x_mm, "pitch_y_mm": self.pitch_y_mm}
+        rounded = {k: None if v is None else float(f"{v:.7g}") for k, v in values.items()}
+        window = [self.profiles or 100, self.points_per_profile or 501]
+        text = json.dumps([METHOD, rounded, window], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    def field(self, *, verbatim: bool = False, normalised: bool = False) -> PerlinField:
+        """Return the speckle noise of this surface, calibrated unless `verbatim`.
+
+        Where no calibration is stored it is solved on the spot (seconds): have `ready` do that
+        once before generating many scans.
+
+        Parameters
+        ----------
+        verbatim : bool
+            The paper's model to the letter (equation 9): amplitude max(Rpm, Rvm), as many control
+            points as peaks in both directions, 4 octaves, persistence 0.5, all lattices aligned.
+        normalised : bool
+            With `verbatim`: read "amplitude" as the reach of one octave, whose largest value
+            with unit gradients is sqrt(1/2), so that it is scaled by sqrt(2).
+        """
+        if verbatim:
+            return PerlinField(
+                amplitude_mm=max(self.rpm_mm, self.rvm_mm) * (math.sqrt(2.0) if normalised else 1),
+                cell_x_mm=1.0 / self.pc_per_mm,
+                cell_y_mm=1.0 / self.pc_per_mm,
+                octaves=4,
+                persistence=0.5,
+                aligned=True,
+            )
+        calibration = self.ready().calibration
+        assert calibration is not None
+        return calibration.field()
+
+
+def _without_none(data: object) -> object:
+    if isinstance(data, dict):
+        return {key: _without_none(value) for key, value in data.items() if value is not None}
+    return data

@@ -1,0 +1,1 @@
+"""Geometry at each point of a scan: slopes, visibility, edges, creases, covariates."""

@@ -1,0 +1,234 @@
+"""Covariates of a reading: what a mismatch may depend on, by name, with the frame it belongs to."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sensors.view.camera import row_of_depth
+from sensors.view.edges import edge_height_mm, edge_offset_mm
+from sensors.view.view import View, ViewFunction
+
+Floats = NDArray[np.float64]
+Frame = Literal["sensor", "time", "travel", "part"]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Covariate:
+    """One quantity known at each point from CAD, pose and clock.
+
+    Attributes
+    ----------
+    name : key in `COVARIATES`
+    words : what it is, for a report
+    unit : of its values
+    frame : what it follows: the sensor, the time, the travel or the part
+    values : function of a view; broadcastable to (n, m), NaN where there is none
+    needs : keys of the datasheet without which it isn't known
+    """
+
+    name: str
+    words: str
+    unit: str
+    frame: Frame
+    values: ViewFunction
+    needs: tuple[str, ...] = ()
+
+
+def _clock(view: View) -> Floats:
+    start = 0.0 if view.start_time_s is None else view.start_time_s
+    return (start + view.time_s)[:, None]
+
+
+def _brightness(view: View) -> Floats:
+    return np.full(view.shape, np.nan) if view.brightness is None else view.brightness
+
+
+def _brightness_slope(view: View) -> Floats:
+    if view.brightness is None or len(view.poses) < 2:
+        return np.full(view.shape, np.nan)
+    step = view.travel_step_mm.copy()
+    step[step == 0.0] = np.nan
+    with np.errstate(divide="ignore", invalid="ignore"):
+        log = np.log(view.brightness)
+        return np.asarray(np.gradient(log, axis=0) / step[:, None])
+
+
+def _curvature_y(view: View) -> Floats:
+    """Second derivative of depth along the travel, from neighbouring profiles."""
+    curvature = np.full(view.shape, np.nan)
+    if len(view.poses) > 2:
+        step = view.travel_step_mm[1:-1, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            curvature[1:-1] = np.diff(view.depth_mm, n=2, axis=0) / np.square(step)
+    return curvature
+
+
+def hidden_from(view: View, camera_y_mm: float) -> Floats:
+    """Return 1 where a camera at (0, camera_y_mm, 0) doesn't see the hit, 0 where it does, (n, m).
+
+    NaN without a return.
+    """
+    return np.where(view.valid, (~view.visible_from(camera_y_mm)).astype(np.float64), np.nan)
+
+
+def _camera_row(view: View) -> Floats:
+    rows = view.datasheet.require("camera_rows")
+    return np.asarray(row_of_depth(view.depth_mm, view.datasheet, rows) % 1.0)
+
+
+CAMERA = ("triangulation_angle_deg",)
+ALL = (
+    Covariate(
+        name="depth",
+        words="range from the sensor",
+        unit="mm",
+        frame="sensor",
+        values=lambda v: v.depth_mm,
+    ),
+    Covariate(
+        name="x",
+        words="position along the laser line",
+        unit="mm",
+        frame="sensor",
+        values=lambda v: v.x_mm,
+    ),
+    Covariate(
+        name="column",
+        words="column of the profile",
+        unit="",
+        frame="sensor",
+        values=lambda v: np.arange(v.shape[1], dtype=np.float64)[None, :],
+    ),
+    Covariate(
+        name="slope_x",
+        words="slope along the laser line",
+        unit="",
+        frame="sensor",
+        values=lambda v: v.slope_x,
+    ),
+    Covariate(
+        name="slope_y",
+        words="slope along the travel",
+        unit="",
+        frame="sensor",
+        values=lambda v: v.slope_y,
+    ),
+    Covariate(
+        name="incidence",
+        words="angle between laser and surface normal",
+        unit="rad",
+        frame="sensor",
+        values=lambda v: v.incidence_rad,
+    ),
+    Covariate(
+        name="half_vector",
+        words="angle from the mirror direction of laser and camera",
+        unit="rad",
+        frame="sensor",
+        values=lambda v: v.half_vector_rad,
+        needs=CAMERA,
+    ),
+    Covariate(
+        name="hidden",
+        words="whether the part stands between point and camera",
+        unit="",
+        frame="sensor",
+        values=lambda v: hidden_from(v, v.datasheet.camera_offset_mm),
+        needs=CAMERA,
+    ),
+    Covariate(
+        name="camera_row",
+        words="fraction of the camera's row",
+        unit="",
+        frame="sensor",
+        values=_camera_row,
+        needs=(*CAMERA, "camera_rows"),
+    ),
+    Covariate(
+        name="curvature_y",
+        words="curvature along the travel",
+        unit="1/mm",
+        frame="part",
+        values=_curvature_y,
+    ),
+    Covariate(
+        name="edge_y",
+        words="distance along the travel to the nearest depth edge",
+        unit="mm",
+        frame="sensor",
+        values=edge_offset_mm,
+    ),
+    Covariate(
+        name="edge_height",
+        words="how much farther the level beyond the nearest depth edge lies",
+        unit="mm",
+        frame="part",
+        values=edge_height_mm,
+    ),
+    Covariate(
+        name="wall_distance",
+        words="distance to the facing wall in the mirror direction",
+        unit="mm",
+        frame="part",
+        values=lambda v: v.mirror.distance_mm,
+    ),
+    Covariate(
+        name="clock",
+        words="time since the instrument's start",
+        unit="s",
+        frame="time",
+        values=_clock,
+    ),
+    Covariate(
+        name="time",
+        words="time since the first profile",
+        unit="s",
+        frame="time",
+        values=lambda v: v.time_s[:, None],
+    ),
+    Covariate(
+        name="travel",
+        words="position along the travel",
+        unit="mm",
+        frame="travel",
+        values=lambda v: v.travel_mm[:, None],
+    ),
+    Covariate(
+        name="part_x",
+        words="x on the part",
+        unit="mm",
+        frame="part",
+        values=lambda v: v.part_mm[..., 0],
+    ),
+    Covariate(
+        name="part_y",
+        words="y on the part",
+        unit="mm",
+        frame="part",
+        values=lambda v: v.part_mm[..., 1],
+    ),
+    Covariate(
+        name="part_z",
+        words="z on the part",
+        unit="mm",
+        frame="part",
+        values=lambda v: v.part_mm[..., 2],
+    ),
+    Covariate(
+        name="brightness",
+        words="brightness of the laser line",
+        unit="",
+        frame="part",
+        values=_brightness,
+    ),
+    Covariate(
+        name="brightness_slope",
+        words="relative change of brightness along the travel",
+        unit="1/mm",
+        frame="part",
+        values=_brightness_slope,
+    ),
+)
+COVARIATES: dict[str, Covariate] = {c.name: c for c in ALL}

@@ -1,0 +1,406 @@
+"""What geometry says at each point of one scan: depth, slopes, angles, sight lines.
+
+A view is lazy: each property is computed when first asked for, kept, and never written to. It
+belongs to one set of poses; effects that act below the profile pitch or on the pose ask for
+another view through `shifted` and `posed`.
+"""
+
+import math
+from collections.abc import Callable
+from enum import IntEnum
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sensors.casting.laser import Laser
+from sensors.datasheet import Datasheet
+from sensors.view.kept import Kept
+from sensors.view.visibility import camera_visible
+
+if TYPE_CHECKING:
+    from sensors.casting.scene import Hits, Scene
+    from sensors.view.mirror import Mirror
+
+Floats = NDArray[np.float64]
+
+# Shifted views of scans up to this many points are kept for the next effect that asks.
+KEPT_POINTS = 200_000
+KEPT_IN_ALL = 32_000_000
+"""Points of all shifted views that are kept: 1.7 GB, at fifty bytes or so each."""
+
+
+class Reason(IntEnum):
+    """Why a point has no return; stored as `invalid_reason`."""
+
+    VALID = 0
+    NO_HIT = 1
+    OUT_OF_RANGE = 2
+    HIDDEN_FROM_CAMERA = 3
+    DROPOUT = 4
+
+
+class Reflectance(Protocol):
+    """Brightness of the part's surface, as `sensors.surface.reflectance` describes it."""
+
+    def at(self, part_mm: Floats) -> Floats:
+        """Return the reflectance (...,) at points (..., 3) of the part, 0 to 1."""
+        ...
+
+
+class View:
+    """Geometry of one scan, n profiles of m points.
+
+    Parameters
+    ----------
+    scene : Scene
+        The closed part, part frame, mm.
+    datasheet : Datasheet
+        The instrument.
+    poses : (n, 4, 4) array
+        Sensor to part, rigid, one for each profile.
+    time_s : (n,) array
+        Seconds since the first profile.
+    laser : Laser, optional
+        Rays of a profile; the datasheet's where left out.
+    hits : Hits, optional
+        First hits where they are already known; cast when needed otherwise.
+    reflectance : Reflectance, optional
+        Brightness of the part over its own coordinates; the scene's where left out.
+    intensity : (n, m) array, optional
+        Brightness that a recording gives, 0 to 1; comes before `reflectance`.
+    start_time_s : float, optional
+        When the first profile was taken, on a clock common to all recordings.
+    """
+
+    def __init__(
+        self,
+        scene: "Scene",
+        datasheet: Datasheet,
+        poses: ArrayLike,
+        time_s: ArrayLike,
+        *,
+        laser: Laser | None = None,
+        hits: "Hits | None" = None,
+        reflectance: Reflectance | None = None,
+        intensity: Floats | None = None,
+        start_time_s: float | None = None,
+    ) -> None:
+        self.scene = scene
+        self.datasheet = datasheet
+        self.poses = np.asarray(poses, dtype=np.float64)
+        self.time_s = np.asarray(time_s, dtype=np.float64)
+        self.laser = Laser.from_datasheet(datasheet) if laser is None else laser
+        self.reflectance = scene.reflectance if reflectance is None else reflectance
+        self.intensity = intensity
+        self.start_time_s = start_time_s
+        if self.poses.ndim != 3 or self.poses.shape[1:] != (4, 4):
+            raise ValueError(f"poses must be (n, 4, 4), got {self.poses.shape}")
+        if self.time_s.shape != self.poses.shape[:1]:
+            raise ValueError(f"time_s must be ({len(self.poses)},), got {self.time_s.shape}")
+        self._given_hits = hits
+        self._seen: dict[float, NDArray[np.bool_]] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        kept = ("scene", "datasheet", "poses", "time_s", "laser", "reflectance", "intensity")
+        state = {key: self.__dict__[key] for key in (*kept, "start_time_s", "_given_hits")}
+        return state | {"_seen": {}}
+
+    # ---- the scan itself
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Profiles and points of a profile, (n, m)."""
+        return len(self.poses), self.laser.slope_x.size
+
+    @cached_property
+    def hits(self) -> "Hits":
+        """First hits, whatever their depth."""
+        if self._given_hits is not None:
+            return self._given_hits
+        return self.scene.cast(self.laser, self.poses)
+
+    @cached_property
+    def in_range(self) -> NDArray[np.bool_]:
+        """Where there is a hit within the working range, (n, m)."""
+        depth_mm = self.hits.depth_mm  # NaN compares as False
+        sheet = self.datasheet
+        inside = depth_mm >= sheet.depth_min_mm
+        inside &= depth_mm <= sheet.depth_max_mm
+        return inside
+
+    @cached_property
+    def depth_mm(self) -> Floats:
+        """Sensor z of the hit, (n, m) mm; NaN without a hit or outside the working range."""
+        inside = self.in_range
+        if inside.all():
+            return np.asarray(self.hits.depth_mm)
+        return np.where(inside, self.hits.depth_mm, np.nan)
+
+    @cached_property
+    def reason(self) -> NDArray[np.uint8]:
+        """Why a point has no return by geometry alone, (n, m), see `Reason`."""
+        missing = np.isnan(self.hits.depth_mm)
+        reason = np.where(missing, np.uint8(Reason.NO_HIT), np.uint8(Reason.VALID))
+        reason[~self.in_range & ~missing] = Reason.OUT_OF_RANGE
+        return reason
+
+    @property
+    def triangle(self) -> NDArray[np.int32]:
+        """Triangle of the first hit, (n, m), -1 without one."""
+        return self.hits.triangle
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Where geometry gives a return, (n, m)."""
+        return self.in_range
+
+    # ---- places
+
+    @cached_property
+    def x_mm(self) -> Floats:
+        """Sensor x of the hit, (n, m) mm, NaN without a return."""
+        return self.laser.x_mm + self.depth_mm * self.laser.slope_x
+
+    @cached_property
+    def column_x_mm(self) -> Floats:
+        """Where each ray passes at the working distance, (m,) mm."""
+        return self.laser.x_mm + self.datasheet.working_distance_mm * self.laser.slope_x
+
+    @cached_property
+    def sensor_mm(self) -> Floats:
+        """Points of the scan in the sensor frame, (n, m, 3) mm."""
+        return self.laser.points_mm(self.depth_mm)
+
+    @cached_property
+    def part_mm(self) -> Floats:
+        """Points of the scan in the part frame, (n, m, 3) mm."""
+        return self.to_part(self.sensor_mm)
+
+    def to_part(self, points_mm: Floats) -> Floats:
+        """Move points (n, ..., 3) of the sensor frames into the part frame, mm."""
+        return self.turn_to_part(points_mm) + self._origin(points_mm.ndim)
+
+    def turn_to_part(self, vectors: Floats) -> Floats:
+        """Turn vectors (n, ..., 3) of the sensor frames into the part frame."""
+        flat = vectors.reshape(len(vectors), -1, 3)
+        return (flat @ self.poses[:, :3, :3].transpose(0, 2, 1)).reshape(vectors.shape)
+
+    def _origin(self, ndim: int) -> Floats:
+        return self.poses[:, :3, 3].reshape(-1, *([1] * (ndim - 2)), 3)
+
+    @cached_property
+    def travel_mm(self) -> Floats:
+        """Path length at each profile, (n,) mm, counted positive where the sensor moves to +y."""
+        step = np.diff(self.poses[:, :3, 3], axis=0)
+        forward = np.einsum("ij,ij->i", step, self.poses[:-1, :3, 1]) >= 0
+        length = np.where(forward, 1.0, -1.0) * np.linalg.norm(step, axis=1)
+        return np.concatenate([[0.0], np.cumsum(length)])
+
+    @cached_property
+    def travel_step_mm(self) -> Floats:
+        """Signed travel from each profile to the next, (n,) mm; the last repeats the one before."""
+        if len(self.poses) < 2:
+            return np.zeros(len(self.poses))
+        step = np.diff(self.travel_mm)
+        return np.concatenate([step, step[-1:]])
+
+    # ---- directions and angles
+
+    @cached_property
+    def normal(self) -> Floats:
+        """Outward unit normal of the facet hit, (n, m, 3), sensor frame; NaN without a return."""
+        part = self.scene.normals[self.triangle]
+        part[~self.valid] = np.nan
+        flat = part.reshape(len(part), -1, 3)
+        return np.asarray(flat @ self.poses[:, :3, :3]).reshape(part.shape)
+
+    @cached_property
+    def slope_x(self) -> Floats:
+        """Depth slope dz/dx of the surface, (n, m), sensor frame, signed; NaN without a return."""
+        return self._slope(0)
+
+    @cached_property
+    def slope_y(self) -> Floats:
+        """Depth slope dz/dy of the surface, (n, m), sensor frame, signed; NaN without a return."""
+        return self._slope(1)
+
+    def _slope(self, axis: int) -> Floats:
+        across, along = self.normal[..., axis], self.normal[..., 2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(across == 0.0, 0.0, -across / along)
+
+    @cached_property
+    def ray(self) -> Floats:
+        """Unit direction of the rays, (m, 3), sensor frame."""
+        slope = self.laser.slope_x
+        direction = np.stack([slope, np.zeros_like(slope), np.ones_like(slope)], axis=-1)
+        return np.asarray(direction / np.linalg.norm(direction, axis=-1, keepdims=True))
+
+    @cached_property
+    def cos_incidence(self) -> Floats:
+        """Cosine of the angle between laser ray and normal, (n, m), 0 to 1."""
+        return np.asarray(np.clip(-np.einsum("nmk,mk->nm", self.normal, self.ray), 0.0, 1.0))
+
+    @cached_property
+    def incidence_rad(self) -> Floats:
+        """Angle between laser ray and normal, (n, m) rad."""
+        return np.asarray(np.arccos(self.cos_incidence))
+
+    # ---- the camera
+
+    @cached_property
+    def camera_mm(self) -> Floats:
+        """Camera's pupil in the sensor frame, (3,) mm.
+
+        Raises
+        ------
+        RecipeError
+            Where the datasheet doesn't state the triangulation angle.
+        """
+        return np.array([0.0, self.datasheet.camera_offset_mm, 0.0])
+
+    @cached_property
+    def to_camera(self) -> Floats:
+        """Unit vector from each point to the camera, (n, m, 3), sensor frame."""
+        way: Floats = self.camera_mm - self.sensor_mm
+        way /= np.linalg.norm(way, axis=-1, keepdims=True)
+        return way
+
+    @cached_property
+    def cos_camera(self) -> Floats:
+        """Cosine of the angle between normal and direction to the camera, (n, m), -1 to 1."""
+        return np.asarray(np.einsum("nmk,nmk->nm", self.normal, self.to_camera))
+
+    @cached_property
+    def camera_incidence_rad(self) -> Floats:
+        """Angle between normal and direction to the camera, (n, m) rad, up to pi."""
+        return np.asarray(np.arccos(np.clip(self.cos_camera, -1, 1)))
+
+    @cached_property
+    def half_vector_rad(self) -> Floats:
+        """Angle between the normal and the half vector of laser and camera, (n, m) rad."""
+        half = self.to_camera - self.ray
+        half /= np.linalg.norm(half, axis=-1, keepdims=True)
+        cosine = np.einsum("nmk,nmk->nm", self.normal, half)
+        return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
+
+    @property
+    def visible(self) -> NDArray[np.bool_]:
+        """Where the sight line to the datasheet's camera is free, (n, m); False without a return.
+
+        Raises
+        ------
+        RecipeError
+            Where the datasheet doesn't state the triangulation angle.
+        """
+        return self.visible_from(self.datasheet.camera_offset_mm)
+
+    def visible_from(self, camera_y_mm: float) -> NDArray[np.bool_]:
+        """Where a camera at (0, camera_y_mm, 0) of the sensor frame sees the laser's hit.
+
+        A point is seen where its facet faces the camera and nothing of the part lies between.
+
+        Parameters
+        ----------
+        camera_y_mm : float
+            The camera's place along y, signed, mm.
+
+        Returns
+        -------
+        (n, m) bool
+        """
+        if camera_y_mm not in self._seen:
+            seen = camera_visible(self.scene, self.laser, self.poses, self.hits, camera_y_mm)
+            seen &= self.in_range
+            self._seen[camera_y_mm] = seen
+        return self._seen[camera_y_mm]
+
+    # ---- second bounces and thickness, by single rays
+
+    @cached_property
+    def mirror(self) -> "Mirror":
+        """Where the laser's mirror reflection meets the part again."""
+        from sensors.view.mirror import mirror
+
+        return mirror(self)
+
+    @cached_property
+    def thickness_mm(self) -> Floats:
+        """Way of the laser's ray through the part behind each point, (n, m) mm."""
+        from sensors.view.mirror import thickness_mm
+
+        return thickness_mm(self)
+
+    # ---- brightness
+
+    @cached_property
+    def brightness(self) -> Floats | None:
+        """Brightness of the line, (n, m), 0 to 1: the recording's, else the part's; else None."""
+        if self.intensity is not None:
+            return np.asarray(self.intensity, dtype=np.float64)
+        if self.reflectance is not None:
+            return self.reflectance.at(self.part_mm)
+        return None
+
+    # ---- other views of the same part
+
+    def posed(self, poses: ArrayLike) -> "View":
+        """Return the view from other poses (n, 4, 4), all else equal."""
+        return self._like(poses, self.time_s, self.intensity)
+
+    def rows(self, part: slice) -> "View":
+        """Return the view of some of the profiles."""
+        hits = self.__dict__.get("hits")
+        if hits is not None:
+            from sensors.casting.scene import Hits
+
+            hits = Hits(depth_mm=hits.depth_mm[part], triangle=hits.triangle[part])
+        intensity = None if self.intensity is None else self.intensity[part]
+        return self._like(self.poses[part], self.time_s[part], intensity, hits)
+
+    def _like(
+        self, poses: ArrayLike, time_s: Floats, intensity: Floats | None, hits: "Hits | None" = None
+    ) -> "View":
+        return View(
+            self.scene,
+            self.datasheet,
+            poses,
+            time_s,
+            laser=self.laser,
+            hits=hits,
+            reflectance=self.reflectance,
+            intensity=intensity,
+            start_time_s=self.start_time_s,
+        )
+
+    def shifted(
+        self, dx_mm: ArrayLike = 0.0, dy_mm: ArrayLike = 0.0, dz_mm: ArrayLike = 0.0
+    ) -> "View":
+        """Return the view with each sensor displaced in its own frame.
+
+        Parameters
+        ----------
+        dx_mm, dy_mm, dz_mm : float or (n,) array
+            Displacement along the sensor's axes, one for all profiles or one for each.
+        """
+        parts = [np.asarray(d, dtype=np.float64) for d in (dx_mm, dy_mm, dz_mm)]
+        if not any(d.any() for d in parts):
+            return self
+        key = tuple(d.tobytes() for d in parts)
+        points = math.prod(self.shape)
+        return _SHIFTED.get(
+            self, key, lambda: self._moved(parts), keep=points <= KEPT_POINTS, size=points
+        )
+
+    def _moved(self, parts: list[Floats]) -> "View":
+        move = np.stack(np.broadcast_arrays(*parts), axis=-1) + np.zeros((len(self.poses), 1))
+        poses = self.poses.copy()
+        poses[:, :3, 3] += np.einsum("nij,nj->ni", poses[:, :3, :3], move)
+        return self.posed(poses)
+
+
+_SHIFTED: Kept[View] = Kept(64, room=KEPT_IN_ALL)
+# A quantity at each point of a view, broadcastable to (n, m).
+ViewFunction = Callable[[View], Floats]

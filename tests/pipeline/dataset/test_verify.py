@@ -1,0 +1,72 @@
+"""Verifying: damage is found, a lock holds a release, other versions are compared."""
+
+import json
+
+import pytest
+
+from pipeline.batch.run import generate
+from pipeline.dataset.verify import compare_with_lock, verify, write_lock
+from pipeline.recipe import Recipe
+from sensors.typed_yaml import RecipeError
+
+
+def test_a_whole_dataset_verifies_and_a_damaged_one_does_not(once, tmp_path):
+    assert verify(once).wrong == 0
+    shard = once / "shard-00001.h5"
+    content = bytearray(shard.read_bytes())
+    content[len(content) // 2] ^= 1
+    shard.write_bytes(content)
+    (once / "shard-00002.h5").unlink()
+    (once / "shard-00099.h5").write_bytes(b"")
+    report = verify(once)
+    assert report.wrong == 3
+    text = "\n".join(report.lines)
+    assert "shard-00001.h5: damaged" in text
+    assert "shard-00002.h5: missing" in text
+    assert "shard-00099.h5: not part" in text
+    with pytest.raises(RecipeError, match="no dataset"):
+        verify(tmp_path)
+
+
+def test_the_manifest_is_held_against_the_scans(once):
+    path = once / "manifest.csv"
+    path.write_text(path.read_text().replace("a-0000-0001", "a-0000-9999"))
+    report = verify(once)
+    assert report.wrong == 1
+    assert "a-0000-0001" in report.lines[0]
+
+
+def test_a_lock_holds_a_rebuild(once, tmp_path):
+    lock = tmp_path / "locks" / "tiny.lock"
+    write_lock(once, lock)
+    report = compare_with_lock(once, lock)
+    assert report.wrong == 0
+    assert "the same bytes" in report.lines[0]
+
+    kept = json.loads(lock.read_text())
+    shard = kept["shards"]["shard-00000.h5"]
+    shard["sha256"] = "0" * 64
+    lock.write_text(json.dumps(kept))
+    assert compare_with_lock(once, lock).wrong == 1
+
+    kept["versions"]["numpy"] = "1.0"
+    lock.write_text(json.dumps(kept))
+    report = compare_with_lock(once, lock)
+    assert report.wrong == 0
+    assert "numpy 1.0 ->" in report.lines[0]
+
+    shard["depth_mean_mm"] += 0.01
+    lock.write_text(json.dumps(kept))
+    report = compare_with_lock(once, lock)
+    assert report.wrong == 1
+    assert "depth_mean_mm" in report.lines[-1]
+
+
+def test_a_lock_of_another_recipe_is_refused(once, recipe_path, tmp_path):
+    lock = tmp_path / "tiny.lock"
+    write_lock(once, lock)
+    recipe_path.write_text(recipe_path.read_text().replace("seed: 0", "seed: 5"))
+    other = tmp_path / "other"
+    generate(Recipe.load(recipe_path), other)
+    with pytest.raises(RecipeError, match="seed differ"):
+        compare_with_lock(other, lock)

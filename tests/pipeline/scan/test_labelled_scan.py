@@ -1,0 +1,158 @@
+"""Labels against geometry: every pixel's class follows from the solids, not from thresholds."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import trimesh
+
+from pipeline.injection.flawplan import FlawPlan, exactly
+from pipeline.injection.inject import inject
+from pipeline.motion.trajectory import Trajectory, frame
+from pipeline.parts.part import Part
+from pipeline.scan.labelled_scan import HIDDEN_BY_FLAW, take_scan
+from pipeline.seeds import streams
+from sensors.casting.laser import Laser
+from sensors.casting.scene import Scene
+from sensors.datasheet import Datasheet
+from sensors.surface.surface import Surface
+from sensors.view.view import Reason
+
+SHEET = Datasheet(
+    name="s",
+    working_distance_mm=100.0,
+    z_range_mm=60.0,
+    x_fov_mm=40.0,
+    points_per_profile=160,
+    z_resolution_um=1.0,
+    repeatability_um=2.0,
+    profile_rate_hz=500.0,
+    triangulation_angle_deg=30.0,
+)
+
+
+def plate(thickness=5.0):
+    box = trimesh.creation.box(extents=(60, 60, thickness))
+    for _ in range(4):
+        box = box.subdivide()
+    return Part(name="plate", vertices_mm=box.vertices, faces=box.faces)
+
+
+def middle_only(part):
+    centre = part.vertices_mm[part.faces].mean(axis=1)
+    return (np.abs(centre[:, :2]) < 6).all(axis=1) & (centre[:, 2] > 0)
+
+
+def scanned(part, kind, *, sheet=SHEET, seed=1, surface=None, **sizes):
+    rng_of = streams(seed, "test")
+    flawed = inject(
+        part,
+        FlawPlan(kinds=(exactly(kind, 1, **sizes),)),
+        visible_faces=middle_only(part),
+        rng_of=rng_of,
+    )
+    assert len(flawed.flaws) == 1
+    poses = np.tile(np.eye(4), (160, 1, 1))
+    poses[:, :3, :3] = frame((0, 0, -1), (0, 1, 0))
+    poses[:, 1, 3] = np.linspace(-20, 20, 160)
+    poses[:, 2, 3] = 100 + part.vertices_mm[:, 2].max()
+    path = Trajectory(poses=poses, time_s=np.arange(160) / 500, facts={})
+    scenes = (Scene(flawed.vertices_mm, flawed.faces), Scene(part.vertices_mm, part.faces))
+    scan = take_scan(
+        flawed=flawed, scenes=scenes, trajectory=path, datasheet=sheet,
+        laser=Laser.from_datasheet(sheet), surface=surface, reflectance=None, visible_at=3.0,
+        rng_of=rng_of,
+    )  # fmt: skip
+    return flawed, scan
+
+
+def clean_points(scan):
+    points = scan.laser.points_mm(scan.depth_clean_mm)
+    return points @ scan.poses[:, :3, :3].transpose(0, 2, 1) + scan.poses[:, None, :3, 3]
+
+
+def test_a_dents_mask_is_its_analytic_footprint_to_a_pixels_edge():
+    flawed, scan = scanned(plate(), "dent", length_mm=14.0, aspect=0.7, depth_mm=0.8)
+    flaw = flawed.flaws[0]
+    s = np.sqrt(flaw.parameters["rim_ratio"])
+    outer = s + np.sqrt(s * s + 1)
+    site = clean_points(scan) - flaw.position_mm
+    c, d = np.cos(flaw.heading_rad), np.sin(flaw.heading_rad)
+    # tangent axes of the upward normal, as defects.surface makes them
+    from defects.surface import tangent_axes
+
+    first, second = tangent_axes(flaw.normal)
+    u = site @ (c * first + d * second)
+    v = site @ (c * second - d * first)
+    a, b = 7.0 * outer, 7.0 * 0.7 * outer
+    inside = (u / a) ** 2 + (v / b) ** 2 < 1
+    pitch = 40 / 159 * 1.05
+    far = np.abs(np.hypot(u / a, v / b) - 1) * b > pitch
+    labelled = scan.mask == 1
+    assert (labelled == inside)[far].all()
+    assert labelled[far].sum() > 500
+    assert (scan.instance > 0).sum() == labelled.sum()
+
+
+@pytest.mark.parametrize(
+    ("kind", "sizes"),
+    [
+        ("dent", {"length_mm": 12.0, "depth_mm": 0.8}),
+        ("crack", {}),
+        ("pit", {}),
+        ("scratch", {}),
+        ("bump", {}),
+    ],
+)
+def test_outside_the_mask_both_depths_agree_to_a_nanometre(kind, sizes):
+    _, scan = scanned(plate(), kind, **sizes)
+    both = np.isfinite(scan.depth_ideal_mm) & np.isfinite(scan.depth_clean_mm)
+    off = np.abs(scan.depth_ideal_mm - scan.depth_clean_mm)
+    assert off[both & (scan.mask == 0)].max() <= 1e-6
+    assert (scan.mask > 0).sum() > 5
+    assert off[both & (scan.mask > 0)].max() > 0.01
+
+
+def test_a_through_crack_is_labelled_where_nothing_returns():
+    flawed, scan = scanned(
+        plate(0.8), "crack", depth_mm=3.0, width_mm=1.2, length_mm=12.0, branches=0.0
+    )
+    assert flawed.flaws[0].through
+    gone = np.isnan(scan.depth_ideal_mm) & np.isfinite(scan.depth_clean_mm)
+    assert gone.sum() > 10
+    assert (scan.mask[gone] == 2).all()
+    assert (scan.mask_visible[gone] == 2).all()
+    assert (scan.invalid_reason[gone] != Reason.VALID).all()
+
+
+def test_what_a_bump_hides_from_the_camera_has_its_own_reason():
+    sheet = dataclasses.replace(SHEET, effects=({"name": "camera_occlusion"},))
+    part = plate()
+    _, scan = scanned(part, "bump", sheet=sheet, length_mm=6.0, height_mm=2.5)
+    shaded = scan.invalid_reason == HIDDEN_BY_FLAW
+    assert shaded.any()
+    assert np.isnan(scan.depth_mm[shaded]).all()
+    _, plain = scanned(part, "bump", length_mm=6.0, height_mm=2.5)
+    assert not (plain.invalid_reason == HIDDEN_BY_FLAW).any()
+    # the camera is on +y, so the shade lies on the bump's -y side: earlier rows
+    rows = np.nonzero(shaded)[0]
+    assert rows.mean() < np.nonzero(scan.mask)[0].mean()
+
+
+def test_visible_means_above_the_noise():
+    surface = Surface.load("car_door")
+    _, scan = scanned(plate(), "dent", surface=surface, length_mm=12.0, depth_mm=0.5)
+    off = np.abs(scan.depth_ideal_mm - scan.depth_clean_mm)
+    expected = (scan.mask > 0) & (off > 3 * scan.noise_mm)
+    assert ((scan.mask_visible > 0) == expected).all()
+    assert 0 < expected.sum() < (scan.mask > 0).sum()
+
+
+def test_reading_is_rounded_and_as_noisy_as_claimed():
+    _, scan = scanned(plate(), "dent", length_mm=8.0, depth_mm=0.5)
+    counts = scan.depth_mm / 1e-3
+    np.testing.assert_allclose(counts, np.rint(counts), atol=1e-6)
+    noise = (scan.depth_mm - scan.depth_ideal_mm)[scan.mask == 0]
+    claimed = np.hypot(scan.noise_mm[0, 0], 1e-3 / np.sqrt(12))  # rounding adds its own share
+    assert noise.std() == pytest.approx(claimed, rel=0.03)
+    assert abs(noise.mean()) < 5 * claimed / np.sqrt(noise.size)
