@@ -12,7 +12,7 @@ import pytest
 
 from flawforge import generate_command
 from flawforge.cli import main
-from pipeline.batch.run import stop
+from pipeline.batch import stop
 from pipeline.batch.stop import Stopped, heard, stoppable
 
 HOME = Path(__file__).resolve().parents[3]
