@@ -170,7 +170,7 @@ def stopwatch() -> Iterator[dict[str, float]]:
     from pipeline.dataset.shards import ShardWriter
     from sensors.casting.scene import Scene
     from sensors.law import Law
-    from sensors.view.view import view
+    from sensors.view import view
 
     places: list[tuple[str, Any, str]] = [
         ("cast", Scene, "cast"),

@@ -105,7 +105,7 @@ def test_a_specimen_of_many_shards_is_cut_once(recipe_path, tmp_path):
 def test_who_comes_second_takes_the_cut_that_is_kept(recipe_path, tmp_path, monkeypatch):
     from pipeline.batch.plan import PlannedPart
     from pipeline.batch.run import find_wanted
-    from pipeline.injection.inject import specimen
+    from pipeline.injection import specimen
 
     recipe = Recipe.load(recipe_path).ready()
     wanted, _ = find_wanted(recipe)

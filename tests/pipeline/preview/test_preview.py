@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-import pipeline.preview as preview
 from pipeline.dataset.shards import read_scan
 from pipeline.parts.builtin import build
+from pipeline.preview import scan_picture as preview
 from pipeline.preview.annotation import spread
 from pipeline.preview.chart import Chart
 from pipeline.preview.cut import place_of_cut
