@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
-from sensors.effects import effects_of
-from sensors.law import draw_effects, law_with
+from sensors.model import SensorModel, draw_effects, scan_with
 from sensors.noise.perlin import PerlinField
 from sensors.recording import Recording
 from sensors.view.view import View
@@ -187,7 +186,9 @@ def record(
     time = np.arange(profiles) / sheet.profile_rate_hz
     made = replace(sheet, effects=(*sheet.effects, *true_effects))
     laser = Laser.from_datasheet(sheet)
-    view = View(scene, made, error @ commanded, time, laser=laser, start_time_s=start_time_s)
+    view = View(
+        scene, SensorModel(made), error @ commanded, time, laser=laser, start_time_s=start_time_s
+    )
     streams: dict[str, np.random.Generator] = {}
 
     def rng_of(stream: str) -> np.random.Generator:
@@ -195,8 +196,8 @@ def record(
             streams[stream] = np.random.default_rng([seed, *stream.encode()])
         return streams[stream]
 
-    effects = draw_effects(effects_of(made), rng_of)
-    law = replace(law_with(view, None, effects, rng_of), speckle=speckle)
+    effects = draw_effects(view.sensor.effects, rng_of)
+    law = replace(scan_with(view, None, effects, rng_of)[1], speckle=speckle)
     depth, _ = law.sample(rng_of, view)
     intensity = view.brightness
     if intensity is not None:

@@ -12,7 +12,7 @@ from diagnosis.workspace import Model, Workspace
 from sensors.datasheet import Datasheet, with_effects
 from sensors.effects import effects_of
 from sensors.effects.base import Effect
-from sensors.line.beam import as_wide
+from sensors.model import as_wide
 from sensors.view.covariates import COVARIATES
 
 

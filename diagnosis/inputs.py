@@ -14,6 +14,7 @@ from diagnosis.registration import Placement
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
+from sensors.model import SensorModel
 from sensors.recording import Recording, repeated_rows
 from sensors.typed_yaml import RecipeError
 from sensors.view.view import View
@@ -137,7 +138,7 @@ def with_brightness(
             kept.append(recording)
             continue
         view = View(
-            scene, datasheet, placed[recording.name].poses, recording.time_s,
+            scene, SensorModel(datasheet), placed[recording.name].poses, recording.time_s,
             laser=laser[recording.name],
         )  # fmt: skip
         bright = surface_brightness(recording.intensity, view)

@@ -66,7 +66,7 @@ def placed_by_law(
 
     def cost(steps: Field) -> float:
         there = View(
-            view.scene, view.datasheet, moved(steps), view.time_s, laser=laser,
+            view.scene, view.sensor, moved(steps), view.time_s, laser=laser,
             intensity=bright, start_time_s=view.start_time_s,
         )  # fmt: skip
         law = predict(there, effects, noise, level=model.level)

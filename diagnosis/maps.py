@@ -26,6 +26,7 @@ from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.effects.base import Effect
+from sensors.model import SensorModel
 from sensors.recording import Recording, repeated_rows
 from sensors.view.view import View
 
@@ -104,13 +105,14 @@ def map_recording(
     )  # fmt: skip
     pieces: dict[str, list[Field]] = {k: [] for k in names}
     single: dict[str, list[Mask]] = {e.name: [] for e in model.effects}
-    whole_travel = View(scene, datasheet, placement.poses, recording.time_s, laser=laser).travel_mm
+    sensor = SensorModel(datasheet)
+    whole_travel = View(scene, sensor, placement.poses, recording.time_s, laser=laser).travel_mm
 
     def views(poses: Field) -> Iterator[View]:
         """Look at the recording piece by piece from poses."""
         for part in parts:
             view = View(
-                scene, datasheet, poses[part], recording.time_s[part], laser=laser,
+                scene, sensor, poses[part], recording.time_s[part], laser=laser,
                 intensity=None if recording.intensity is None else recording.intensity[part],
                 start_time_s=recording.start_time_s,
             )  # fmt: skip

@@ -15,8 +15,9 @@ from diagnosis.noise import Field, Mask
 from diagnosis.prediction import law_of
 from diagnosis.registration import PRIOR_SD, Placement, hits_normal, pose_columns
 from sensors.casting.laser import Laser
-from sensors.casting.scene import Hits, Scene
+from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
+from sensors.model import SensorModel
 from sensors.recording import Recording, repeated_rows
 from sensors.view.view import View
 
@@ -109,12 +110,13 @@ def cut(
     n, m = recording.depth_mm.shape
     repeats = repeated_rows(recording.depth_mm)
     spans = strips(n, m)
-    whole_travel = View(scene, datasheet, placement.poses, recording.time_s, laser=laser).travel_mm
+    sensor = SensorModel(datasheet)
+    whole_travel = View(scene, sensor, placement.poses, recording.time_s, laser=laser).travel_mm
     patches = []
     for rows in spans:
         view = View(
             scene,
-            datasheet,
+            sensor,
             placement.poses[rows],
             recording.time_s[rows],
             laser=laser,
@@ -175,11 +177,11 @@ def strip_of(patch: Patch, part: slice) -> Patch:
     view = patch.view
     short = View(
         view.scene,
-        view.datasheet,
+        view.sensor,
         view.poses[part],
         view.time_s[part],
         laser=view.laser,
-        hits=Hits(depth_mm=view.hits.depth_mm[part], triangle=view.hits.triangle[part]),
+        hits=view.hits.rows(part),
         intensity=None if view.intensity is None else view.intensity[part],
         start_time_s=view.start_time_s,
     )

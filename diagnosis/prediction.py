@@ -14,8 +14,8 @@ from scipy.special import ndtr
 from diagnosis.noise import Field, Mask, NoiseModel
 from sensors.datasheet import Datasheet
 from sensors.effects.base import Effect
-from sensors.law import Law, as_moved, geometric_law, sheet_effects
-from sensors.line.beam import as_wide
+from sensors.law import Law, geometric_law
+from sensors.model import as_moved, as_wide
 from sensors.noise.perlin import PerlinField
 from sensors.noise.uncertainty import sigma_mm
 from sensors.view.kept import Kept
@@ -77,7 +77,7 @@ def law_of(view: View, effects: Sequence[Effect], noise: NoiseModel | None) -> L
 
 def _law_of(view: View, effects: Sequence[Effect], noise_mm: float | None) -> Law:
     found = {effect.name: effect for effect in effects}
-    own = [found.pop(e.name, e) for e in as_wide(sheet_effects(view), found)]
+    own = [found.pop(e.name, e) for e in as_wide(view.sensor.effects, found)]
     true, others = as_moved(view, [*own, *found.values()])
     return _applied(true, tuple(others), noise_mm)
 
@@ -88,7 +88,7 @@ def _applied(view: View, effects: tuple[Effect, ...], noise_mm: float | None) ->
     Kept with the view are the laws under the file's own first ones, and under all but the last
     one: that is the one which is tried.
     """
-    own = sheet_effects(view)
+    own = view.sensor.effects
     shared = 0
     while shared < min(len(own), len(effects)) and effects[shared] == own[shared]:
         shared += 1
@@ -129,7 +129,7 @@ def _with(effect: Effect, law: Law, view: View) -> Law:
 def plain_gain(view: View) -> Field:
     """Size of the noise that the sensor's file gives each reading, over that of a flat, (n, m)."""
     noise_mm = max(1e-2, 4 * sigma_mm(view.datasheet))
-    return np.asarray(_applied(view, sheet_effects(view), noise_mm).sd_mm(view)) / noise_mm
+    return np.asarray(_applied(view, view.sensor.effects, noise_mm).sd_mm(view)) / noise_mm
 
 
 def _bare(view: View, noise_mm: float | None) -> Law:
@@ -205,7 +205,7 @@ def _beyond(mean_mm: Field, sd_mm: Field, sheet: Datasheet) -> Field:
 
 def starting(kind: type[Effect], view: View) -> Effect:
     """Return the effect as the sensor's file lists it, or a fresh one."""
-    return next((e for e in sheet_effects(view) if e.name == kind.name), None) or kind()
+    return next((e for e in view.sensor.effects if e.name == kind.name), None) or kind()
 
 
 def effects_for(

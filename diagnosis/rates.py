@@ -19,7 +19,6 @@ from diagnosis.prediction import Prediction
 from diagnosis.score import Whitened
 from diagnosis.workspace import block_sums
 from sensors.effects.base import Effect
-from sensors.law import sheet_effects
 from sensors.view.covariates import COVARIATES
 
 TOLERANCES = {"variance": 0.12, "missing": 0.004, "tails": 0.002}
@@ -52,7 +51,7 @@ def screen_rates(
     accepted : effects that the predictions follow, beside those of the sensor's file
     """
     findings: list[Finding] = []
-    shaped = any("variance" in e.channels for e in sheet_effects(patches[0].view))
+    shaped = any("variance" in e.channels for e in patches[0].view.sensor.effects)
     # weak light is noisy where it isn't lost
     modelled = any("variance" in e.channels or e.name == "specular_dropout" for e in accepted)
     for channel in ("variance", "missing", "tails"):

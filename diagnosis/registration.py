@@ -15,8 +15,9 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from diagnosis.noise import Field, Mask, mad_sd
+from sensors.casting.hits import Hits
 from sensors.casting.laser import Laser
-from sensors.casting.scene import Hits, Scene
+from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.recording import Recording
 from sensors.typed_yaml import RecipeError

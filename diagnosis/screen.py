@@ -24,7 +24,6 @@ from diagnosis.score import CLIP, Whitened
 from sensors.effects.base import Effect
 from sensors.effects.edge_mixing import EdgeMixing
 from sensors.effects.finite_spot import FiniteSpot
-from sensors.law import sheet_effects
 
 DRAWS = 48
 TOLERANCE = 0.07
@@ -255,14 +254,14 @@ def _family(
 
 def lists_edges(patch: Patch) -> bool:
     """Whether the sensor's file says what depth edges do to a reading."""
-    return any(e.covariate in READ_AT_EDGES for e in sheet_effects(patch.view))
+    return any(e.covariate in READ_AT_EDGES for e in patch.view.sensor.effects)
 
 
 def _listed_tolerance(effect: Effect, patch: Patch) -> float:
     """Size that a signature on edges may have by the faults of what the sensor's file lists."""
     if isinstance(effect, FiniteSpot) and effect.beam_um > 0:
         return BEAM_TOLERANCE
-    mixing = [e for e in sheet_effects(patch.view) if isinstance(e, EdgeMixing)]
+    mixing = [e for e in patch.view.sensor.effects if isinstance(e, EdgeMixing)]
     if mixing and isinstance(effect, EdgeMixing):
         wider = (effect.line_sd_um or 0.0) > (mixing[0].line_sd_um or 0.0)
         return WIDER_TOLERANCE if wider else LISTED_TOLERANCE

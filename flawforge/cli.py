@@ -137,7 +137,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def _is_users(error: Exception) -> bool:
     """Whether an error is about what the user gave or the disk (and not a fault of ours)."""
     from flawforge.dataset import ShardError
-    from pipeline.parts.part import PartError
+    from pipeline.parts.part_error import PartError
     from sensors.typed_yaml import RecipeError
 
     if isinstance(error, OSError) and error.errno is not None:

@@ -14,6 +14,7 @@ from pipeline.injection.flawplan import FlawPlan
 from pipeline.motion.limits import Motion
 from pipeline.motion.trajectory import follow, frame, rate_of
 from sensors.datasheet import Datasheet
+from sensors.model import SensorModel
 from sensors.surface.reflectance import ReflectanceMap
 from sensors.surface.surface import Surface
 from sensors.typed_yaml import Document, RecipeError, load_yaml, parse, plain, record
@@ -92,8 +93,8 @@ class Recipe:
     ----------
     file : RecipeFile
         The recipe's own keys.
-    datasheet : Datasheet
-        The sensor.
+    sensor : SensorModel
+        The sensor: its datasheet and effects.
     surfaces : mapping
         Every surface that the recipe names, by that name.
     document : Document
@@ -105,7 +106,7 @@ class Recipe:
     """
 
     file: RecipeFile
-    datasheet: Datasheet
+    sensor: SensorModel
     surfaces: Mapping[str, Surface]
     document: Document
     roots: tuple[Path, ...]
@@ -133,7 +134,8 @@ class Recipe:
             if not root.is_dir():
                 raise RecipeError("no such folder", where="--parts", value=str(root))
         folders = (Path(path).resolve().parent, *(root.resolve() for root in roots))
-        datasheet = _named(Datasheet.load, file.sensor, folders, document.where(("sensor",)))
+        sensor = _named(SensorModel.load, file.sensor, folders, document.where(("sensor",)))
+        datasheet = sensor.datasheet
         points = file.points or datasheet.points_per_profile
         if file.profiles * points > MOST_POINTS:
             raise RecipeError(
@@ -166,12 +168,17 @@ class Recipe:
             )
         return cls(
             file=file,
-            datasheet=datasheet,
+            sensor=sensor,
             surfaces=surfaces,
             document=document,
             roots=folders,
             reflectance=reflectance,
         )
+
+    @property
+    def datasheet(self) -> Datasheet:
+        """What the sensor's maker states."""
+        return self.sensor.datasheet
 
     @property
     def points(self) -> int:

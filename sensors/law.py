@@ -8,22 +8,18 @@ Sensors 2023, 23, 7624; effects turn one law into another.
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sensors.noise.perlin import PerlinField, grid_pitch
 from sensors.noise.uncertainty import sigma_mm
+from sensors.sampling import sample
 from sensors.surface.surface import Surface
 from sensors.view.view import Reason, View
 
-if TYPE_CHECKING:
-    from sensors.effects.base import Effect
-
 Floats = NDArray[np.float64]
 RngOf = Callable[[str], np.random.Generator]
-
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -144,8 +140,6 @@ class Law:
         reason : (n, m) uint8
             Why they are missing.
         """
-        from sensors.sampling import sample
-
         return sample(self, rng_of, view)
 
 
@@ -197,104 +191,3 @@ def _speckle(view: View, surface: Surface | PerlinField | None) -> PerlinField |
         repeatability_um=sheet.repeatability_um or 0.0,
     )
     return ready.field()
-
-
-def law_with(
-    view: View,
-    surface: Surface | PerlinField | None,
-    effects: Sequence["Effect"],
-    rng_of: RngOf | None = None,
-) -> Law:
-    """Law of the paper with `effects`: those that move the sensor first, the others in order.
-
-    Parameters
-    ----------
-    view : View
-        The scan at its commanded poses.
-    surface : Surface, PerlinField or None
-        Roughness, or the noise made of it; None without speckle.
-    effects : sequence of Effect
-    rng_of : function, optional
-        Gives the generator from which an effect's recording parameters are drawn, by the stream's
-        name "effect:<name>". Without it, those left open are integrated out.
-
-    Raises
-    ------
-    RecipeError
-        Where the datasheet leaves out what an effect needs.
-    """
-    drawn = draw_effects(effects, rng_of)
-    true, others = as_moved(view, drawn)
-    law = geometric_law(true, surface)
-    for effect in others:
-        law = effect.apply(law, true)
-    return law
-
-
-def plain_law(
-    view: View, surface: Surface | PerlinField | None, rng_of: RngOf | None = None
-) -> Law:
-    """Law of the sensor's file, its effects included; see `law_with`."""
-    return law_with(view, surface, sheet_effects(view), rng_of)
-
-
-def law_at(
-    true: View, surface: Surface | PerlinField | None, rng_of: RngOf | None = None
-) -> Law:
-    """Law of the sensor's file where `true` comes from `true_view` with the same streams.
-
-    The same as `plain_law` at the commanded poses, without casting the moved sensor again.
-    """
-    from sensors.effects.base import MotionEffect
-
-    law = geometric_law(true, surface)
-    for effect in draw_effects(sheet_effects(true), rng_of):
-        if not isinstance(effect, MotionEffect) or effect.undrawn(true):
-            law = effect.apply(law, true)
-    return law
-
-
-def true_view(view: View, rng_of: RngOf | None = None) -> View:
-    """Return the view from where the sheet's effects really put the sensor.
-
-    `view` itself where none moves the sensor. The same streams as in `plain_law` are used, so
-    that both agree.
-    """
-    return as_moved(view, draw_effects(sheet_effects(view), rng_of))[0]
-
-
-def sheet_effects(view: View) -> tuple["Effect", ...]:
-    """Effects that the sensor's file lists, in order."""
-    if not view.datasheet.effects:
-        return ()
-    from sensors.effects import effects_of
-
-    return effects_of(view.datasheet)
-
-
-def draw_effects(effects: Sequence["Effect"], rng_of: RngOf | None) -> tuple["Effect", ...]:
-    """Draw the recording's open parameters of each effect from the stream of its name."""
-    if rng_of is None:
-        return tuple(effects)
-    return tuple(
-        effect.draw(rng_of(f"effect:{effect.name}")) if effect.undrawn() else effect
-        for effect in effects
-    )
-
-
-def as_moved(view: View, effects: Sequence["Effect"]) -> tuple[View, list["Effect"]]:
-    """Apply what moves the sensor, where it is known by how much; return the rest in order."""
-    if not effects:
-        return view, []
-    from sensors.effects.base import MotionEffect
-
-    others: list[Effect] = []
-    for effect in effects:
-        if isinstance(effect, MotionEffect) and not effect.undrawn(view):
-            if not effect.is_null:
-                for key in effect.needs:
-                    view.datasheet.require(key)
-                view = effect.moved(view)
-        else:
-            others.append(effect)
-    return view, others

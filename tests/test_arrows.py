@@ -4,6 +4,8 @@ import ast
 import functools
 from pathlib import Path
 
+import networkx as nx
+
 ROOT = Path(__file__).resolve().parents[1]
 MAY_IMPORT = {
     "flawforge": {"flawforge", "pipeline", "diagnosis", "challenge", "sensors", "defects"},
@@ -35,6 +37,44 @@ def imports(path: Path) -> set[str]:
     return {name.split(".")[0] for name in found}
 
 
+@functools.cache
+def needed(path: Path) -> frozenset[Path]:
+    """Files of ours that a file imports, in functions too; what only types need is left out."""
+    tree = ast.parse(path.read_text())
+    typing_only = {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING")
+        for statement in node.body
+        for inner in ast.walk(statement)
+    }
+    names = set()
+    for node in ast.walk(tree):
+        if id(node) in typing_only:
+            continue
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            # a name is a module of its package, or stands in the package's own file
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return frozenset(found for name in names if (found := file_of(name)) and found != path)
+
+
+def file_of(name: str) -> Path | None:
+    """File of a module, or of the module that a name stands in; None where it isn't ours."""
+    place = ROOT / name.replace(".", "/")
+    for at in (place, place.parent):
+        for file in (at.with_suffix(".py"), at / "__init__.py"):
+            if file.is_file():
+                return file
+    return None
+
+
+def circles(edges: dict[Path, frozenset[Path]]) -> list[list[Path]]:
+    graph = nx.DiGraph({source: list(targets) for source, targets in edges.items()})
+    return [sorted(group) for group in nx.strongly_connected_components(graph) if len(group) > 1]
+
+
 def sources(package: str) -> list[Path]:
     return sorted((ROOT / package).rglob("*.py"))
 
@@ -45,6 +85,21 @@ def test_arrows_point_one_way():
         for path in sources(package):
             wrong = (imports(path) & set(MAY_IMPORT)) - allowed
             assert not wrong, f"{path.relative_to(ROOT)} imports {wrong}"
+
+
+def test_no_circles_between_files():
+    files = [path for package in MAY_IMPORT for path in sources(package)]
+    found = circles({path: needed(path) for path in files})
+    assert not found, [[str(path.relative_to(ROOT)) for path in group] for group in found]
+
+
+def test_a_circle_is_seen():
+    law, model, view = (ROOT / "sensors" / name for name in ("law.py", "model.py", "view/view.py"))
+    assert law in needed(model)
+    assert view in needed(law)
+    assert model not in needed(view)  # needed for its type alone
+    assert circles({path: needed(path) for path in (law, model, view)}) == []
+    assert circles({law: frozenset({view}), view: frozenset({law})}) == [[law, view]]
 
 
 def test_nothing_installed_imports_tests_or_benchmarks():

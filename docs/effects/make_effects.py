@@ -15,6 +15,7 @@ from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.effects import CATALOGUE, AdditiveEffect, Effect, MotionEffect, Parameter
 from sensors.law import Law, geometric_law
+from sensors.model import SensorModel
 from sensors.noise.perlin import PerlinField
 from sensors.surface.reflectance import Patch, ReflectanceMap, Stripes
 from sensors.view.covariates import COVARIATES
@@ -93,7 +94,7 @@ def demonstration() -> View:
         patches=(Patch(value=0.15, x_mm=(-30.0, 30.0), y_mm=(9.0, 12.0)),),
     )
     scene = Scene(solid.vertices, solid.faces)
-    return View(scene, SHEET, poses, np.arange(n) / 400.0, reflectance=bright)
+    return View(scene, SensorModel(SHEET), poses, np.arange(n) / 400.0, reflectance=bright)
 
 
 def shown(name: str) -> Effect:

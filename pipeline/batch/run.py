@@ -18,7 +18,8 @@ from pipeline.dataset.folder import drop_leftovers, drop_parts, held
 from pipeline.dataset.manifest import versions, write_manifest
 from pipeline.dataset.shards import file_sha256
 from pipeline.injection.specimen import check_plan, load_entry, store_part
-from pipeline.parts.part import PartError, find_parts
+from pipeline.parts.part import find_parts
+from pipeline.parts.part_error import PartError
 from pipeline.recipe import PartEntry, Recipe, resolve
 
 __all__ = ["Backend", "generate"]

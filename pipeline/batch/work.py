@@ -11,7 +11,7 @@ from pipeline.dataset.folder import write_whole
 from pipeline.dataset.shards import ShardWriter, file_sha256
 from pipeline.injection.inject import Flaw
 from pipeline.injection.specimen import Specimen, make_specimen
-from pipeline.parts.part import PartError
+from pipeline.parts.part_error import PartError
 from pipeline.recipe import Recipe
 from pipeline.scan.labelled_scan import Scan, take_scan
 from pipeline.scan.labels import Tally
@@ -141,7 +141,7 @@ def _scan(
         flawed=specimen.flawed,
         scenes=specimen.scenes,
         trajectory=path,
-        datasheet=recipe.datasheet,
+        sensor=recipe.sensor,
         laser=specimen.laser,
         surface=recipe.surfaces[surface_name] if surface_name is not None else None,
         reflectance=recipe.reflectance,

@@ -26,7 +26,8 @@ from pipeline.injection.flawplan import FlawPlan
 from pipeline.injection.inject import FlawedPart, inject
 from pipeline.motion.aim import Aimer, Outlook
 from pipeline.parts import builtin as parts
-from pipeline.parts.part import Part, PartError, load_part
+from pipeline.parts.part import Part, load_part
+from pipeline.parts.part_error import PartError
 from pipeline.recipe import PartEntry, Recipe
 from pipeline.seeds import streams
 from sensors.casting.laser import Laser

@@ -6,7 +6,8 @@ from numpy.typing import NDArray
 from pipeline.injection.inject import FlawedPart
 from pipeline.motion.limits import Motion
 from pipeline.motion.trajectory import Trajectory, draw, follow, frame
-from pipeline.parts.part import Part, PartError
+from pipeline.parts.part import Part
+from pipeline.parts.part_error import PartError
 from pipeline.seeds import RngOf
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene

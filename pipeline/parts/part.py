@@ -12,6 +12,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.parts.mesh.meshfile import SUFFIXES, read_mesh
+from pipeline.parts.part_error import PartError
+
 UNITS_MM: Final[Mapping[str, float]] = {
     "mm": 1.0,
     "cm": 10.0,
@@ -19,20 +22,6 @@ UNITS_MM: Final[Mapping[str, float]] = {
     "um": 1e-3,
     "inch": 25.4,
 }
-SUFFIXES: Final[tuple[str, ...]] = (".stl", ".obj", ".ply", ".3mf")
-
-
-class PartError(ValueError):
-    """A mesh that can't be used: one line with the file, what is wrong and where, and the mend."""
-
-    def __init__(self, source: str | os.PathLike[str], wrong: str, mend: str) -> None:
-        self.source = os.fspath(source)
-        self.wrong = " ".join(wrong.split())
-        self.mend = " ".join(mend.split())
-        super().__init__(f"{self.source}: {self.wrong}; mend: {self.mend}")
-
-    def __reduce__(self) -> tuple[type[PartError], tuple[str, str, str]]:
-        return PartError, (self.source, self.wrong, self.mend)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -129,7 +118,6 @@ def load_part(
     PartError
         When the file can't be read or its mesh can't be made a closed solid.
     """
-    from pipeline.parts.mesh.meshfile import read_mesh
     from pipeline.parts.mesh.solid import make_solid
 
     source = os.fspath(path)

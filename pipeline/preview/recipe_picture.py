@@ -6,7 +6,7 @@ from pathlib import Path
 from pipeline.batch.plan import PlannedPart
 from pipeline.batch.run import find_wanted
 from pipeline.injection.specimen import check_plan, load_entry, make_specimen, store_part
-from pipeline.parts.part import PartError
+from pipeline.parts.part_error import PartError
 from pipeline.preview.setup_picture import draw_setup
 from pipeline.recipe import Recipe
 from pipeline.seeds import streams

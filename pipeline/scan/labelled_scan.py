@@ -13,10 +13,10 @@ from pipeline.scan.labels import Tally, cross_boxes, faces_hit, stand_out, tally
 from pipeline.seeds import RngOf
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
-from sensors.datasheet import Datasheet
-from sensors.law import law_at, true_view
+from sensors.model import SensorModel
+from sensors.surface.brightness import Reflectance
 from sensors.surface.surface import Surface
-from sensors.view.view import Reason, Reflectance, View
+from sensors.view.view import Reason, View
 
 Floats = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def take_scan(
     flawed: FlawedPart,
     scenes: tuple[Scene, Scene],
     trajectory: Trajectory,
-    datasheet: Datasheet,
+    sensor: SensorModel,
     laser: Laser,
     surface: Surface | None,
     reflectance: Reflectance | None,
@@ -108,7 +108,7 @@ def take_scan(
         The flawed and the clean solid, ready for casting.
     trajectory
         Commanded poses.
-    datasheet, laser, surface, reflectance
+    sensor, laser, surface, reflectance
         The instrument and what it looks at.
     visible_at
         A flaw is visible where its deviation exceeds this many standard deviations of the noise.
@@ -118,17 +118,14 @@ def take_scan(
     scene, clean_scene = scenes
     commanded = View(
         scene,
-        datasheet,
+        sensor,
         trajectory.poses,
         trajectory.time_s,
         laser=laser,
         reflectance=reflectance,
     )
-    view = true_view(commanded, rng_of)
-    law = law_at(view, surface, rng_of)
-    clean = View(
-        clean_scene, datasheet, view.poses, view.time_s, laser=laser, reflectance=reflectance
-    )
+    view, law = sensor.scan(commanded, surface, rng_of)
+    clean = View(clean_scene, sensor, view.poses, view.time_s, laser=laser, reflectance=reflectance)
     depth, reason = law.sample(rng_of, view)
     instance, moved = faces_hit(
         view.triangle, flawed.instance, view.depth_mm, clean.depth_mm, SAME_MM

@@ -1,39 +1,23 @@
 """A part as the laser sees it: a closed triangle mesh and the first hits of rays on it."""
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sensors.casting.hits import Hits
 from sensors.casting.laser import Laser
 from sensors.casting.sweep import sweep, sweepable
+from sensors.surface.brightness import Reflectance
 
 if TYPE_CHECKING:
     from sensors.casting.embree import Rays, Tree
-    from sensors.view.view import Reflectance
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 _SAME_ROTATION = 1e-13  # difference of matrix elements; 4e-11 mm at 400 mm
 _CLEARANCE_MM = 1e-6  # hits closer than 1 nm to a sight line's ends don't block it
-
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Hits:
-    """First hits of a scan's rays, whatever their depth.
-
-    Attributes
-    ----------
-    depth_mm : (n, m) float64
-        Depth in the sensor frame, mm; NaN where the ray meets nothing.
-    triangle : (n, m) int32
-        Number of the triangle; -1 where the ray meets nothing.
-    """
-
-    depth_mm: Floats
-    triangle: Ints
 
 
 class Scene:
@@ -83,7 +67,7 @@ class Scene:
         Scene.__init__(self, state["vertices_mm"], state["faces"])
         self.reflectance = state["reflectance"]
 
-    def finished(self, reflectance: "Reflectance | None") -> "Scene":
+    def finished(self, reflectance: Reflectance | None) -> "Scene":
         """Return the same part with a brightness of its own."""
         other = object.__new__(Scene)
         other.__dict__.update(self.__dict__, reflectance=reflectance)

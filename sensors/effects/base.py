@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from sensors.effects.basis import Basis
 from sensors.effects.parameter import Parameter
 from sensors.law import Law, geometric_law
+from sensors.line.beam import Beam
 from sensors.typed_yaml import RecipeError
 from sensors.view.covariates import COVARIATES
 from sensors.view.view import View
@@ -51,6 +52,8 @@ class Effect(ABC):
     rivals : effects that look alike
     separating : the measurement that tells them apart
     needs : keys of the datasheet without which it can't be computed
+    line_width : parameter that holds the width of the laser's line, where the effect is the
+        geometry of a line that wide; "" for others
     sinusoid : the effect is an amplitude (its first linear parameter) and `phase_rad`; its
         coefficients are A cos(phase) and A sin(phase), those of sine and cosine
     """
@@ -69,6 +72,7 @@ class Effect(ABC):
     rivals: ClassVar[tuple[str, ...]]
     separating: ClassVar[str]
     needs: ClassVar[tuple[str, ...]] = ()
+    line_width: ClassVar[str] = ""
     sinusoid: ClassVar[bool] = False
 
     # ---- what a subclass says
@@ -83,6 +87,13 @@ class Effect(ABC):
         None where `changed` isn't just this added to the mean.
         """
         return None
+
+    def stated_on(self, beam: Beam) -> Beam:
+        """Return the laser's line with what this effect, listed in a sensor's file, states of it.
+
+        Effects find the whole at `view.sensor.beam`.
+        """
+        return beam
 
     # ---- what everybody calls
 

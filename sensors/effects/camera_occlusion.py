@@ -1,7 +1,7 @@
 """Shadows: no return where the part stands between the laser's spot and the camera."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
+from sensors.line.beam import Beam
 from sensors.line.line_operator import gaussian_weights, read_line, sub_lines
 from sensors.view.covariates import hidden_from
 from sensors.view.view import Reason, View
@@ -38,6 +39,7 @@ class CameraOcclusion(Effect):
     frame: ClassVar = "sensor"
     covariate: ClassVar = "hidden"
     rivals: ClassVar = ("specular_dropout", "random_dropout")
+    line_width: ClassVar = "line_sd_um"
     separating: ClassVar = (
         "turn the part or the sensor by 180° about the laser's axis: shadows change sides on the "
         "part; dropouts by low signal stay"
@@ -73,6 +75,12 @@ class CameraOcclusion(Effect):
         high=0.99,
         typical=0.5,
     )
+
+    def stated_on(self, beam: Beam) -> Beam:
+        """State how much light makes a peak, where the line has a width."""
+        if self.line_sd_um == 0.0:
+            return beam
+        return replace(beam, weakest=max(beam.weakest, self.weakest))
 
     def variants(self, view: View) -> tuple[Self, ...]:
         """Return the camera on the other side."""

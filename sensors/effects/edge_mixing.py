@@ -1,7 +1,7 @@
 """Mixed readings at depth edges: the line is cut, or lies on two levels at once."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
+from sensors.line.beam import Beam
 from sensors.line.line_operator import gaussian_weights, line_sd_mm, read_line, sub_lines
 from sensors.view.view import View
 
@@ -44,6 +45,7 @@ class EdgeMixing(Effect):
         "rounding by the footprint doesn't"
     )
     needs: ClassVar = ("triangulation_angle_deg",)
+    line_width: ClassVar = "line_sd_um"
 
     line_sd_um: float | None = parameter(
         "standard deviation of the line across its width at the working distance",
@@ -77,6 +79,18 @@ class EdgeMixing(Effect):
         typical=0.0,
         fixed=True,
     )
+
+    def stated_on(self, beam: Beam) -> Beam:
+        """State how edges mix readings, and which levels merge."""
+        return replace(
+            beam,
+            cut=beam.cut if self.is_null else self,
+            merge_um=max(beam.merge_um, self.merge_um),
+        )
+
+    def as_told(self) -> Self:
+        """Return the effect as it is: its figures are those that were measured."""
+        return self
 
     def changed(self, law: Law, view: View) -> Law:
         """Add what cutting and doubling the line does; nothing where the line is whole."""

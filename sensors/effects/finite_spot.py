@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from sensors.effects.base import Effect
 from sensors.effects.parameter import Parameter, parameter
-from sensors.law import Law, sheet_effects
-from sensors.line.beam import listed_sd_mm, wider_mm
+from sensors.law import Law
+from sensors.line.beam import Beam, listed_sd_mm, wider_mm
 from sensors.line.line_operator import gaussian_weights, lean_mm, line_sd_mm, read_line, sub_lines
 from sensors.view.kept import Kept
 from sensors.view.view import View
@@ -49,6 +49,7 @@ class FiniteSpot(Effect):
     frame: ClassVar = "sensor"
     covariate: ClassVar = "curvature_y"
     rivals: ClassVar = ("motion_blur", "edge_mixing")
+    line_width: ClassVar = "line_sd_um"
     separating: ClassVar = (
         "rotate the part by 90°: rounding by the line's width stays along the travel; vary the "
         "speed: motion blur grows with it"
@@ -105,11 +106,24 @@ class FiniteSpot(Effect):
 
     def grid(self, view: View) -> tuple[Self, ...]:
         """Return lines wider and narrower than the one whose spot the file lists, else any."""
-        if self.is_null or self not in sheet_effects(view):
+        if self != view.sensor.beam.spot:
             return Effect.grid(self, view)
         beam_um, high = 1e3 * listed_sd_mm(view), self.parameter("beam_um").high
         wide = [min(beam_um * times, high) for times in TIMES_WIDER]
         return tuple(self.with_parameters(beam_um=um) for um in wide)
+
+    def stated_on(self, beam: Beam) -> Beam:
+        """State the width, how it rounds readings, and the footprint along the line."""
+        return replace(
+            beam,
+            spot=beam.spot if self.is_null else self,
+            sd_um=max(beam.sd_um, self.beam_um),
+            along_um=max(beam.along_um, self.along_um),
+        )
+
+    def as_told(self) -> Self:
+        """Return the spot of the line as it was when the file's figures were measured."""
+        return self.with_parameters(beam_um=0.0)
 
     def words(self) -> dict[str, float]:
         """Say how wide the line is by now."""
@@ -128,7 +142,7 @@ class FiniteSpot(Effect):
 
     def shift(self, view: View) -> NDArray[np.float64]:
         """Return the footprint's mean less the centre's depth; a wider line's change with it."""
-        told = self.with_parameters(beam_um=0.0)
+        told = self.as_told()
         rounded = _ROUNDED.get(view, told, lambda: told._rounded(view))
         return rounded + wider_mm(view, 1e-3 * self.beam_um) if self.beam_um else rounded
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
-from sensors.line.beam import listed_sd_mm, listed_shift_mm, read_beam, standing, weakest_light
+from sensors.line.beam import listed_sd_mm, listed_shift_mm, read_beam, standing
 from sensors.line.line_operator import STEEPEST, between_rows
 from sensors.line.line_spread import Smear, smear
 from sensors.view.view import Reason, View
@@ -105,7 +105,7 @@ class MotionBlur(Effect):
             start, end = start[:1], end[:1]
         moving = smear(sd, start, end)
         line = read_beam(view, moving)
-        lit = np.isfinite(line.depth_mm) & (line.light >= weakest_light(view))
+        lit = np.isfinite(line.depth_mm) & (line.light >= view.sensor.beam.weakest)
         mean = line.depth_mm + _beside(law, view, moving, line.depth_mm)
         still = smear(sd, 0.0, 0.0, step_mm=moving.step_mm)
         own: Floats | float = 0.0

@@ -9,7 +9,7 @@ import numpy as np
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
-from sensors.line.beam import listed_along_mm
+from sensors.line.beam import Beam
 from sensors.line.line_operator import lean_mm, line_sd_mm
 from sensors.view.view import View
 
@@ -80,9 +80,13 @@ class ReflectanceEdge(Effect):
         fixed=True,
     )
 
+    def stated_on(self, beam: Beam) -> Beam:
+        """State the footprint along the line."""
+        return replace(beam, along_um=max(beam.along_um, self.along_um))
+
     def variants(self, view: View) -> tuple[Self, ...]:
         """Return the line with a footprint as long as a column is wide, where none is told."""
-        if view.reflectance is None or self.along_um or listed_along_mm(view):
+        if view.reflectance is None or self.along_um or view.sensor.beam.along_um:
             return ()
         pitch_mm = float(np.median(np.abs(np.diff(view.column_x_mm))))
         return (self.with_parameters(along_um=1e3 * pitch_mm / math.sqrt(12.0)),)
@@ -92,5 +96,5 @@ class ReflectanceEdge(Effect):
         if view.intensity is None and view.reflectance is None:
             return law
         sd = line_sd_mm(view, self.line_sd_um, self.rayleigh_mm)
-        along = 1e-3 * self.along_um or listed_along_mm(view)
+        along = 1e-3 * (self.along_um or view.sensor.beam.along_um)
         return replace(law, mean_mm=law.mean_mm + lean_mm(view, sd, along_mm=along))

@@ -11,7 +11,6 @@ from scipy.special import expit
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
-from sensors.line.beam import listed_along_mm, merging_mm
 from sensors.line.line_operator import Line, bright_line, line_sd_mm
 from sensors.view.kept import Kept
 from sensors.view.view import View
@@ -128,8 +127,8 @@ class SpecularDropout(Effect):
         counts where one is brighter, the smaller signal where none is.
         """
         across = float(line_sd_mm(view, None, None))
-        lean, signal = self._lit_along(view, across, "y", merging_mm(view))
-        along = listed_along_mm(view)
+        lean, signal = self._lit_along(view, across, "y", 1e-3 * view.sensor.beam.merge_um)
+        along = 1e-3 * view.sensor.beam.along_um
         if along:
             further, other = self._lit_along(view, along, "x", None)
             lean = lean + further

@@ -9,19 +9,22 @@ import math
 from collections.abc import Callable
 from enum import IntEnum
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sensors.casting.hits import Hits
 from sensors.casting.laser import Laser
+from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
+from sensors.surface.brightness import Reflectance
 from sensors.view.kept import Kept
+from sensors.view.mirror import Mirror, mirror, thickness_mm
 from sensors.view.visibility import camera_visible
 
 if TYPE_CHECKING:
-    from sensors.casting.scene import Hits, Scene
-    from sensors.view.mirror import Mirror
+    from sensors.model import SensorModel
 
 Floats = NDArray[np.float64]
 
@@ -41,14 +44,6 @@ class Reason(IntEnum):
     DROPOUT = 4
 
 
-class Reflectance(Protocol):
-    """Brightness of the part's surface, as `sensors.surface.reflectance` describes it."""
-
-    def at(self, part_mm: Floats) -> Floats:
-        """Return the reflectance (...,) at points (..., 3) of the part, 0 to 1."""
-        ...
-
-
 class View:
     """Geometry of one scan, n profiles of m points.
 
@@ -56,8 +51,8 @@ class View:
     ----------
     scene : Scene
         The closed part, part frame, mm.
-    datasheet : Datasheet
-        The instrument.
+    sensor : SensorModel
+        The instrument: its datasheet and the effects that its file lists.
     poses : (n, 4, 4) array
         Sensor to part, rigid, one for each profile.
     time_s : (n,) array
@@ -76,22 +71,22 @@ class View:
 
     def __init__(
         self,
-        scene: "Scene",
-        datasheet: Datasheet,
+        scene: Scene,
+        sensor: "SensorModel",
         poses: ArrayLike,
         time_s: ArrayLike,
         *,
         laser: Laser | None = None,
-        hits: "Hits | None" = None,
+        hits: Hits | None = None,
         reflectance: Reflectance | None = None,
         intensity: Floats | None = None,
         start_time_s: float | None = None,
     ) -> None:
         self.scene = scene
-        self.datasheet = datasheet
+        self.sensor = sensor
         self.poses = np.asarray(poses, dtype=np.float64)
         self.time_s = np.asarray(time_s, dtype=np.float64)
-        self.laser = Laser.from_datasheet(datasheet) if laser is None else laser
+        self.laser = Laser.from_datasheet(sensor.datasheet) if laser is None else laser
         self.reflectance = scene.reflectance if reflectance is None else reflectance
         self.intensity = intensity
         self.start_time_s = start_time_s
@@ -103,11 +98,16 @@ class View:
         self._seen: dict[float, NDArray[np.bool_]] = {}
 
     def __getstate__(self) -> dict[str, Any]:
-        kept = ("scene", "datasheet", "poses", "time_s", "laser", "reflectance", "intensity")
+        kept = ("scene", "sensor", "poses", "time_s", "laser", "reflectance", "intensity")
         state = {key: self.__dict__[key] for key in (*kept, "start_time_s", "_given_hits")}
         return state | {"_seen": {}}
 
     # ---- the scan itself
+
+    @property
+    def datasheet(self) -> Datasheet:
+        """What the sensor's maker states."""
+        return self.sensor.datasheet
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -115,7 +115,7 @@ class View:
         return len(self.poses), self.laser.slope_x.size
 
     @cached_property
-    def hits(self) -> "Hits":
+    def hits(self) -> Hits:
         """First hits, whatever their depth."""
         if self._given_hits is not None:
             return self._given_hits
@@ -320,17 +320,13 @@ class View:
     # ---- second bounces and thickness, by single rays
 
     @cached_property
-    def mirror(self) -> "Mirror":
+    def mirror(self) -> Mirror:
         """Where the laser's mirror reflection meets the part again."""
-        from sensors.view.mirror import mirror
-
         return mirror(self)
 
     @cached_property
     def thickness_mm(self) -> Floats:
         """Way of the laser's ray through the part behind each point, (n, m) mm."""
-        from sensors.view.mirror import thickness_mm
-
         return thickness_mm(self)
 
     # ---- brightness
@@ -352,20 +348,17 @@ class View:
 
     def rows(self, part: slice) -> "View":
         """Return the view of some of the profiles."""
-        hits = self.__dict__.get("hits")
-        if hits is not None:
-            from sensors.casting.scene import Hits
-
-            hits = Hits(depth_mm=hits.depth_mm[part], triangle=hits.triangle[part])
+        cast: Hits | None = self.__dict__.get("hits")
+        hits = None if cast is None else cast.rows(part)
         intensity = None if self.intensity is None else self.intensity[part]
         return self._like(self.poses[part], self.time_s[part], intensity, hits)
 
     def _like(
-        self, poses: ArrayLike, time_s: Floats, intensity: Floats | None, hits: "Hits | None" = None
+        self, poses: ArrayLike, time_s: Floats, intensity: Floats | None, hits: Hits | None = None
     ) -> "View":
         return View(
             self.scene,
-            self.datasheet,
+            self.sensor,
             poses,
             time_s,
             laser=self.laser,

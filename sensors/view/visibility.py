@@ -14,8 +14,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from sensors.casting.embree import Rays
+from sensors.casting.hits import Hits
 from sensors.casting.laser import Laser
-from sensors.casting.scene import Hits, Scene, frames, legs
+from sensors.casting.scene import Scene, frames, legs
 from sensors.casting.section import Floats, Ints, turn
 from sensors.view.obstacles import is_free, obstacles
 

@@ -12,6 +12,7 @@ from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.effects import effects_of
 from sensors.law import geometric_law
+from sensors.model import SensorModel
 from sensors.view.view import View
 
 
@@ -44,7 +45,7 @@ def test_listed_laws_are_the_catalogues(staged):
         effects=tuple(staged.effects),
     )
     poses = path.poses()[rows]
-    view = View(Scene(world.solid.vertices_mm, world.solid.faces), sheet, poses,
+    view = View(Scene(world.solid.vertices_mm, world.solid.faces), SensorModel(sheet), poses,
                 np.arange(len(poses)) / 100.0)  # fmt: skip
     law = geometric_law(view, None)
     for effect in effects_of(sheet):

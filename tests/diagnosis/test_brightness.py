@@ -4,6 +4,7 @@ import numpy as np
 
 from benchmarks.relief import datasheet, part, poses
 from diagnosis.brightness import by_direction, smoothed_brightness, surface_brightness
+from sensors.model import SensorModel
 from sensors.view.view import View
 
 
@@ -39,7 +40,9 @@ def test_missing_readings_stay_missing() -> None:
 
 
 def test_a_ridge_between_a_bright_and_a_dark_flank_stays_sharp() -> None:
-    view = View(part("wedge"), datasheet(100), poses(60, pitch_mm=0.3), np.arange(60) / 200.0)
+    view = View(
+        part("wedge"), SensorModel(datasheet(100)), poses(60, pitch_mm=0.3), np.arange(60) / 200.0
+    )
     base = np.where(view.slope_x > 0, 0.6, 0.3)
     base = np.where(np.isfinite(view.depth_mm), base, np.nan)
     left = surface_brightness(speckled(base, 4), view)
@@ -50,13 +53,17 @@ def test_a_ridge_between_a_bright_and_a_dark_flank_stays_sharp() -> None:
 
 
 def test_directions_that_few_readings_have_take_their_neighbours_brightness() -> None:
-    view = View(part("domes"), datasheet(100), poses(60, pitch_mm=0.3), np.arange(60) / 200.0)
+    view = View(
+        part("domes"), SensorModel(datasheet(100)), poses(60, pitch_mm=0.3), np.arange(60) / 200.0
+    )
     usual = by_direction(np.full(view.shape, 0.4), view)
     assert np.allclose(usual[np.isfinite(view.depth_mm)], 0.4)
 
 
 def test_a_print_on_a_curved_part_makes_no_creases() -> None:
-    view = View(part("domes"), datasheet(100), poses(120, pitch_mm=0.3), np.arange(120) / 200.0)
+    view = View(
+        part("domes"), SensorModel(datasheet(100)), poses(120, pitch_mm=0.3), np.arange(120) / 200.0
+    )
     base = np.where((np.arange(120) // 30) % 2, 0.6, 0.2)[:, None] * np.ones((1, 100))
     raw = speckled(base, 5)
     np.testing.assert_array_equal(surface_brightness(raw, view), smoothed_brightness(raw))

@@ -6,6 +6,7 @@ import pytest
 from benchmarks.relief import datasheet, part, poses
 from diagnosis.edges import edge_softness, near_edges
 from diagnosis.prediction import law_of
+from sensors.model import SensorModel
 from sensors.view.view import View
 
 FINITE = {"name": "finite_spot", "line_sd_um": 200.0}
@@ -13,7 +14,7 @@ FINITE = {"name": "finite_spot", "line_sd_um": 200.0}
 
 def seen(name: str, effects: tuple[dict[str, object], ...] = ()) -> tuple[View, np.ndarray]:
     scan = poses(60, pitch_mm=0.3)
-    view = View(part(name), datasheet(100, effects), scan, np.arange(60) / 200.0)
+    view = View(part(name), SensorModel(datasheet(100, effects)), scan, np.arange(60) / 200.0)
     return view, np.asarray(law_of(view, (), None).mean_mm)
 
 

@@ -13,6 +13,7 @@ from diagnosis.fit import _as_silent
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.effects.form_error import FormError
+from sensors.model import SensorModel
 from sensors.typed_yaml import RecipeError
 from sensors.view.creases import concave_creases, filled_mm
 from sensors.view.view import View
@@ -46,8 +47,8 @@ def test_a_fillet_is_met_before_the_face(tilt_deg: tuple[float, float]) -> None:
     sheet = replace(datasheet(240), columns="even_x" if square else "even_angle")
     laser = Laser.from_datasheet(sheet)
     place, time = poses(8, tilt_deg=tilt_deg), np.arange(8) / sheet.profile_rate_hz
-    plain = View(trough(0, 0), sheet, place, time, laser=laser)
-    true = View(trough(1.5, 1.5), sheet, place, time, laser=laser)
+    plain = View(trough(0, 0), SensorModel(sheet), place, time, laser=laser)
+    true = View(trough(1.5, 1.5), SensorModel(sheet), place, time, laser=laser)
     filled, crease = filled_mm(plain, 1.5)
     change = plain.depth_mm - true.depth_mm
     assert change.max() > 0.1
@@ -62,7 +63,7 @@ def test_a_fillet_is_met_before_the_face(tilt_deg: tuple[float, float]) -> None:
 
 def test_a_corner_is_named_by_a_point_on_it() -> None:
     sheet, model = datasheet(160), trough(0, 0)
-    view = View(model, sheet, poses(40), np.arange(40) / 200.0, laser=Laser.from_datasheet(sheet))
+    view = View(model, SensorModel(sheet), poses(40), np.arange(40) / 200.0)
     x = view.part_mm[..., 0]
     creases = concave_creases(model)
     right = creases.start_mm[:, 0] > 0
@@ -80,7 +81,7 @@ def test_a_fillet_ends_with_its_wall() -> None:
     part = (wall + floor).to_mesh()
     model = Scene(np.asarray(part.vert_properties, float)[:, :3], np.asarray(part.tri_verts))
     sheet = datasheet(240)
-    view = View(model, sheet, poses(60), np.arange(60) / 200.0, laser=Laser.from_datasheet(sheet))
+    view = View(model, SensorModel(sheet), poses(60), np.arange(60) / 200.0)
     filled, _ = filled_mm(view, 1.5)
     x, y = np.abs(view.part_mm[..., 0]), np.abs(view.part_mm[..., 1])
     beside = ((x > 4.01) & (x < 5.4) & (y < 2.0)) | ((y > 2.01) & (y < 3.4) & (x < 4.0))
@@ -95,7 +96,7 @@ def test_a_part_without_corners_holds_no_fillet() -> None:
     hill = solid(lambda x, y: -np.abs(x), sides, sides)
     assert len(concave_creases(hill).turn_rad) == 0
     sheet = datasheet(40)
-    view = View(hill, sheet, poses(4), np.arange(4.0), laser=Laser.from_datasheet(sheet))
+    view = View(hill, SensorModel(sheet), poses(4), np.arange(4.0))
     change = FormError(coefficients_um=(), fillet_mm=2.0).signature(view)
     assert np.all(change[view.valid] == 0.0)
 

@@ -16,6 +16,7 @@ from diagnosis.noise import calibrate
 from diagnosis.workspace import Model
 from sensors.casting.scene import Scene
 from sensors.effects.anisotropic_lay import AnisotropicLay
+from sensors.model import SensorModel
 from sensors.recording import Recording
 from sensors.view.view import View
 
@@ -77,7 +78,7 @@ def names_told(
     """Return the effects told where a lay and a factor on the noise's size were measured."""
     monkeypatch.setattr(finish, "_lay", lambda *args, **more: lay)
     monkeypatch.setattr(finish, "level_change", lambda *args: math.log(level))
-    view = View(part("steps"), datasheet(40), poses(3), np.arange(3.0))
+    view = View(part("steps"), SensorModel(datasheet(40)), poses(3), np.arange(3.0))
     ws: Any = SimpleNamespace(patches=[SimpleNamespace(view=view)])
     noise: Any = SimpleNamespace(correlation_length_px=lambda: (1.0, 1.0))
     effects, _ = finish.finish_effects(ws, Model(), noise, noise, 0.01, bent=bent)

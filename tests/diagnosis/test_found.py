@@ -16,6 +16,7 @@ from sensors.effects.edge_mixing import EdgeMixing
 from sensors.effects.finite_spot import FiniteSpot
 from sensors.effects.line_bow import LineBow
 from sensors.effects.motion_blur import MotionBlur
+from sensors.model import SensorModel
 from sensors.view.view import View
 
 LISTED = (
@@ -32,8 +33,8 @@ def test_a_wider_line_found_by_one_effect_is_written_for_all() -> None:
     assert effects_of(written)[0].line_sd_um == 120.0
     time = np.arange(40) / 200.0
     scan = poses(40, pitch_mm=0.3)
-    as_found = law_of(View(part("steps"), sheet, scan, time), found, None)
-    as_written = law_of(View(part("steps"), written, scan, time), (), None)
+    as_found = law_of(View(part("steps"), SensorModel(sheet), scan, time), found, None)
+    as_written = law_of(View(part("steps"), SensorModel(written), scan, time), (), None)
     assert np.array_equal(as_found.mean_mm, as_written.mean_mm, equal_nan=True)
 
 
@@ -44,9 +45,9 @@ def test_a_line_wider_by_now_is_written_beside_what_was_measured() -> None:
     assert effects_of(written) == (*found, EdgeMixing(line_sd_um=40.0))
     time = np.arange(40) / 200.0
     scan = poses(40, pitch_mm=0.3)
-    plain, as_found = (law_of(View(part("steps"), sheet, scan, time), e, None).mean_mm
+    plain, as_found = (law_of(View(part("steps"), SensorModel(sheet), scan, time), e, None).mean_mm
                        for e in ((), found))  # fmt: skip
-    as_written = law_of(View(part("steps"), written, scan, time), (), None)
+    as_written = law_of(View(part("steps"), SensorModel(written), scan, time), (), None)
     assert np.nanmax(np.abs(as_found - plain)) > 0.01
     assert np.array_equal(as_found, as_written.mean_mm, equal_nan=True)
 

@@ -18,7 +18,7 @@ from flawforge.cli import main
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
-from sensors.law import plain_law
+from sensors.model import SensorModel
 from sensors.recording import Recording
 from sensors.view.view import View
 
@@ -82,8 +82,10 @@ def test_the_sensor_found_reproduces_the_recordings(diagnosed: tuple[Diagnosis, 
     )
     difference = again.depth_mm - truth.depth_mm
     assert np.nanmax(np.abs(difference)) < 0.1 * 0.040
-    view = View(scene, sheet, again.poses, again.time_s, laser=Laser.from_datasheet(sheet))
-    residual = again.depth_mm - plain_law(view, None).mean_mm
+    view = View(
+        scene, SensorModel(sheet), again.poses, again.time_s, laser=Laser.from_datasheet(sheet)
+    )
+    residual = again.depth_mm - view.sensor.law(view, None).mean_mm
     columns = np.nanmean(residual, axis=0)
     assert np.abs(columns[:5].mean() - columns[48:52].mean()) < 0.004
     assert SPECKLE.amplitude_mm > 0

@@ -11,6 +11,7 @@ from diagnosis.printed import find_print
 from diagnosis.registration import Placement
 from sensors.casting.scene import Scene
 from sensors.line.line_operator import lean_mm
+from sensors.model import SensorModel
 from sensors.recording import Recording
 from sensors.surface.reflectance import Picture, ReflectanceMap
 from sensors.typed_yaml import load_yaml
@@ -22,7 +23,10 @@ LINE_SD_MM = 0.07
 
 
 def view_of(name: str, count: int = 160) -> View:
-    return View(part(name), datasheet(160), poses(count, pitch_mm=PITCH_MM), np.arange(count) / 200)
+    return View(
+        part(name), SensorModel(datasheet(160)), poses(count, pitch_mm=PITCH_MM),
+        np.arange(count) / 200,
+    )  # fmt: skip
 
 
 def dark(part_mm: np.ndarray) -> np.ndarray:
@@ -95,7 +99,7 @@ def test_a_print_has_no_brightness_where_there_is_no_part() -> None:
 def test_a_print_tells_more_of_a_lean_than_the_brightness_it_is_drawn_from() -> None:
     view = view_of("wedge")
     true = View(
-        view.scene.finished(Striped()), view.datasheet, view.poses, view.time_s, laser=view.laser
+        view.scene.finished(Striped()), view.sensor, view.poses, view.time_s, laser=view.laser
     )
     truth = lean_mm(true, LINE_SD_MM)
     made = [
@@ -115,7 +119,7 @@ def test_a_print_tells_more_of_a_lean_than_the_brightness_it_is_drawn_from() -> 
 
     def told(part: Scene) -> float:
         seen = View(
-            part, view.datasheet, view.poses, view.time_s, laser=view.laser,
+            part, view.sensor, view.poses, view.time_s, laser=view.laser,
             intensity=kept[0].intensity,
         )  # fmt: skip
         left = lean_mm(seen, LINE_SD_MM) - truth

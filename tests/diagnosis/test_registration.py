@@ -10,6 +10,7 @@ from benchmarks.relief import VIEWS, datasheet, part, poses, record
 from diagnosis.registration import hits_normal, move, pose_columns, register
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
+from sensors.model import SensorModel
 from sensors.typed_yaml import RecipeError
 from sensors.view.view import View
 
@@ -95,7 +96,7 @@ def test_a_noisy_face_still_says_where_the_part_lies() -> None:
     scene, sheet = part("wedge"), datasheet(100)
     laser = Laser.from_datasheet(sheet)
     made = record(scene, sheet, [], name="r", seed=4, profiles=70, pitch_mm=0.6)
-    view = View(scene, sheet, made.poses, made.time_s, laser=laser)
+    view = View(scene, SensorModel(sheet), made.poses, made.time_s, laser=laser)
     steep = np.abs(np.nan_to_num(view.slope_y)) > 0.2
     assert 0.4 < steep.mean() < 0.6
     spread = np.where(steep, 30.0, 1.0)

@@ -31,7 +31,7 @@ from sensors.view.view import View
 def begun(view: View, start_time_s: float) -> View:
     """Return a view of a recording that began then."""
     return View(
-        view.scene, view.datasheet, view.poses, view.time_s, laser=view.laser,
+        view.scene, view.sensor, view.poses, view.time_s, laser=view.laser,
         start_time_s=start_time_s,
     )  # fmt: skip
 

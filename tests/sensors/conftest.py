@@ -9,6 +9,7 @@ import trimesh
 
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
+from sensors.model import SensorModel
 from sensors.view.view import View
 
 SHEET: dict[str, Any] = {
@@ -134,7 +135,9 @@ def view_of() -> Callable[..., View]:
         poses[:, 1, 3] = y
         poses[:, 2, 3] = height_mm
         time_s = np.arange(y.size) / 100.0
-        return View(scenes[key], Datasheet(**{**SHEET, **(sheet or {})}), poses, time_s, **more)
+        return View(
+            scenes[key], SensorModel(Datasheet(**{**SHEET, **(sheet or {})})), poses, time_s, **more
+        )
 
     return make
 

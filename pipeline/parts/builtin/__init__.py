@@ -7,7 +7,8 @@ from dataclasses import fields
 from importlib import import_module
 from typing import Any, Final, cast
 
-from pipeline.parts.part import Part, PartError
+from pipeline.parts.part import Part
+from pipeline.parts.part_error import PartError
 
 NAMES: Final[tuple[str, ...]] = ("bearing_cap", "car_door", "steel_plate")
 

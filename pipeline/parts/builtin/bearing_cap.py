@@ -9,7 +9,8 @@ import numpy as np
 
 from pipeline.parts.builtin import cap_shape
 from pipeline.parts.builtin.length import bounded
-from pipeline.parts.part import Part, PartError
+from pipeline.parts.part import Part
+from pipeline.parts.part_error import PartError
 
 DEFAULT_FACET_UM = 20.0
 

@@ -9,7 +9,8 @@ import numpy as np
 from pipeline.parts.builtin.adaptive_sheet import TooFineError, close_sheet
 from pipeline.parts.builtin.door_shape import DoorShape
 from pipeline.parts.builtin.length import bounded
-from pipeline.parts.part import Part, PartError
+from pipeline.parts.part import Part
+from pipeline.parts.part_error import PartError
 
 DEFAULT_FACET_UM = 40.0
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.parts.mesh import mending
-from pipeline.parts.part import PartError
+from pipeline.parts.part_error import PartError
 
 Vertices = NDArray[np.float64]
 Faces = NDArray[np.int64]

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import warnings
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.parts.part import SUFFIXES, PartError
+from pipeline.parts.part_error import PartError
 
+SUFFIXES: Final[tuple[str, ...]] = (".stl", ".obj", ".ply", ".3mf")
 _OWN_UNITS = {
     "micron": "um",
     "microns": "um",

@@ -12,7 +12,7 @@ from pipeline.parts.mesh import mending
 from pipeline.parts.mesh.bodies import manifold, turn_outward, united
 from pipeline.parts.mesh.self_intersection import crossings
 from pipeline.parts.mesh.thicken import thicken
-from pipeline.parts.part import PartError
+from pipeline.parts.part_error import PartError
 
 SMALLEST_MM: Final = 1e-3
 LARGEST_MM: Final = 1e6

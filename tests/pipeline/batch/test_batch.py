@@ -16,7 +16,7 @@ import trimesh
 
 from pipeline.batch.run import Backend, generate
 from pipeline.dataset.shards import DepthCode, ShardWriter, file_sha256, read_scan
-from pipeline.parts.part import PartError
+from pipeline.parts.part_error import PartError
 from pipeline.recipe import Recipe
 from sensors.typed_yaml import RecipeError
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from pipeline.batch.plan import PlannedPart, assign, make_plan
 from pipeline.recipe import PartEntry, Recipe, RecipeFile
 from sensors.datasheet import Datasheet
+from sensors.model import SensorModel
 from sensors.typed_yaml import Document
 
 SHEET = Datasheet(
@@ -29,8 +30,8 @@ def planned(counts, scans, splits, size):
         scans_per_shard=size,
     )  # fmt: skip
     recipe = Recipe(
-        file=file, datasheet=SHEET, surfaces={}, document=Document(path="", data={}, lines={}),
-        roots=(),
+        file=file, sensor=SensorModel(SHEET), surfaces={},
+        document=Document(path="", data={}, lines={}), roots=(),
     )  # fmt: skip
     parts = [PlannedPart(name=f"p{i}", entry=e, stored="") for i, e in enumerate(entries)]
     return make_plan(recipe, parts)

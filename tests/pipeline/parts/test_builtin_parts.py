@@ -15,7 +15,8 @@ from pipeline.parts.builtin.door_shape import DoorShape
 from pipeline.parts.builtin.steel_plate import SteelPlate, flatness_mm
 from pipeline.parts.mesh.bodies import manifold
 from pipeline.parts.mesh.self_intersection import crossings
-from pipeline.parts.part import Part, PartError
+from pipeline.parts.part import Part
+from pipeline.parts.part_error import PartError
 
 _BUILT: dict[tuple[str, float | None], Part] = {}
 

@@ -11,7 +11,8 @@ import trimesh
 
 from pipeline.parts.builtin import build
 from pipeline.parts.mesh.bodies import manifold
-from pipeline.parts.part import UNITS_MM, Part, PartError, find_parts, load_part
+from pipeline.parts.part import UNITS_MM, Part, find_parts, load_part
+from pipeline.parts.part_error import PartError
 
 # What independent readers (trimesh, per body) say of the volume, in the file's unit.
 CAD = {

@@ -15,6 +15,7 @@ from pipeline.seeds import streams
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
+from sensors.model import SensorModel
 from sensors.surface.surface import Surface
 from sensors.view.view import Reason
 
@@ -59,7 +60,7 @@ def scanned(part, kind, *, sheet=SHEET, seed=1, surface=None, **sizes):
     path = Trajectory(poses=poses, time_s=np.arange(160) / 500, facts={})
     scenes = (Scene(flawed.vertices_mm, flawed.faces), Scene(part.vertices_mm, part.faces))
     scan = take_scan(
-        flawed=flawed, scenes=scenes, trajectory=path, datasheet=sheet,
+        flawed=flawed, scenes=scenes, trajectory=path, sensor=SensorModel(sheet),
         laser=Laser.from_datasheet(sheet), surface=surface, reflectance=None, visible_at=3.0,
         rng_of=rng_of,
     )  # fmt: skip

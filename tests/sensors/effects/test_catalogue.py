@@ -9,7 +9,8 @@ import pytest
 
 from sensors.datasheet import Datasheet
 from sensors.effects import CATALOGUE, AdditiveEffect, MotionEffect, effect_of, effects_of
-from sensors.law import geometric_law, plain_law
+from sensors.law import geometric_law
+from sensors.model import SensorModel
 from sensors.noise.perlin import PerlinField
 from sensors.surface.reflectance import ReflectanceMap, Stripes
 from sensors.typed_yaml import RecipeError, dump_yaml, load_yaml, parse
@@ -114,9 +115,9 @@ def test_zero_strength_is_bit_equal_to_none(cls, view, rng_of):
     law = geometric_law(view, SURFACE)
     assert none.apply(law, view) is law
     sheet = dataclasses.replace(view.datasheet, effects=(none.to_mapping(),))
-    listed = type(view)(view.scene, sheet, view.poses, view.time_s, laser=view.laser)
+    listed = type(view)(view.scene, SensorModel(sheet), view.poses, view.time_s, laser=view.laser)
     depth, reason = law.sample(rng_of, view)
-    other, other_reason = plain_law(listed, SURFACE, rng_of).sample(rng_of, listed)
+    other, other_reason = listed.sensor.law(listed, SURFACE, rng_of).sample(rng_of, listed)
     assert depth.tobytes() == other.tobytes()
     assert reason.tobytes() == other_reason.tobytes()
 
@@ -162,7 +163,7 @@ def test_missing_keys_of_the_datasheet_are_named(cls, view):
         exposure_s=None,
         camera_rows=None,
     )
-    blind = type(view)(view.scene, bare, view.poses, view.time_s, reflectance=STRIPES)
+    blind = type(view)(view.scene, SensorModel(bare), view.poses, view.time_s, reflectance=STRIPES)
     needed = [*cls.needs, *(p.sheet for p in cls.parameters() if p.sheet and p.kind == "number")]
     if needed:
         with pytest.raises(RecipeError, match="|".join(needed)):

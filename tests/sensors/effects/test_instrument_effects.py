@@ -16,7 +16,7 @@ from sensors.effects.motion_blur import MotionBlur
 from sensors.effects.pixel_locking import PixelLocking
 from sensors.effects.range_scale import RangeScale
 from sensors.effects.volume_scattering import VolumeScattering
-from sensors.law import geometric_law, plain_law
+from sensors.law import geometric_law
 from sensors.view.camera import depth_per_row, row_of_depth
 
 COT = 1 / math.tan(math.radians(30.0))
@@ -233,7 +233,8 @@ def test_blur_averages_what_the_line_s_width_does_on_its_way(view_of):
     spot = {"name": "finite_spot", "line_sd_um": 100.0}
     view = view_of("groove", y_mm=y, sheet={"effects": (spot,), "triangulation_angle_deg": None})
     step_ms = 1e3 * float(np.median(np.diff(view.time_s)))
-    both = MotionBlur(exposure_ms=40 * step_ms).apply(plain_law(view, None), view).mean_mm[:, 40]
+    law = view.sensor.law(view, None)
+    both = MotionBlur(exposure_ms=40 * step_ms).apply(law, view).mean_mm[:, 40]
     way = 40 * 0.01
     # E |y + u| over a Gaussian of 0.1 mm and a box of 0.4 mm, at the box's middle on the crease
     u = np.linspace(-way / 2, way / 2, 4001)

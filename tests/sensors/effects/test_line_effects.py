@@ -12,10 +12,10 @@ from sensors.effects.finite_spot import FiniteSpot
 from sensors.effects.motion_blur import MotionBlur
 from sensors.effects.reflectance_edge import ReflectanceEdge
 from sensors.effects.specular_dropout import SpecularDropout
-from sensors.law import geometric_law, plain_law
-from sensors.line.beam import as_wide
+from sensors.law import geometric_law
 from sensors.line.light import matt
 from sensors.line.line_operator import SUB_LINES, gaussian_weights, line_mean, read_line, sub_lines
+from sensors.model import as_wide
 from sensors.surface.reflectance import Patch, ReflectanceMap
 from sensors.view.view import Reason, View
 
@@ -228,7 +228,7 @@ def test_blur_follows_the_clock(view_of):
     """Encoder steps of 0.05 mm in 10 ms, then in 20 ms: half as fast, half as far."""
     view = view_of("plate", solid={"tilt_y_deg": 30.0}, y_mm=np.arange(20) * 0.05)
     time_s = np.cumsum(np.where(np.arange(20) <= 10, 0.01, 0.02))
-    view = View(view.scene, view.datasheet, view.poses, time_s)
+    view = View(view.scene, view.sensor, view.poses, time_s)
     change = MotionBlur(exposure_ms=13.0).signature(view)
     slope = -math.tan(math.radians(30.0))
     assert np.allclose(change[:10], slope * 0.0325, atol=1e-5)
@@ -280,7 +280,7 @@ def test_a_part_of_the_exposure_that_the_camera_sees_is_read(view_of):
     y = np.linspace(-19, -13, 121)
     sheet = {"effects": ({"name": "camera_occlusion", "triangulation_angle_deg": 30.0},)}
     view = view_of("step", y_mm=y, sheet=sheet)
-    dark = plain_law(view, None)
+    dark = view.sensor.law(view, None)
     blurred = MotionBlur(exposure_ms=80.0, stamped="middle").apply(dark, view)
     before, after = ~np.isfinite(dark.mean_mm), ~np.isfinite(blurred.mean_mm)
     assert np.all(before | ~after)

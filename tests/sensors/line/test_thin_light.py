@@ -28,7 +28,7 @@ def wall(view_of, run, y_mm):
     sheet = {"effects": ({"name": "edge_mixing", "line_sd_um": 50.0, "merge_um": 50000.0},)}
     view = view_of("plate", y_mm=[y_mm - 0.05, y_mm, y_mm + 0.05], sheet=sheet)
     scene = Scene(solid.vertices, solid.faces)
-    return View(scene, view.datasheet, view.poses, view.time_s)
+    return View(scene, view.sensor, view.poses, view.time_s)
 
 
 def read(view, least, merge_mm=1e3) -> tuple[Line, Line]:

@@ -160,6 +160,6 @@ def test_view_travels_without_what_it_computed(view_of):
 def test_poses_and_times_must_fit(view_of):
     view = view_of("plate")
     with pytest.raises(ValueError, match="poses"):
-        View(view.scene, view.datasheet, np.eye(4), [0.0])
+        View(view.scene, view.sensor, np.eye(4), [0.0])
     with pytest.raises(ValueError, match="time_s"):
-        View(view.scene, view.datasheet, view.poses, [0.0])
+        View(view.scene, view.sensor, view.poses, [0.0])

@@ -13,7 +13,7 @@ from pipeline.parts.mesh import mending
 from pipeline.parts.mesh.bodies import manifold
 from pipeline.parts.mesh.self_intersection import crossings
 from pipeline.parts.mesh.solid import make_solid
-from pipeline.parts.part import PartError
+from pipeline.parts.part_error import PartError
 
 BOX = trimesh.creation.box((2.0, 2.0, 2.0))
 

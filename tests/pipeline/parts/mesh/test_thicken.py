@@ -9,7 +9,8 @@ import trimesh
 
 from pipeline.parts.mesh.bodies import manifold
 from pipeline.parts.mesh.thicken import thicken, vertex_offsets
-from pipeline.parts.part import PartError, load_part
+from pipeline.parts.part import load_part
+from pipeline.parts.part_error import PartError
 
 
 def assert_closed_mesh(vertices: np.ndarray, faces: np.ndarray) -> None:
