@@ -14,6 +14,12 @@ from defects.surface import Site, SiteError, Surface
 Floats = NDArray[np.float64]
 
 
+THIN = 0.2
+"""Thickness over span below which a plate bends as a thin one, with sections that stay normal to
+its middle surface and no change of thickness (Timoshenko and Woinowsky-Krieger, Theory of Plates
+and Shells, chapter 1: small against the span; 1/5 is the usual limit)."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Dent(Kind):
     r"""A dent whose profile is one polynomial, hollow and rim alike.
@@ -28,6 +34,9 @@ class Dent(Kind):
     q = s + sqrt(s² + 1), s = sqrt(rim_ratio). Over a plane, with half-axes a and b:
 
         removed = pi a b depth (1/2 - 1/(6 Q)),   added = pi a b depth (Q - 1)³ / (6 Q).
+
+    A thin sheet is bent, not pressed: where its thickness is at most `THIN` of the shorter axis
+    its far skin moves by as much as the near one under the hollow.
 
     Parameters
     ----------
@@ -89,7 +98,16 @@ class Dent(Kind):
         # The pocket only has to stay between the lid's top and its floor.
         middle = 0.5 * (1.0 + q)
         pocket = self._patch(surface, site, (middle, skirt[:0]), max(sagitta_mm, margin / 4), bend)
-        return reshape(lid, self.height_mm(lid.first), pocket, self.height_mm(pocket.first), margin)
+        height = self.height_mm(lid.first)
+        thickness = _thickness(surface, site, lid, THIN * b)
+        if thickness is None:
+            return reshape(lid, height, pocket, self.height_mm(pocket.first), margin)
+        margin = min(margin, 0.25 * float(thickness.min()))
+        # Past the hollow the far skin stays, and the lid ends inside the sheet.
+        underside = np.where(lid.first <= 1.0, height, np.abs(height)) - thickness
+        return reshape(
+            lid, height, pocket, self.height_mm(pocket.first), margin, underside_mm=underside
+        )
 
     def _patch(
         self,
@@ -115,3 +133,22 @@ class Dent(Kind):
         angles = np.linspace(0, 2 * np.pi, 4 * int(np.ceil(np.pi / 2 / sector)), endpoint=False)
         outline = 1 / np.hypot(np.cos(angles) / a, np.sin(angles) / b)
         return Patch.disk(surface, site, outline, np.concatenate([inner, rim, beyond]))
+
+
+def _thickness(surface: Surface, site: Site, lid: Patch, reach_mm: float) -> Floats | None:
+    """Return the sheet's thickness (n,) under a patch; None where it is no sheet that thin.
+
+    From `reach_mm` under the skin the far skin is the nearest one if it is less than twice as far.
+    """
+
+    def opposite(skin: Floats, normals: Floats, depth_mm: float) -> tuple[Floats, Floats]:
+        onto, facing, _ = surface.project(skin - depth_mm * normals)
+        return -np.sum((onto - skin) * normals, axis=1), np.sum(facing * normals, axis=1)
+
+    thickness, facing = opposite(site.position_mm[None], site.normal[None], reach_mm)
+    middle = float(thickness[0])
+    if facing[0] > -0.9 or not 0 < middle <= 2 * reach_mm:
+        return None
+    thickness, facing = opposite(lid.skin_mm, lid.normals, middle)
+    even = (facing < -0.9) & (np.abs(thickness - middle) < 0.3 * middle)
+    return thickness if even.all() else None

@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from defects.seats import Seat, Skin
 from defects.sizes import Fixed, LogUniform, Size, Uniform
 from defects.solid import Cutter
 from defects.surface import Site, Surface
@@ -45,6 +46,7 @@ class Kind(ABC):
 
     name: ClassVar[str]
     class_id: ClassVar[int]
+    seat: ClassVar[Seat] = Skin()
 
     def __post_init__(self) -> None:
         for spec in fields(self):

@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from defects.feature_edges import Frames
 from defects.solid import Cutter, Solid
 from defects.surface import Site, SiteError, Surface
 
@@ -130,6 +131,59 @@ class Patch:
         patch._check()
         return patch
 
+    @classmethod
+    def along_edge(
+        cls,
+        frames: Frames,
+        along_mm: Floats,
+        across: Floats,
+        reach_mm: tuple[float, float],
+        lean_rad: float = 0.0,
+    ) -> Self:
+        """Spread a strip over a feature edge: down the faces to its left and to its right.
+
+        Its normals are the bisectors of the two faces' normals, so that one height over the strip
+        describes a surface that replaces the edge.
+
+        Parameters
+        ----------
+        frames
+            Of the edge at n stations.
+        along_mm
+            (n,) position of the stations.
+        across
+            (k,) rising positions across the edge, in reaches: -1 on the right face, 1 on the left.
+        reach_mm
+            Reach on the left and on the right face.
+        lean_rad
+            Angle by which the normals are turned from the bisector to the left.
+
+        Raises
+        ------
+        SiteError
+            When the strip folds.
+        """
+        left, right = (
+            np.maximum(sign * across, 0.0)[None, :, None] * reach * away[:, None]
+            for sign, reach, away in (
+                (1, reach_mm[0], frames.left), (-1, reach_mm[1], frames.right)
+            )  # fmt: skip
+        )
+        skin = frames.points_mm[:, None] + left + right
+        sideways = np.cross(frames.outward, frames.along)
+        normal = np.cos(lean_rad) * frames.outward + np.sin(lean_rad) * sideways
+        n, k = skin.shape[:2]
+        node = np.arange(n * k, dtype=np.int32).reshape(n, k)
+        patch = cls(
+            skin_mm=skin.reshape(-1, 3),
+            normals=np.repeat(normal, k, axis=0),
+            faces=_quads(node[1:], node[:-1]).astype(np.int32),
+            first=np.repeat(along_mm, k),
+            second=np.tile(across, n),
+        )
+        patch._check()
+        return patch
+
     def solid(self, low_mm: Floats, high_mm: Floats) -> Solid:
         """Return the closed solid between two heights (n,) above the skin, `low` below `high`."""
         used = np.unique(self.faces)
@@ -181,6 +235,7 @@ def reshape(
     pocket: Patch | None,
     pocket_height_mm: Floats | None,
     margin_mm: float,
+    underside_mm: Floats | None = None,
 ) -> Cutter:
     """Give the skin another surface.
 
@@ -198,6 +253,9 @@ def reshape(
         may have coarser facets, as long as they stay within the margin. None: nothing is removed.
     margin_mm
         See above.
+    underside_mm
+        (n,) the lid's lower side over the skin, where a thin sheet's far skin moves, too; None:
+        the lid is `2 * margin_mm` thick.
     """
     top = lid_height_mm > 0.2 * max(float(lid_height_mm.max()), 1e-9)
     above = (lid.skin_mm + lid_height_mm[:, None] * lid.normals)[top]
@@ -208,13 +266,38 @@ def reshape(
         removed = pocket.solid(np.minimum(pocket_height_mm, 0.0) - margin_mm, high)
         roof = (pocket.skin_mm + rise * pocket.normals)[np.unique(pocket.faces)]
         above = np.concatenate([above, roof])
+    low = np.minimum(lid_height_mm, 0.0) - 2 * margin_mm if underside_mm is None else underside_mm
     return Cutter(
         removed=removed,
-        added=lid.solid(np.minimum(lid_height_mm, 0.0) - 2 * margin_mm, lid_height_mm),
+        added=lid.solid(low, lid_height_mm),
         skin_mm=lid.skin_mm,
         normals=lid.normals,
         height_mm=lid_height_mm,
         above_mm=above,
+    )
+
+
+def dig(patch: Patch, height_mm: Floats, under: NDArray[np.bool_], margin_mm: float) -> Cutter:
+    """Take away what lies above a wanted surface.
+
+    Parameters
+    ----------
+    patch, height_mm
+        The footprint and somewhat more, and (n,) the wanted surface over the skin along the
+        normals; above zero, so in the air, at the patch's rim.
+    under
+        (n,) which points belong to the footprint.
+    margin_mm
+        How far above the highest of them the air begins.
+    """
+    rise = float(height_mm.max()) + margin_mm
+    return Cutter(
+        removed=patch.solid(height_mm, np.full(len(height_mm), rise)),
+        added=None,
+        skin_mm=patch.skin_mm[under],
+        normals=patch.normals[under],
+        height_mm=np.minimum(height_mm[under], 0.0),
+        above_mm=patch.skin_mm + rise * patch.normals,
     )
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from defects.kind import Kind, size
 from defects.outline import outline
-from defects.patch import Patch, merge
+from defects.patch import Patch, dig, merge
 from defects.solid import Cutter
 from defects.surface import Site, Surface
 
@@ -81,14 +81,4 @@ class Pit(Kind):
         waves = np.cos(x[:, None] * wave[:, 0] + y[:, None] * wave[:, 1] + phase).mean(axis=1)
         fall = 1.0 - patch.first**self.steepness
         height = -depth * fall * (1 + 1.5 * self.irregularity * waves)
-        rise = float(height.max()) + max(0.02, 0.25 * depth)
-        high = np.full(len(height), rise)
-        under = patch.first <= 1.0
-        return Cutter(
-            removed=patch.solid(height, high),
-            added=None,
-            skin_mm=patch.skin_mm[under],
-            normals=patch.normals[under],
-            height_mm=np.minimum(height[under], 0.0),
-            above_mm=patch.skin_mm + rise * patch.normals,
-        )
+        return dig(patch, height, patch.first <= 1.0, max(0.02, 0.25 * depth))

@@ -17,15 +17,18 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Scratch(Kind):
-    """A groove along a nearly straight path.
+    """A groove along a nearly straight path, with material piled up beside it.
 
     With the distance ratio rho (1 at the groove's edge: across the path over half the width;
     at the ends over the run-out, which is up to four widths long) the surface stands at
 
-        w(rho) = -depth(s) (1 - rho^k) (1 - rho^k/Q)
+        w(rho) = -depth(s) (1 - rho^k)               for rho < 1,
+        w(rho) = 4 burr t (1 - t), t = (rho - 1)/B   beyond
 
-    over the skin, the dent's profile, with k = `section` (1: V, 2: parabola) and Q set by
-    `burr_ratio`. The depth varies along the path and the burr differs between the sides.
+    over the skin, with k = `section` (1: V, 2: parabola) and B = `burr_width`. The depth varies
+    along the path and the burr differs between the sides. Grooves and pile-up have the shape that
+    scratch tests with a stylus leave (ASTM G171: the width is that between the edges; Williams,
+    Tribology International 29 (1996) 675); handling scratches are 50 to 300 µm wide.
 
     Parameters
     ----------
@@ -37,6 +40,8 @@ class Scratch(Kind):
         Greatest depth, about; the recorded depth is the one that came out.
     burr_ratio
         Mean height of the burr over the depth.
+    burr_width
+        Width of the burr on each side, over half the groove's width.
     burr_side
         -1: all burr to the right of the heading, 0: even, 1: all to the left.
     section
@@ -48,19 +53,14 @@ class Scratch(Kind):
     name: ClassVar[str] = "scratch"
     class_id: ClassVar[int] = 4
 
-    length_mm: float = size("mm", 0.5, 500.0, (8.0, 50.0))
-    width_mm: float = size("mm", 0.02, 10.0, (0.2, 0.8))
-    depth_mm: float = size("mm", 0.002, 3.0, (0.03, 0.15))
-    burr_ratio: float = size("1", 0.02, 0.8, (0.15, 0.45))
+    length_mm: float = size("mm", 0.5, 500.0, (5.0, 40.0))
+    width_mm: float = size("mm", 0.02, 10.0, (0.05, 0.3))
+    depth_mm: float = size("mm", 0.002, 3.0, (0.008, 0.06))
+    burr_ratio: float = size("1", 0.02, 0.8, (0.1, 0.4))
+    burr_width: float = size("1", 0.2, 2.0, (0.4, 0.9))
     burr_side: float = size("1", -0.95, 0.95, (-0.7, 0.7))
     section: float = size("1", 1.0, 3.0, (1.3, 2.2))
     bow_deg: float = size("1", -90.0, 90.0, (-12.0, 12.0))
-
-    @property
-    def outer(self) -> float:
-        """Return Q, where rho^section is when the burr ends."""
-        s = np.sqrt(self.burr_ratio)
-        return float((s + np.sqrt(s * s + 1.0)) ** 2)
 
     def cutter(
         self, surface: Surface, site: Site, rng: np.random.Generator, sagitta_mm: float = 0.001
@@ -69,17 +69,16 @@ class Scratch(Kind):
         a, half = self.width_mm / 2, self.length_mm / 2
         if self.depth_mm > self.width_mm or self.width_mm > self.length_mm / 2:
             raise SiteError("scratch: deeper than wide, or wider than half its length")
-        end = self.outer ** (1 / self.section)
+        end = 1.0 + self.burr_width
         out = min(2 * self.width_mm, half / 2)
         bend = max(surface.curvature_per_mm(site, half), 1e-9)
         edge = max(float(np.sqrt(8 * sagitta_mm / bend)), 0.1)
         fine = float(np.clip(np.sqrt(0.8 * sagitta_mm / self.depth_mm), 0.02, 0.12))
-        across = np.concatenate([_ramp(1.0, fine), 1.0 + _ramp(end - 1.0, fine)])
-        across = a * np.concatenate([across, end + 0.08 * np.array([1.0, 2.0])])
+        burr = 1.0 + _ramp(self.burr_width, min(fine, self.burr_width / 8))
+        skirt = end + 0.08 * self.burr_width * np.array([1.0, 2.0])
+        across = a * np.concatenate([_ramp(1.0, fine), burr, skirt])
         coarse = min(edge, self.length_mm / 40, 3 * self.width_mm)
-        run = half - out + out * np.concatenate(
-            [_ramp(1.0, fine), 1.0 + _ramp(end - 1.0, fine), end + 0.08 * np.array([1.0, 2.0])]
-        )
+        run = half - out + out * np.concatenate([_ramp(1.0, fine), burr, skirt])
         way = np.concatenate([(half - out) * _ramp(1.0, coarse / (half - out)), run])
         steps = np.diff(way, prepend=0.0)
         turn = np.deg2rad(self.bow_deg) * steps / self.length_mm
@@ -95,17 +94,18 @@ class Scratch(Kind):
         return reshape(patch, height, patch.part(rho < middle), height, margin)
 
     def _height(self, rho: Floats, u: Floats, along: Floats, rng: np.random.Generator) -> Floats:
-        x = rho**self.section
         v = along / (self.length_mm / 2)
         depth = (1 - 0.5 * np.minimum(v * v, 1.0)) * (
             1 + 0.08 * np.clip(smooth_noise(along, 5 * self.width_mm, rng), -2.5, 2.5)
         )
-        height = -self.depth_mm * depth * (1 - x) * (1 - x / self.outer)
+        groove = -self.depth_mm * depth * (1 - rho**self.section)
         uneven = np.clip(1 + 0.3 * smooth_noise(along, 2 * self.width_mm, rng), 0.3, 2.0)
-        burr = (1 + self.burr_side * np.tanh(2 * u)) * uneven
+        side = (1 + self.burr_side * np.tanh(2 * u)) * uneven
+        t = (rho - 1.0) / self.burr_width
+        arch = 4 * self.burr_ratio * self.depth_mm * depth * t * (1 - t)
         # Past the burr the lid stays shallow under the skin.
-        under = np.where(rho > 1, np.maximum(height, -0.3 * self.depth_mm), height)
-        return np.where(height > 0, height * burr, under)
+        burr = np.where(t < 1, arch * side, np.maximum(arch, -0.3 * self.depth_mm))
+        return np.where(rho < 1, groove, burr)
 
 
 def _ramp(length: float, step: float) -> Floats:

@@ -225,7 +225,9 @@ class Surface:
         """
         start, normals, triangles = self.project(start_mm)
         along = directions - np.sum(directions * normals, axis=1, keepdims=True) * normals
-        along = along / np.linalg.norm(along, axis=1, keepdims=True)
+        # On an edge of the part the nearest face may be one that the direction stands on.
+        length = np.linalg.norm(along, axis=1)
+        along = along / np.where(length > 0, length, 1.0)[:, None]
         steps = np.ascontiguousarray(steps_mm, np.float64)
         turns = np.zeros_like(steps) if turns_rad is None else np.ascontiguousarray(turns_rad)
         points, normal, heading, triangle, complete = march(
@@ -238,7 +240,7 @@ class Surface:
             normals=normal,
             directions=heading,
             triangles=triangle,
-            complete=complete,
+            complete=complete & (length > 0),
         )
 
     def site_at(self, site: Site, distance_mm: float, rng: np.random.Generator) -> Site:

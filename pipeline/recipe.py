@@ -29,7 +29,7 @@ Flaws = Annotated[FlawPlan, PlainValidator(FlawPlan.from_mapping)]
 class PartEntry:
     """One line of `parts:`: a built-in by name, or mesh files by path or glob."""
 
-    builtin: Literal["bearing_cap", "car_door", "steel_plate"] | None = None
+    builtin: Literal["bearing_cap", "car_door", "steel_plate", "welded_plate"] | None = None
     path: str | None = None
     name: str | None = None
     parameters: dict[str, float] = field(default_factory=dict)

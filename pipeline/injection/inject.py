@@ -197,7 +197,7 @@ def _try(
     """Draw one flaw, place it, build it and check it."""
     rng = np.random.default_rng([seed, attempt, 0])
     tier, flaw = kind_plan.draw(rng)
-    sites = surface.random_sites(rng, 64, allowed * ~forbidden)
+    sites = flaw.seat.sites(surface, rng, 64, allowed * ~forbidden)
     if visible_at is not None:
         seen = visible_at(np.stack([site.position_mm for site in sites]))
         sites = [site for site, good in zip(sites, seen, strict=True) if good]

@@ -68,9 +68,18 @@ def _channel() -> Solid:
 
 @pytest.fixture(scope="session")
 def solids() -> dict[str, Solid]:
-    """Return a plate with its top at z = 0, a cylinder, a sphere, a bent sheet."""
+    """Return simple parts: the plates' tops lie at z = 0, where nothing stands on them."""
     plate = trimesh.creation.box((80.0, 60.0, 10.0))
     plate.apply_translation((0, 0, -5.0))
+    # A ridge with flanks of 45 degrees on the plate: two inner edges, as a weld's toes are.
+    ends = np.array([[-10, -2], [10, -2], [4, 4], [-4, 4]])
+    corners = [(along, y, z) for along in (-25.0, 25.0) for y, z in ends]
+    ridge = trimesh.boolean.union([plate, trimesh.convex.convex_hull(corners)])
+    drilled = plate
+    for x, height, radius in ((-20.0, 30.0, 4.0), (12.0, 12.0, 5.0)):  # through; 6 deep
+        drill = trimesh.creation.cylinder(radius=radius, height=height, sections=64)
+        drill.apply_translation((x, 0, 0))
+        drilled = trimesh.boolean.difference([drilled, drill])
     bent = _channel()
     assert bent.closed
     assert bent.volume_mm3 > 0
@@ -79,6 +88,8 @@ def solids() -> dict[str, Solid]:
         "cylinder": _solid(trimesh.creation.cylinder(radius=20.0, height=90.0, sections=400)),
         "sphere": _solid(trimesh.creation.icosphere(subdivisions=5, radius=25.0)),
         "bent": bent,
+        "ridge": _solid(ridge),
+        "drilled": _solid(drilled),
     }
 
 

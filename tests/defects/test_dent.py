@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.integrate import quad
 
 from defects import KINDS
 from defects.dent import Dent
-from defects.solid import Block
-from defects.surface import Site, SiteError
+from defects.solid import Block, Solid
+from defects.surface import Site, SiteError, Surface
 
 DENT = Dent(length_mm=12.0, aspect=0.6, depth_mm=0.5, rim_ratio=0.1)
 SITE = Site(
@@ -78,3 +79,28 @@ def test_sizes_out_of_bounds_are_refused():
         KINDS["dent"](length_mm=5.0, aspect=0.5, depth_mm=-1.0, rim_ratio=0.1)
     with pytest.raises(ValueError, match="nan"):
         KINDS["dent"](length_mm=float("nan"), aspect=0.5, depth_mm=1.0, rim_ratio=0.1)
+
+
+@pytest.mark.parametrize(("thickness", "moves"), [(0.8, True), (2.0, True), (4.0, False)])
+def test_both_skins_of_a_thin_sheet_move_alike(thickness, moves):
+    """The volume stays, but for the rim: what the near skin loses the far skin gains."""
+    sheet = trimesh.creation.box((60.0, 50.0, thickness))
+    sheet.apply_translation((0, 0, -thickness / 2))
+    vertices, faces = np.array(sheet.vertices, float), np.array(sheet.faces, np.int32)
+    surface, block = Surface.of(vertices, faces), Block(vertices, faces)
+    onto, normals, triangles = surface.project(np.array([[1.0, 2.0, 0.0]]))
+    site = Site(
+        position_mm=onto[0], normal=normals[0], heading_rad=0.3, triangle=int(triangles[0])
+    )
+    dent = Dent(length_mm=18.0, aspect=0.9, depth_mm=0.6, rim_ratio=0.05)
+    cutter = dent.cutter(surface, site, np.random.default_rng(0))
+    carved = block.carve([cutter], [block.trial(cutter)])
+    lowest = carved.vertices_mm[:, 2].min()
+    grown = Solid(vertices_mm=carved.vertices_mm, faces=carved.faces).volume_mm3
+    grown -= 60.0 * 50.0 * thickness
+    if moves:
+        assert lowest == pytest.approx(-thickness - 0.6, rel=1e-6)
+        assert grown == pytest.approx(dent.added_mm3, rel=0.02, abs=0.002 * dent.removed_mm3)
+    else:
+        assert lowest == -thickness
+        assert grown == pytest.approx(dent.added_mm3 - dent.removed_mm3, rel=0.002)

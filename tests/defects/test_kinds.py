@@ -7,7 +7,7 @@ import pytest
 
 from defects import KINDS
 from defects.crack import TIP, Crack
-from defects.solid import Block
+from defects.solid import Block, Solid
 from defects.surface import Site, SiteError, tangent_axes
 
 SIZES = {
@@ -21,13 +21,50 @@ SIZES = {
     },
     "scratch": {
         "length_mm": 14.0, "width_mm": 0.5, "depth_mm": 0.12, "burr_ratio": 0.3,
-        "burr_side": 0.4, "section": 1.7, "bow_deg": 8.0,
+        "burr_width": 0.6, "burr_side": 0.4, "section": 1.7, "bow_deg": 8.0,
     },
     "bump": {
         "length_mm": 2.0, "aspect": 0.7, "height_mm": 0.5, "fullness": 2.5,
         "irregularity": 0.08, "droplets": 2.0, "spread_mm": 1.5,
     },
+    "edge_chip": {
+        "length_mm": 4.0, "reach_mm": 1.2, "aspect": 0.6, "hollow": 0.3, "irregularity": 0.08,
+        "ripple": 0.03,
+    },
+    "edge_burr": {
+        "length_mm": 8.0, "height_mm": 0.3, "root_mm": 0.15, "lean_deg": 15.0, "raggedness": 0.5,
+    },
+    "corrosion": {
+        "length_mm": 8.0, "aspect": 0.7, "depth_mm": 0.3, "growth": 0.4, "width_ratio": 4.0,
+        "cover": 0.6, "loss_ratio": 0.08,
+    },
+    "undercut": {"length_mm": 10.0, "width_mm": 1.5, "depth_mm": 0.4, "unevenness": 0.1},
+    "lack_of_fusion": {"length_mm": 8.0, "opening_mm": 0.3, "depth_mm": 0.6, "unevenness": 0.1},
+    "porosity": {
+        "diameter_mm": 1.0, "depth_ratio": 0.3, "pores": 4.0, "spread_mm": 2.0, "row": 0.8,
+        "scatter": 0.3,
+    },
+    "spatter": {
+        "diameter_mm": 1.2, "height_ratio": 0.4, "drops": 4.0, "spread_mm": 3.0, "scatter": 0.4,
+    },
+    "wear": {
+        "length_mm": 12.0, "land_mm": 0.8, "tilt": 0.3, "runout": 0.4, "groove_ratio": 0.03,
+    },
+    "missing_feature": {"ratio": 0.0, "depth_share": 0.6},
 }  # fmt: skip
+SKIN = ("plate", "cylinder", "sphere", "bent")
+PLACES = {
+    "edge_chip": ("plate", "cylinder", "ridge"),
+    "edge_burr": ("plate", "cylinder", "ridge"),
+    "wear": ("plate", "cylinder", "ridge"),
+    "undercut": ("ridge", "drilled"),
+    "lack_of_fusion": ("ridge", "drilled"),
+    "missing_feature": ("drilled",),
+}
+ON_SKIN = [kind for kind in KINDS if kind not in PLACES]
+EVERYWHERE = [(kind, name) for kind in KINDS for name in PLACES.get(kind, SKIN)]
+DRAWN = [kind for kind in KINDS if kind not in ("dent", "missing_feature")]
+ONLY_ADD = ("bump", "edge_burr", "spatter", "missing_feature")
 
 
 def elevation(name, points, surfaces):
@@ -46,7 +83,7 @@ def outside(name, surface):
     """Return the faces that flaws go on: not the ends of the cylinder, not the plate's sides."""
     if name == "cylinder":
         return np.abs(surface.normals[:, 2]) < 0.5
-    if name == "sphere":
+    if name in ("sphere", "ridge", "drilled"):
         return np.ones(len(surface.faces), bool)
     return surface.normals[:, 2] > 0.3
 
@@ -54,7 +91,7 @@ def outside(name, surface):
 def fit(kind, surface, block, name, seed):
     """Return a cutter and its change at the first of some random places where it fits."""
     rng = np.random.default_rng(seed)
-    for site in surface.random_sites(rng, 40, outside(name, surface).astype(float)):
+    for site in kind.seat.sites(surface, rng, 40, outside(name, surface).astype(float)):
         try:
             cutter = kind.cutter(surface, site, np.random.default_rng(seed))
         except SiteError:
@@ -63,8 +100,18 @@ def fit(kind, surface, block, name, seed):
     raise AssertionError("no place found")
 
 
-@pytest.mark.parametrize("name", ["plate", "cylinder", "sphere", "bent"])
-@pytest.mark.parametrize("kind", KINDS)
+def built(flaw, surface, site, seeds):
+    """Return the cutter of the first seed with which the flaw fits at a site."""
+    for seed in seeds:
+        try:
+            return flaw.cutter(surface, site, np.random.default_rng(seed))
+        except SiteError:
+            continue
+    raise AssertionError("no seed fits")
+
+
+@pytest.mark.parametrize("name", SKIN)
+@pytest.mark.parametrize("kind", ON_SKIN)
 def test_depth_along_the_local_normal(kind, name, solids, surfaces):
     solid, surface = solids[name], surfaces[name]
     block = Block(solid.vertices_mm, solid.faces)
@@ -75,15 +122,17 @@ def test_depth_along_the_local_normal(kind, name, solids, surfaces):
     height = elevation(name, made, surfaces)
     # The mesh itself lies up to its facets' sagitta under the ideal surface.
     sagitta = {"plate": 0.0, "cylinder": 0.0007, "sphere": 0.02, "bent": 0.0}[name]
-    if kind == "bump":
+    sizes = {**SIZES[kind], "porosity": 0.3, "spatter": 0.48}
+    wanted_mm = sizes.get("depth_mm") or sizes.get("height_mm") or sizes[kind]
+    if kind in ("bump", "spatter"):
         assert height.max() == pytest.approx(change.depth_mm, rel=0.05, abs=sagitta)
-        assert change.depth_mm == pytest.approx(SIZES[kind]["height_mm"], rel=0.02)
+        assert change.depth_mm == pytest.approx(wanted_mm, rel=0.02)
         assert change.removed_mm3 == 0
     else:
         assert -height.min() == pytest.approx(change.depth_mm, rel=0.05, abs=sagitta)
-        assert change.depth_mm == pytest.approx(SIZES[kind]["depth_mm"], rel=0.2)
+        assert change.depth_mm == pytest.approx(wanted_mm, rel=0.2)
         assert change.removed_mm3 > 0
-    assert (change.added_mm3 > 0) == (kind in ("dent", "scratch", "bump"))
+    assert (change.added_mm3 > 0) == (kind in ("dent", "scratch", "bump", "spatter"))
     # All along, not only at the deepest point: the wanted surface against the part's mesh.
     deep = np.abs(cutter.height_mm) > 0.2 * np.abs(cutter.height_mm).max()
     wanted = (cutter.skin_mm + cutter.height_mm[:, None] * cutter.normals)[deep]
@@ -92,26 +141,48 @@ def test_depth_along_the_local_normal(kind, name, solids, surfaces):
     np.testing.assert_allclose(measured, np.abs(cutter.height_mm[deep]), rtol=0.05)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_cutters_are_closed_and_repeat_from_the_seed(kind, surfaces):
-    flaw, surface = KINDS[kind](**SIZES[kind]), surfaces["cylinder"]
-    onto, normals, triangles = surface.project(np.array([[20.0, 3.0, 5.0]]))
-    site = Site(
-        position_mm=onto[0], normal=normals[0], heading_rad=1.1, triangle=int(triangles[0])
-    )
-    one = flaw.cutter(surface, site, np.random.default_rng(4))
+@pytest.mark.parametrize(("kind", "name"), EVERYWHERE)
+def test_carved_parts_are_closed_and_their_faces_know_the_flaw(kind, name, solids, surfaces):
+    """Volumes add up, the part's vertices keep their bits, and skin stays skin."""
+    solid, surface = solids[name], surfaces[name]
+    block = Block(solid.vertices_mm, solid.faces)
+    _, cutter, change = fit(KINDS[kind](**SIZES[kind]), surface, block, name, 5)
+    carved = block.carve([cutter], [change])
+    after = Solid(vertices_mm=carved.vertices_mm, faces=carved.faces)
+    assert after.closed
+    grown = after.volume_mm3 - solid.volume_mm3
+    assert grown == pytest.approx(change.added_mm3 - change.removed_mm3, abs=1e-6)
+    assert (change.removed_mm3 == 0) == (kind in ONLY_ADD)
+    kept = {tuple(vertex) for vertex in carved.vertices_mm}
+    low, high = cutter.box_mm
+    away = ((solid.vertices_mm < low) | (solid.vertices_mm > high)).any(axis=1)
+    assert all(tuple(vertex) in kept for vertex in solid.vertices_mm[away])
+    made = carved.faces[carved.instance == 1]
+    middle = carved.vertices_mm[made].mean(axis=1)
+    assert ((middle > low - 1e-9) & (middle < high + 1e-9)).all()
+    # What counts as skin lies on the old skin (slivers of a drilled plate are single precision).
+    skin = carved.vertices_mm[carved.faces[carved.instance == 0]].mean(axis=1)
+    onto, _, _ = surface.project(skin)
+    assert np.linalg.norm(onto - skin, axis=1).max() < 1e-7
+    assert len(made) > 0
+
+
+@pytest.mark.parametrize(("kind", "name"), EVERYWHERE)
+def test_cutters_are_closed_and_repeat_from_the_seed(kind, name, solids, surfaces):
+    flaw, surface, solid = KINDS[kind](**SIZES[kind]), surfaces[name], solids[name]
+    site, one, _ = fit(flaw, surface, Block(solid.vertices_mm, solid.faces), name, 4)
     other = flaw.cutter(surface, site, np.random.default_rng(4))
-    for solid, again in zip(one.solids, other.solids, strict=True):
-        assert solid.closed
-        assert solid.volume_mm3 > 0
-        np.testing.assert_array_equal(solid.vertices_mm, again.vertices_mm)
-        np.testing.assert_array_equal(solid.faces, again.faces)
-    if kind != "dent":
-        third = flaw.cutter(surface, site, np.random.default_rng(5))
+    for part, again in zip(one.solids, other.solids, strict=True):
+        assert part.closed
+        assert part.volume_mm3 > 0
+        np.testing.assert_array_equal(part.vertices_mm, again.vertices_mm)
+        np.testing.assert_array_equal(part.faces, again.faces)
+    if kind in DRAWN:
+        third = built(flaw, surface, site, range(6, 30))
         assert any(
-            solid.vertices_mm.shape != again.vertices_mm.shape
-            or not np.array_equal(solid.vertices_mm, again.vertices_mm)
-            for solid, again in zip(one.solids, third.solids, strict=True)
+            part.vertices_mm.shape != again.vertices_mm.shape
+            or not np.array_equal(part.vertices_mm, again.vertices_mm)
+            for part, again in zip(one.solids, third.solids, strict=True)
         )
 
 
@@ -171,7 +242,9 @@ def test_crack_of_straight_v_has_the_volume_of_its_sections(solids, surfaces):
 
 def test_class_ids_are_the_contract():
     assert {name: kind.class_id for name, kind in KINDS.items()} == {
-        "dent": 1, "crack": 2, "pit": 3, "scratch": 4, "bump": 5,
+        "dent": 1, "crack": 2, "pit": 3, "scratch": 4, "bump": 5, "edge_chip": 6, "edge_burr": 7,
+        "corrosion": 8, "undercut": 9, "lack_of_fusion": 10, "porosity": 11, "spatter": 12,
+        "wear": 13, "missing_feature": 14,
     }  # fmt: skip
     for name, kind in KINDS.items():
         assert kind.name == name

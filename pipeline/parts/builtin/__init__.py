@@ -10,7 +10,7 @@ from typing import Any, Final, cast
 from pipeline.parts.part import Part
 from pipeline.parts.part_error import PartError
 
-NAMES: Final[tuple[str, ...]] = ("bearing_cap", "car_door", "steel_plate")
+NAMES: Final[tuple[str, ...]] = ("bearing_cap", "car_door", "steel_plate", "welded_plate")
 
 
 def build(name: str, facet_um: float | None = None, **parameters: Any) -> Part:
@@ -22,7 +22,7 @@ def build(name: str, facet_um: float | None = None, **parameters: Any) -> Part:
     Parameters
     ----------
     name
-        ``bearing_cap``, ``car_door`` or ``steel_plate``.
+        one of `NAMES`.
     facet_um
         Largest allowed distance between facets and the true surface, µm; each part's own
         default where None.

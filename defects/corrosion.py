@@ -1,0 +1,103 @@
+"""Corrosion: a field of pits that started at different times and grew, on thinned skin."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from defects.kind import Kind, size
+from defects.outline import outline
+from defects.patch import Patch, dig
+from defects.solid import Cutter
+from defects.surface import Site, Surface
+from defects.track import Track
+
+Floats = NDArray[np.float64]
+
+MOST_CELLS = 14_000
+"""Cells of a field's mesh: with more a specimen takes longer than one with a dent twice over."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Corrosion(Kind):
+    """A corroded place.
+
+    Pits start at times spread evenly over the exposure and grow as a power of their age,
+
+        depth_i = depth (age_i / exposure)^growth,
+
+    the law of Romanoff (NBS Circular 579, 1957) for buried and atmospheric steel with exponents of
+    0.2 to 0.8. Each is a paraboloid `width_ratio` times as wide as deep (ASTM G46: wide, shallow
+    pits to narrow, deep ones); where pits meet the deeper one counts. Between them the skin is
+    thinned evenly by `loss_ratio` times the depth within an uneven outline.
+
+    Parameters
+    ----------
+    length_mm
+        Axis of the field along the heading.
+    aspect
+        Other axis over `length_mm`.
+    depth_mm
+        Depth of the oldest pit.
+    growth
+        Exponent of the growth.
+    width_ratio
+        Diameter of a pit over its depth.
+    cover
+        Area of all pits over the field's.
+    loss_ratio
+        Even loss over the depth of the oldest pit.
+    """
+
+    name: ClassVar[str] = "corrosion"
+    class_id: ClassVar[int] = 8
+
+    length_mm: float = size("mm", 1.0, 300.0, (6.0, 20.0))
+    aspect: float = size("1", 0.2, 1.0, (0.5, 1.0))
+    depth_mm: float = size("mm", 0.01, 10.0, (0.15, 0.8))
+    growth: float = size("1", 0.2, 0.8, (0.3, 0.6))
+    width_ratio: float = size("1", 1.0, 12.0, (2.5, 6.0))
+    cover: float = size("1", 0.05, 2.0, (0.4, 1.0))
+    loss_ratio: float = size("1", 0.0, 0.5, (0.03, 0.15))
+
+    def cutter(
+        self, surface: Surface, site: Site, rng: np.random.Generator, sagitta_mm: float = 0.001
+    ) -> Cutter:
+        """Draw the pits and build the one solid that they and the even loss take away."""
+        a, b = self.length_mm / 2, self.length_mm * self.aspect / 2
+        places, deep = self._pits(a, b, rng)
+        wide = deep * self.width_ratio / 2
+        reach = (a + float(wide.max()) * 1.1, b + float(wide.max()) * 1.1)
+        finest = np.sqrt(4 * reach[0] * reach[1] / MOST_CELLS)
+        step = max(float(np.median(wide)) / 5, float(finest))
+        way = np.linspace(0.0, reach[0], int(np.ceil(reach[0] / step)) + 1)[1:]
+        across = np.linspace(0.0, reach[1], int(np.ceil(reach[1] / step)) + 1)[1:]
+        steps, straight = np.diff(way, prepend=0.0), np.zeros(len(way))
+        track = Track.walked(
+            surface, site.position_mm, site.direction(), (steps, straight), (steps, straight)
+        )
+        patch = Patch.strip(surface, track.points_mm, track.directions, track.along_mm, across)
+        x, y = patch.first, patch.second
+        depth = np.full(len(x), -np.inf)
+        for (px, py), d, r in zip(places, deep, wide, strict=True):
+            np.maximum(depth, d * (1 - ((x - px) ** 2 + (y - py) ** 2) / r**2), out=depth)
+        ring = outline(np.arctan2(y / b, x / a), 0.12, rng)
+        share = np.hypot(x / a, y / b) / (0.92 * ring)
+        loss = self.loss_ratio * self.depth_mm
+        depth = np.maximum(depth, loss * (1 - share**8))
+        height = np.minimum(-depth, 0.3 * self.depth_mm)
+        return dig(patch, height, height < 0, max(0.02, 0.25 * self.depth_mm))
+
+    def _pits(self, a: float, b: float, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        """Return places (n, 2) and depths (n,) of the pits, the oldest, in the middle, first."""
+        mean = self.depth_mm**2 * self.width_ratio**2 / (4 * (1 + 2 * self.growth))
+        number = 1 + int(np.clip(rng.poisson(self.cover * a * b / mean), 2, 400))
+        age = rng.uniform(size=number)
+        age[0] = 1.0
+        # Older pits lie further in, where the film broke down first.
+        radius = np.sqrt(rng.uniform(size=number)) * (1 - 0.25 * age)
+        radius[0] *= 0.3
+        angle = rng.uniform(0, 2 * np.pi, number)
+        places = np.stack([a * radius * np.cos(angle), b * radius * np.sin(angle)], axis=1)
+        return places, self.depth_mm * np.maximum(age, 0.05) ** self.growth

@@ -1,0 +1,71 @@
+"""Spatter: drops of weld metal that flew off and stuck to the skin."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from defects.bump import drop
+from defects.kind import Kind, size
+from defects.patch import merge
+from defects.solid import Cutter
+from defects.surface import Site, SiteError, Surface
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Spatter(Kind):
+    """Drops scattered over the skin beside a weld, each about a spherical cap.
+
+    Their diameters follow a lognormal distribution below `diameter_mm`, the largest; ISO 6520-1
+    number 602. Diameters of 0.2 to 3 mm are usual in gas-shielded arc welding.
+
+    Parameters
+    ----------
+    diameter_mm
+        Of the largest drop.
+    height_ratio
+        Height of a drop over its diameter.
+    drops
+        How many.
+    spread_mm
+        Standard deviation of their distance from the largest.
+    scatter
+        Standard deviation of the logarithm of the diameters.
+    """
+
+    name: ClassVar[str] = "spatter"
+    class_id: ClassVar[int] = 12
+
+    diameter_mm: float = size("mm", 0.1, 10.0, (0.6, 2.5))
+    height_ratio: float = size("1", 0.1, 0.8, (0.25, 0.5))
+    drops: float = size("1", 1, 60, (3, 12), whole=True)
+    spread_mm: float = size("mm", 0.2, 200.0, (3.0, 12.0))
+    scatter: float = size("1", 0.0, 1.2, (0.3, 0.8))
+
+    def cutter(
+        self, surface: Surface, site: Site, rng: np.random.Generator, sagitta_mm: float = 0.001
+    ) -> Cutter:
+        """Build the drops; one that would reach over an edge of the part is left out."""
+        cutters = [self._one(surface, site, self.diameter_mm, rng, sagitta_mm)]
+        for _ in range(int(self.drops) - 1):
+            share = float(np.exp(-abs(rng.normal(0.0, self.scatter)) - 0.15))
+            apart = float(rng.rayleigh(self.spread_mm)) + 0.7 * self.diameter_mm
+            try:
+                there = surface.site_at(site, apart, rng)
+                cutters.append(
+                    self._one(surface, there, share * self.diameter_mm, rng, sagitta_mm)
+                )
+            except SiteError:
+                continue
+        return merge(cutters)
+
+    def _one(
+        self,
+        surface: Surface,
+        site: Site,
+        diameter: float,
+        rng: np.random.Generator,
+        sagitta: float,
+    ) -> Cutter:
+        half = (diameter / 2, 0.9 * diameter / 2)
+        return drop(surface, site, half, diameter * self.height_ratio, 2.6, 0.05, rng, sagitta)

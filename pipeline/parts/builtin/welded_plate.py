@@ -1,0 +1,113 @@
+"""A butt weld: a steel plate with a rippled bead along x on its upper side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.parts.builtin.length import bounded
+from pipeline.parts.builtin.sheet import close_grid
+from pipeline.parts.part import Part, PartError
+
+DEFAULT_FACET_UM = 10.0
+MOST_CELLS = 300_000
+LEAST_TOE_RAD = np.deg2rad(34.0)
+"""A flatter toe is no feature edge of the mesh (creases begin at 32°), and flaws along the toe
+would find no place."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class WeldedPlate:
+    """Sizes of the plate and its bead, mm. The weld runs along x; the top is at z = thickness.
+
+    ISO 5817 limits the bead's height to 1 mm + 0.1 (level B), 0.15 (C), 0.25 (D) of its width.
+    """
+
+    length_mm: float = bounded(160.0, 10.0, 2000.0, "mm", "size along x, the weld")
+    width_mm: float = bounded(120.0, 10.0, 2000.0, "mm", "size along y")
+    thickness_mm: float = bounded(8.0, 1.0, 100.0, "mm", "distance from underside to top")
+    bead_width_mm: float = bounded(10.0, 1.0, 60.0, "mm", "distance between the bead's toes")
+    bead_height_mm: float = bounded(2.0, 0.2, 20.0, "mm", "height of the bead over the plate")
+    ripple_pitch_mm: float = bounded(2.0, 0.3, 20.0, "mm", "distance of the ripples along x")
+    ripple_ratio: float = bounded(0.05, 0.0, 0.3, "1", "height of the ripples over the bead's")
+
+
+PARAMETERS = WeldedPlate
+
+
+def bead_mm(plate: WeldedPlate, x_mm: Floats, y_mm: Floats) -> Floats:
+    """Height of the bead over the plate: a circular arc with crescent ripples; 0 beside it."""
+    half, height = plate.bead_width_mm / 2, plate.bead_height_mm
+    radius = (half**2 + height**2) / (2 * height)
+    inside = np.minimum(np.abs(y_mm), half)
+    crown = np.sqrt(radius**2 - inside**2) - (radius - height)
+    crescent = x_mm + 0.35 * plate.bead_width_mm * (1 - (inside / half) ** 2)
+    waves = np.cos(2 * np.pi * crescent / plate.ripple_pitch_mm)
+    return np.asarray(np.maximum(crown, 0.0) * (1 + plate.ripple_ratio * waves))
+
+
+def make(plate: WeldedPlate, facet_um: float | None) -> Part:
+    """Tessellate the plate with facets of the bead within `facet_um` of the true surface.
+
+    Regions: ``outer`` (the upper side), ``bead``, ``toe`` (the plate beside the bead, half its
+    width far), ``plate`` (the upper side beside the bead), ``side``, ``bottom``.
+    """
+    source = "builtin:welded_plate"
+    half, height = plate.bead_width_mm / 2, plate.bead_height_mm
+    if 2 * plate.bead_width_mm > plate.width_mm:
+        raise PartError(
+            source, f"bead_width_mm = {plate.bead_width_mm:g} doesn't fit the plate",
+            "allowed: up to half the plate's width",
+        )  # fmt: skip
+    toe = 2 * np.arctan(height / half) * (1 - plate.ripple_ratio)
+    if not LEAST_TOE_RAD <= toe <= np.pi / 2:
+        raise PartError(
+            source,
+            f"bead_height_mm = {height:g} on a width of {2 * half:g} makes a toe of "
+            f"{np.degrees(toe):.0f} degrees",
+            "allowed: 34 to 90 degrees, so about 0.31 to 1 times half the width",
+        )
+    facet = (DEFAULT_FACET_UM if facet_um is None else facet_um) / 1000
+    wave = plate.ripple_ratio * height
+    per_ripple = max(6, int(np.ceil(2 * np.pi * np.sqrt(wave / (8 * facet)))))
+    count = int(np.ceil(plate.length_mm / plate.ripple_pitch_mm * per_ripple))
+    # The arc's sagitta, and along the crescents the ripples' as well.
+    arc = int(np.ceil(toe / np.sqrt(8 * facet / ((half**2 + height**2) / (2 * height)))))
+    crescents = 0.35 * plate.bead_width_mm / plate.ripple_pitch_mm * 4 * per_ripple / 2
+    across = 2 * max(8, int(np.ceil(0.5 * max(arc, crescents if wave > 0 else 0))))
+    y_bead = np.linspace(-half, half, across + 1)
+    beside = np.array([0.5, 1.5]) * half + half
+    edge = plate.width_mm / 2
+    beside = np.concatenate([beside[beside < 0.9 * edge], [edge]])
+    y = np.concatenate([-beside[::-1], y_bead, beside])
+    if count * len(y) > MOST_CELLS:
+        raise PartError(
+            source, f"facet_um = {1000 * facet:g} takes {count * len(y)} cells",
+            f"coarser facets or a shorter plate, allowed: {MOST_CELLS} cells",
+        )  # fmt: skip
+    x = np.linspace(-plate.length_mm / 2, plate.length_mm / 2, count + 1)
+    grid_x, grid_y = np.meshgrid(x, y, indexing="ij")
+    lift = bead_mm(plate, grid_x, grid_y)
+    top = np.stack([grid_x, grid_y, plate.thickness_mm + lift], axis=-1)
+    bottom = np.stack([grid_x, grid_y, np.zeros_like(lift)], axis=-1)
+    vertices, faces, side = close_grid(top, bottom)
+    centre = np.abs(vertices[faces][:, :, 1].mean(axis=1))
+    upper = side == 0
+    return Part(
+        name="welded_plate",
+        vertices_mm=vertices,
+        faces=faces,
+        regions={
+            "outer": upper,
+            "bead": upper & (centre < half),
+            "toe": upper & (centre > half) & (centre < 1.5 * half),
+            "plate": upper & (centre > half),
+            "side": side >= 2,
+            "bottom": side == 1,
+        },
+        source=source,
+    )
