@@ -11,11 +11,15 @@ from pipeline.parts.builtin.length import bounded
 from pipeline.parts.builtin.sheet import close_grid
 from pipeline.parts.part import Part, PartError
 
-DEFAULT_FACET_UM = 10.0
+DEFAULT_FACET_UM = 20.0
 MOST_CELLS = 300_000
 LEAST_TOE_RAD = np.deg2rad(34.0)
 """A flatter toe is no feature edge of the mesh (creases begin at 32°), and flaws along the toe
 would find no place."""
+
+CRESCENT = 0.2
+"""How far a ripple's middle runs ahead of its ends, over the bead's width: the shape of the weld
+pool's rear, which is a half circle (0.5) in slow welding and flatter in the usual."""
 
 Floats = NDArray[np.float64]
 
@@ -32,8 +36,8 @@ class WeldedPlate:
     thickness_mm: float = bounded(8.0, 1.0, 100.0, "mm", "distance from underside to top")
     bead_width_mm: float = bounded(10.0, 1.0, 60.0, "mm", "distance between the bead's toes")
     bead_height_mm: float = bounded(2.0, 0.2, 20.0, "mm", "height of the bead over the plate")
-    ripple_pitch_mm: float = bounded(2.0, 0.3, 20.0, "mm", "distance of the ripples along x")
-    ripple_ratio: float = bounded(0.05, 0.0, 0.3, "1", "height of the ripples over the bead's")
+    ripple_pitch_mm: float = bounded(2.5, 0.3, 20.0, "mm", "distance of the ripples along x")
+    ripple_height_mm: float = bounded(0.08, 0.0, 3.0, "mm", "amplitude of the ripples on the crown")
 
 
 PARAMETERS = WeldedPlate
@@ -45,9 +49,9 @@ def bead_mm(plate: WeldedPlate, x_mm: Floats, y_mm: Floats) -> Floats:
     radius = (half**2 + height**2) / (2 * height)
     inside = np.minimum(np.abs(y_mm), half)
     crown = np.sqrt(radius**2 - inside**2) - (radius - height)
-    crescent = x_mm + 0.35 * plate.bead_width_mm * (1 - (inside / half) ** 2)
+    crescent = x_mm + CRESCENT * plate.bead_width_mm * (1 - (inside / half) ** 2)
     waves = np.cos(2 * np.pi * crescent / plate.ripple_pitch_mm)
-    return np.asarray(np.maximum(crown, 0.0) * (1 + plate.ripple_ratio * waves))
+    return np.asarray(np.maximum(crown, 0.0) * (1 + plate.ripple_height_mm / height * waves))
 
 
 def make(plate: WeldedPlate, facet_um: float | None) -> Part:
@@ -63,7 +67,12 @@ def make(plate: WeldedPlate, facet_um: float | None) -> Part:
             source, f"bead_width_mm = {plate.bead_width_mm:g} doesn't fit the plate",
             "allowed: up to half the plate's width",
         )  # fmt: skip
-    toe = 2 * np.arctan(height / half) * (1 - plate.ripple_ratio)
+    if plate.ripple_height_mm > 0.2 * height:
+        raise PartError(
+            source, f"ripple_height_mm = {plate.ripple_height_mm:g} on a bead {height:g} high",
+            "allowed: up to a fifth of the bead's height",
+        )  # fmt: skip
+    toe = 2 * np.arctan(height / half) * (1 - plate.ripple_height_mm / height)
     if not LEAST_TOE_RAD <= toe <= np.pi / 2:
         raise PartError(
             source,
@@ -72,13 +81,7 @@ def make(plate: WeldedPlate, facet_um: float | None) -> Part:
             "allowed: 34 to 90 degrees, so about 0.31 to 1 times half the width",
         )
     facet = (DEFAULT_FACET_UM if facet_um is None else facet_um) / 1000
-    wave = plate.ripple_ratio * height
-    per_ripple = max(6, int(np.ceil(2 * np.pi * np.sqrt(wave / (8 * facet)))))
-    count = int(np.ceil(plate.length_mm / plate.ripple_pitch_mm * per_ripple))
-    # The arc's sagitta, and along the crescents the ripples' as well.
-    arc = int(np.ceil(toe / np.sqrt(8 * facet / ((half**2 + height**2) / (2 * height)))))
-    crescents = 0.35 * plate.bead_width_mm / plate.ripple_pitch_mm * 4 * per_ripple / 2
-    across = 2 * max(8, int(np.ceil(0.5 * max(arc, crescents if wave > 0 else 0))))
+    count, across = _cells(plate, facet)
     y_bead = np.linspace(-half, half, across + 1)
     beside = np.array([0.5, 1.5]) * half + half
     edge = plate.width_mm / 2
@@ -111,3 +114,24 @@ def make(plate: WeldedPlate, facet_um: float | None) -> Part:
         },
         source=source,
     )
+
+
+def _cells(plate: WeldedPlate, facet_mm: float) -> tuple[int, int]:
+    """Return how many cells along and across keep the bead's facets within `facet_mm`.
+
+    Linear interpolation on right triangles with legs a, b errs by at most
+    (a² |f_xx| + 2 a b |f_xy| + b² |f_yy|) / 8; the derivatives are those of `bead_mm` over one
+    ripple, by differences. Without ripples a is free.
+    """
+    half = plate.bead_width_mm / 2
+    x = np.linspace(0.0, plate.ripple_pitch_mm, 129)
+    y = np.linspace(-0.999 * half, 0.999 * half, 513)
+    lift = bead_mm(plate, *np.meshgrid(x, y, indexing="ij"))
+    f_x, f_y = np.gradient(lift, x, y, edge_order=2)
+    f_xx, f_xy = np.gradient(f_x, x, y, edge_order=2)
+    f_yy = np.gradient(f_y, y, axis=1, edge_order=2)
+    xx, xy, yy = (float(np.abs(f).max()) for f in (f_xx, f_xy, f_yy))
+    legs = 2.0 if plate.ripple_height_mm > 0 else 50.0  # a over b
+    b = np.sqrt(8 * facet_mm / (legs**2 * xx + 2 * legs * xy + yy))
+    across = 2 * max(8, int(np.ceil(half / b)))
+    return int(np.ceil(plate.length_mm / min(legs * b, 10.0))), across

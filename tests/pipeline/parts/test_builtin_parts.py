@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 import trimesh
 
+from defects.feature_edges import feature_edges
+from defects.surface import Surface
 from pipeline.parts.builtin import NAMES, build, describe, parameters_of
 from pipeline.parts.builtin.bearing_cap import BearingCap
 from pipeline.parts.builtin.cap_shape import along_bore, arch
 from pipeline.parts.builtin.car_door import CarDoor
 from pipeline.parts.builtin.door_shape import DoorShape
 from pipeline.parts.builtin.steel_plate import SteelPlate, flatness_mm
+from pipeline.parts.builtin.welded_plate import WeldedPlate, bead_mm
 from pipeline.parts.mesh.bodies import manifold
 from pipeline.parts.mesh.self_intersection import crossings
 from pipeline.parts.part import Part
@@ -79,7 +82,9 @@ def test_any_allowed_size_gives_a_closed_solid(name: str, seed: int) -> None:
     drawn = {
         key: 0.6 * entry["default"] + 0.4 * rng.uniform(entry["low"], entry["high"])
         for key, entry in describe(name).items()
-        if not key.startswith(("wave", "bolt_spacing", "boss_mm", "width", "edge_r"))
+        if not key.startswith(
+            ("wave", "bolt_spacing", "boss_mm", "width", "edge_r", "bead", "ripple")
+        )
     }
     part = build(name, 300.0, **drawn)
     assert manifold(part.vertices_mm, part.faces).volume() == pytest.approx(part.volume_mm3)
@@ -165,6 +170,45 @@ def test_plate_sizes_must_fit() -> None:
         build("steel_plate", 1.0, wave_height_mm=10.0, wave_length_mm=100.0)
     with pytest.raises(PartError, match="edge_radius_mm = 20 doesn't fit"):
         build("steel_plate", edge_radius_mm=20.0)
+
+
+# ---------------------------------------------------------------------------- welded plate
+
+
+@pytest.mark.parametrize("facet_um", [5.0, 40.0])
+def test_bead_has_the_volume_of_a_circular_segment(facet_um: float) -> None:
+    part = build("welded_plate", facet_um, length_mm=40.0, width_mm=40.0, ripple_height_mm=0.0)
+    half, high = 5.0, 2.0
+    radius = (half**2 + high**2) / (2 * high)
+    angle = 2 * np.arcsin(half / radius)
+    segment = 0.5 * radius**2 * (angle - np.sin(angle))
+    lost = 40.0 * 40.0 * 8.0 + 40.0 * segment - part.volume_mm3
+    assert 0.0 < lost < 40.0 * radius * angle * facet_um * 1e-3
+
+
+def test_bead_facets_stay_within_sagitta_and_end_at_the_toes() -> None:
+    plate = WeldedPlate(length_mm=30.0, width_mm=30.0)
+    part = build("welded_plate", 8.0, length_mm=30.0, width_mm=30.0)
+    points, normal = spread(part, np.flatnonzero(part.regions["bead"]))
+    true = plate.thickness_mm + bead_mm(plate, points[..., 0], points[..., 1])
+    assert np.abs((points[..., 2] - true) * normal[..., 2]).max() <= 8e-3
+    toes = [chain for chain in feature_edges(Surface.of(part.vertices_mm, part.faces))
+            if not chain.convex]  # fmt: skip
+    assert len(toes) == 2
+    for toe in toes:
+        np.testing.assert_allclose(np.abs(toe.points_mm[:, 1]), 5.0, atol=1e-12)
+        np.testing.assert_allclose(toe.points_mm[:, 2], 8.0, atol=1e-12)
+
+
+def test_beads_that_are_no_welds_are_refused() -> None:
+    with pytest.raises(PartError, match="makes a toe of 21 degrees.*34 to 90"):
+        build("welded_plate", bead_height_mm=1.0)
+    with pytest.raises(PartError, match="doesn't fit the plate"):
+        build("welded_plate", bead_width_mm=30.0, width_mm=40.0)
+    with pytest.raises(PartError, match="a fifth of the bead's height"):
+        build("welded_plate", ripple_height_mm=0.6)
+    with pytest.raises(PartError, match="takes .* cells"):
+        build("welded_plate", 1.0, length_mm=2000.0)
 
 
 # ---------------------------------------------------------------------------- car door

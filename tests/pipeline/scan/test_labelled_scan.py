@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from defects import KINDS
+from defects.surface import Surface as Skin
 from pipeline.injection.flawplan import FlawPlan, exactly
 from pipeline.injection.inject import inject
 from pipeline.motion.trajectory import Trajectory, frame
@@ -44,12 +46,31 @@ def middle_only(part):
     return (np.abs(centre[:, :2]) < 6).all(axis=1) & (centre[:, 2] > 0)
 
 
-def scanned(part, kind, *, sheet=SHEET, seed=1, surface=None, **sizes):
+def workpiece():
+    """Return a plate with a ridge of 45 degrees and a blind hole: places for every kind."""
+    base = trimesh.creation.box(extents=(60, 60, 5))
+    ends = np.array([[-2, 1], [-10, 1], [-7, 4.5], [-5, 4.5]])
+    corners = [(x, y, z) for x in (-25.0, 25.0) for y, z in ends]
+    drill = trimesh.creation.cylinder(radius=3.0, height=6.0, sections=64)
+    drill.apply_translation((0, 8, 2.5))
+    solid = trimesh.boolean.difference(
+        [trimesh.boolean.union([base, trimesh.convex.convex_hull(corners)]), drill]
+    )
+    return Part(name="workpiece", vertices_mm=np.array(solid.vertices), faces=solid.faces)
+
+
+def upper(part):
+    surface = Skin.of(part.vertices_mm, part.faces)
+    return surface.normals[:, 2] > 0.3
+
+
+def scanned(part, kind, *, sheet=SHEET, seed=1, surface=None, faces=middle_only, **sizes):
     rng_of = streams(seed, "test")
     flawed = inject(
         part,
         FlawPlan(kinds=(exactly(kind, 1, **sizes),)),
-        visible_faces=middle_only(part),
+        visible_faces=faces(part),
+        visible_at=lambda points: (np.abs(points[:, :2]) < 12).all(axis=1),
         rng_of=rng_of,
     )
     assert len(flawed.flaws) == 1
@@ -95,18 +116,23 @@ def test_a_dents_mask_is_its_analytic_footprint_to_a_pixels_edge():
     assert (scan.instance > 0).sum() == labelled.sum()
 
 
-@pytest.mark.parametrize(
-    ("kind", "sizes"),
-    [
-        ("dent", {"length_mm": 12.0, "depth_mm": 0.8}),
-        ("crack", {}),
-        ("pit", {}),
-        ("scratch", {}),
-        ("bump", {}),
-    ],
-)
-def test_outside_the_mask_both_depths_agree_to_a_nanometre(kind, sizes):
-    _, scan = scanned(plate(), kind, **sizes)
+SMALL = {
+    "dent": {"length_mm": 6.0, "depth_mm": 0.8},
+    "crack": {"length_mm": 6.0},
+    "scratch": {"length_mm": 6.0, "width_mm": 0.6, "depth_mm": 0.06},
+    "corrosion": {"length_mm": 5.0},
+    "porosity": {"spread_mm": 1.0},
+    "wear": {"length_mm": 8.0},
+    "edge_burr": {"length_mm": 8.0},
+    "undercut": {"length_mm": 8.0},
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_outside_the_mask_both_depths_agree_to_a_nanometre(kind):
+    _, scan = scanned(workpiece(), kind, faces=upper, **SMALL.get(kind, {}))
+    assert (scan.mask > 0).sum() > 3
+    assert set(np.unique(scan.mask)) == {0, KINDS[kind].class_id}
     both = np.isfinite(scan.depth_ideal_mm) & np.isfinite(scan.depth_clean_mm)
     off = np.abs(scan.depth_ideal_mm - scan.depth_clean_mm)
     assert off[both & (scan.mask == 0)].max() <= 1e-6
