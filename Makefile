@@ -6,7 +6,7 @@ STAMP  := $(VENV)/.installed
 DEV    := $(VENV)/.installed-dev
 PEERS  := $(VENV)/.installed-bench
 
-.PHONY: demo test lint bench effects paper pictures diagnose-bench proof proof-small payoff clean
+.PHONY: demo test lint bench effects flaws paper pictures diagnose-bench proof proof-small payoff clean
 
 demo: $(STAMP)
 	$(BIN)/flawforge generate manifests/quickstart.yaml --out out/quickstart
@@ -30,6 +30,9 @@ paper: $(DEV)
 
 effects: $(STAMP)
 	$(BIN)/python docs/effects/make_effects.py
+
+flaws: $(STAMP)
+	$(BIN)/python docs/flaws/make_flaws.py
 
 pictures: $(STAMP)
 	$(BIN)/python docs/pictures/make_pictures.py

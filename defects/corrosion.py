@@ -15,7 +15,11 @@ from defects.track import Track
 
 Floats = NDArray[np.float64]
 
-MOST_CELLS = 14_000
+WARP = 0.14
+"""Standard deviation of the warp in radii: outlines of 1 to 2 times their least radius, the
+roundness of pits in ASTM G46's figure 2 (elliptical to irregular)."""
+
+MOST_CELLS = 20_000
 """Cells of a field's mesh: with more a specimen takes longer than one with a dent twice over."""
 
 
@@ -23,7 +27,8 @@ MOST_CELLS = 14_000
 class Corrosion(Kind):
     """A corroded place.
 
-    Pits start at times spread evenly over the exposure and grow as a power of their age,
+    Pits start ever more often as the film on the skin breaks down (ages are squares of even draws)
+    and grow as a power of their age,
 
         depth_i = depth (age_i / exposure)^growth,
 
@@ -70,7 +75,7 @@ class Corrosion(Kind):
         wide = deep * self.width_ratio / 2
         reach = (a + float(wide.max()) * 1.1, b + float(wide.max()) * 1.1)
         finest = np.sqrt(4 * reach[0] * reach[1] / MOST_CELLS)
-        step = max(float(np.median(wide)) / 5, float(finest))
+        step = max(float(np.median(wide)) / 8, float(finest))
         way = np.linspace(0.0, reach[0], int(np.ceil(reach[0] / step)) + 1)[1:]
         across = np.linspace(0.0, reach[1], int(np.ceil(reach[1] / step)) + 1)[1:]
         steps, straight = np.diff(way, prepend=0.0), np.zeros(len(way))
@@ -79,9 +84,13 @@ class Corrosion(Kind):
         )
         patch = Patch.strip(surface, track.points_mm, track.directions, track.along_mm, across)
         x, y = patch.first, patch.second
+        # Uneven pits: the paraboloids are drawn on a field that is warped by waves of their size.
+        size_mm = float(np.median(wide))
+        warp = [WARP * size_mm * _waves(x, y, 2.5 * size_mm, rng) for _ in range(2)]
         depth = np.full(len(x), -np.inf)
         for (px, py), d, r in zip(places, deep, wide, strict=True):
-            np.maximum(depth, d * (1 - ((x - px) ** 2 + (y - py) ** 2) / r**2), out=depth)
+            square = ((x + warp[0] - px) ** 2 + (y + warp[1] - py) ** 2) / r**2
+            np.maximum(depth, d * (1 - square), out=depth)
         ring = outline(np.arctan2(y / b, x / a), 0.12, rng)
         share = np.hypot(x / a, y / b) / (0.92 * ring)
         loss = self.loss_ratio * self.depth_mm
@@ -91,9 +100,10 @@ class Corrosion(Kind):
 
     def _pits(self, a: float, b: float, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """Return places (n, 2) and depths (n,) of the pits, the oldest, in the middle, first."""
-        mean = self.depth_mm**2 * self.width_ratio**2 / (4 * (1 + 2 * self.growth))
-        number = 1 + int(np.clip(rng.poisson(self.cover * a * b / mean), 2, 400))
-        age = rng.uniform(size=number)
+        # A pit's mean area over π: radius² with ages squared, the integral of t^(4 growth).
+        mean = (self.depth_mm * self.width_ratio / 2) ** 2 / (1 + 4 * self.growth)
+        number = 1 + int(np.clip(rng.poisson(self.cover * a * b / mean), 2, 300))
+        age = np.square(rng.uniform(size=number))
         age[0] = 1.0
         # Older pits lie further in, where the film broke down first.
         radius = np.sqrt(rng.uniform(size=number)) * (1 - 0.25 * age)
@@ -101,3 +111,12 @@ class Corrosion(Kind):
         angle = rng.uniform(0, 2 * np.pi, number)
         places = np.stack([a * radius * np.cos(angle), b * radius * np.sin(angle)], axis=1)
         return places, self.depth_mm * np.maximum(age, 0.05) ** self.growth
+
+
+def _waves(x: Floats, y: Floats, length_mm: float, rng: np.random.Generator) -> Floats:
+    """Return a smooth random field of unit variance at points (n,), waves of `length_mm` and up."""
+    count = 12
+    angle, phase = rng.uniform(0, 2 * np.pi, (2, count))
+    wave = 2 * np.pi / (length_mm * rng.uniform(1.0, 3.0, count))
+    at = np.multiply.outer(x, wave * np.cos(angle)) + np.multiply.outer(y, wave * np.sin(angle))
+    return np.asarray(np.cos(at + phase).sum(axis=1) * np.sqrt(2 / count))

@@ -52,7 +52,8 @@ class MissingFeature(Kind):
         return self._widened(hole, rim) if self.ratio > 1 else self._filled(hole, rim)
 
     def _widened(self, hole: Hole, rim: Floats) -> Cutter:
-        wide = hole.centre_mm + self.ratio * (rim - hole.centre_mm)
+        share = self.ratio * hole.bore_mm / hole.radius_mm
+        wide = hole.centre_mm + share * (rim - hole.centre_mm)
         margin = 0.1 * hole.radius_mm
         depth = hole.depth_mm + margin if hole.through else 0.97 * hole.depth_mm
         removed = _prism([wide + margin * hole.axis, wide - depth * hole.axis])
@@ -70,7 +71,8 @@ class MissingFeature(Kind):
         below = rim + sink * (outward - hole.axis)
         rings = [rim, below, below - (depth - sink) * hole.axis]
         if self.ratio > 0:
-            inner = hole.centre_mm + self.ratio * (rim - hole.centre_mm)
+            share = self.ratio * hole.bore_mm / hole.radius_mm
+            inner = hole.centre_mm + share * (rim - hole.centre_mm)
             plug = _tube(rings, [inner, inner - depth * hole.axis])
         else:
             plug = _prism(rings)

@@ -20,6 +20,15 @@ COLOURS: Mapping[str, str] = {
     "pit": "#8E44AD",
     "scratch": "#1F77B4",
     "bump": "#2CA02C",
+    "edge_chip": "#17BECF",
+    "edge_burr": "#7FBF3F",
+    "corrosion": "#8C564B",
+    "undercut": "#E377C2",
+    "lack_of_fusion": "#B00060",
+    "porosity": "#5B3FD6",
+    "spatter": "#006D5B",
+    "wear": "#BCBD22",
+    "missing_feature": "#000000",
     "flaw": "#D62728",
 }
 

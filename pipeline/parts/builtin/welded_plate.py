@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from pipeline.parts.builtin.length import bounded
 from pipeline.parts.builtin.sheet import close_grid
-from pipeline.parts.part import Part, PartError
+from pipeline.parts.part import Part
+from pipeline.parts.part_error import PartError
 
 DEFAULT_FACET_UM = 20.0
 MOST_CELLS = 300_000
