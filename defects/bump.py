@@ -6,11 +6,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from defects.kind import Kind, size
+from defects.kind import Kind
 from defects.outline import outline
 from defects.patch import Patch, merge, reshape
 from defects.solid import Cutter
 from defects.surface import Site, SiteError, Surface
+from quantity import quantity
 
 Floats = NDArray[np.float64]
 
@@ -21,35 +22,35 @@ class Bump(Kind):
 
     Its surface stands `height (1 - rho^fullness)` over the skin, rho being the radius ratio to
     an uneven outline, and meets the skin at an angle.
-
-    Parameters
-    ----------
-    length_mm
-        Mean axis along the heading.
-    aspect
-        Other axis over `length_mm`; small values make a burr.
-    height_mm
-        Height at the middle.
-    fullness
-        2: a paraboloid; more: flatter on top with steeper flanks.
-    irregularity
-        Standard deviation of the outline's radius, relative.
-    droplets
-        How many smaller drops lie around.
-    spread_mm
-        Standard deviation of their distance.
     """
 
     name: ClassVar[str] = "bump"
     class_id: ClassVar[int] = 5
 
-    length_mm: float = size("mm", 0.05, 50.0, (0.5, 3.0))
-    aspect: float = size("1", 0.05, 1.0, (0.6, 1.0))
-    height_mm: float = size("mm", 0.005, 10.0, (0.15, 0.8))
-    fullness: float = size("1", 1.5, 8.0, (2.2, 3.5))
-    irregularity: float = size("1", 0.0, 0.3, (0.02, 0.1))
-    droplets: float = size("1", 0, 40, (0, 5), whole=True)
-    spread_mm: float = size("mm", 0.1, 50.0, (1.0, 4.0))
+    length_mm: float = quantity(
+        "mean axis along the heading", unit="mm", low=0.05, high=50.0, typical=(0.5, 3.0)
+    )
+    aspect: float = quantity(
+        "other axis over `length_mm`; small values make a burr",
+        low=0.05, high=1.0, typical=(0.6, 1.0),
+    )
+    height_mm: float = quantity(
+        "height at the middle", unit="mm", low=0.005, high=10.0, typical=(0.15, 0.8)
+    )
+    fullness: float = quantity(
+        "2: a paraboloid; more: flatter on top with steeper flanks",
+        low=1.5, high=8.0, typical=(2.2, 3.5),
+    )
+    irregularity: float = quantity(
+        "standard deviation of the outline's radius, relative",
+        low=0.0, high=0.3, typical=(0.02, 0.1),
+    )
+    droplets: float = quantity(
+        "how many smaller drops lie around", low=0, high=40, typical=(0, 5), whole=True
+    )
+    spread_mm: float = quantity(
+        "standard deviation of their distance", unit="mm", low=0.1, high=50.0, typical=(1.0, 4.0)
+    )
 
     def cutter(
         self, surface: Surface, site: Site, rng: np.random.Generator, sagitta_mm: float = 0.001

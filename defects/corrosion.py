@@ -6,12 +6,13 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from defects.kind import Kind, size
+from defects.kind import Kind
 from defects.outline import outline
 from defects.patch import Patch, dig
 from defects.solid import Cutter
 from defects.surface import Site, Surface
 from defects.track import Track
+from quantity import quantity
 
 Floats = NDArray[np.float64]
 
@@ -36,35 +37,28 @@ class Corrosion(Kind):
     0.2 to 0.8. Each is a paraboloid `width_ratio` times as wide as deep (ASTM G46: wide, shallow
     pits to narrow, deep ones); where pits meet the deeper one counts. Between them the skin is
     thinned evenly by `loss_ratio` times the depth within an uneven outline.
-
-    Parameters
-    ----------
-    length_mm
-        Axis of the field along the heading.
-    aspect
-        Other axis over `length_mm`.
-    depth_mm
-        Depth of the oldest pit.
-    growth
-        Exponent of the growth.
-    width_ratio
-        Diameter of a pit over its depth.
-    cover
-        Area of all pits over the field's.
-    loss_ratio
-        Even loss over the depth of the oldest pit.
     """
 
     name: ClassVar[str] = "corrosion"
     class_id: ClassVar[int] = 8
 
-    length_mm: float = size("mm", 1.0, 300.0, (6.0, 20.0))
-    aspect: float = size("1", 0.2, 1.0, (0.5, 1.0))
-    depth_mm: float = size("mm", 0.01, 10.0, (0.15, 0.8))
-    growth: float = size("1", 0.2, 0.8, (0.3, 0.6))
-    width_ratio: float = size("1", 1.0, 12.0, (2.5, 6.0))
-    cover: float = size("1", 0.05, 2.0, (0.4, 1.0))
-    loss_ratio: float = size("1", 0.0, 0.5, (0.03, 0.15))
+    length_mm: float = quantity(
+        "axis of the field along the heading", unit="mm", low=1.0, high=300.0, typical=(6.0, 20.0)
+    )
+    aspect: float = quantity("other axis over `length_mm`", low=0.2, high=1.0, typical=(0.5, 1.0))
+    depth_mm: float = quantity(
+        "depth of the oldest pit", unit="mm", low=0.01, high=10.0, typical=(0.15, 0.8)
+    )
+    growth: float = quantity("exponent of the growth", low=0.2, high=0.8, typical=(0.3, 0.6))
+    width_ratio: float = quantity(
+        "diameter of a pit over its depth", low=1.0, high=12.0, typical=(2.5, 6.0)
+    )
+    cover: float = quantity(
+        "area of all pits over the field's", low=0.05, high=2.0, typical=(0.4, 1.0)
+    )
+    loss_ratio: float = quantity(
+        "even loss over the depth of the oldest pit", low=0.0, high=0.5, typical=(0.03, 0.15)
+    )
 
     def cutter(
         self, surface: Surface, site: Site, rng: np.random.Generator, sagitta_mm: float = 0.001

@@ -6,11 +6,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from defects.kind import Kind, size
+from defects.kind import Kind
 from defects.patch import merge
 from defects.solid import Cutter, Solid
 from defects.surface import Site, Surface
 from defects.track import Track, smooth_noise
+from quantity import quantity
 
 Floats = NDArray[np.float64]
 
@@ -26,29 +27,25 @@ class Crack(Kind):
     `depth (1 - v^4)` deep along the local normal and about `opening (1 - |v|^1.5)^0.7` wide,
     with random widening and narrowing; both leave a share `TIP` at the tip. Branches
     start at the main path, are narrower and shallower, and taper towards their one tip.
-
-    Parameters
-    ----------
-    length_mm
-        Length along the path.
-    opening_mm
-        Greatest width at the skin, about.
-    depth_mm
-        Greatest depth along the local normal.
-    meander
-        Standard deviation of the heading, in units of 0.5 rad.
-    branches
-        How many.
     """
 
     name: ClassVar[str] = "crack"
     class_id: ClassVar[int] = 2
 
-    length_mm: float = size("mm", 0.5, 500.0, (6.0, 40.0))
-    opening_mm: float = size("mm", 0.005, 3.0, (0.08, 0.4))
-    depth_mm: float = size("mm", 0.01, 20.0, (0.2, 1.5))
-    meander: float = size("1", 0.0, 1.5, (0.5, 1.0))
-    branches: float = size("1", 0, 8, (0, 3), whole=True)
+    length_mm: float = quantity(
+        "length along the path", unit="mm", low=0.5, high=500.0, typical=(6.0, 40.0)
+    )
+    opening_mm: float = quantity(
+        "greatest width at the skin, about", unit="mm", low=0.005, high=3.0, typical=(0.08, 0.4)
+    )
+    depth_mm: float = quantity(
+        "greatest depth along the local normal", unit="mm", low=0.01, high=20.0, typical=(0.2, 1.5)
+    )
+    meander: float = quantity(
+        "standard deviation of the heading, in units of 0.5 rad",
+        low=0.0, high=1.5, typical=(0.5, 1.0),
+    )
+    branches: float = quantity("how many", low=0, high=8, typical=(0, 3), whole=True)
 
     def cutter(
         self, surface: Surface, site: Site, rng: np.random.Generator, sagitta_mm: float = 0.001

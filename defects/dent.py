@@ -6,10 +6,11 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from defects.kind import Kind, size
+from defects.kind import Kind
 from defects.patch import Patch, reshape
 from defects.solid import Cutter
 from defects.surface import Site, SiteError, Surface
+from quantity import quantity
 
 Floats = NDArray[np.float64]
 
@@ -37,26 +38,22 @@ class Dent(Kind):
 
     A thin sheet is bent, not pressed: where its thickness is at most `THIN` of the shorter axis
     its far skin moves by as much as the near one under the hollow.
-
-    Parameters
-    ----------
-    length_mm
-        Axis of the hollow along the heading, at the level of the skin.
-    aspect
-        Other axis over `length_mm`.
-    depth_mm
-        Depth at the centre.
-    rim_ratio
-        Height of the rim's crest over the depth.
     """
 
     name: ClassVar[str] = "dent"
     class_id: ClassVar[int] = 1
 
-    length_mm: float = size("mm", 0.2, 200.0, (3.0, 20.0))
-    aspect: float = size("1", 0.1, 1.0, (0.5, 1.0))
-    depth_mm: float = size("mm", 0.005, 20.0, (0.1, 0.8))
-    rim_ratio: float = size("1", 0.01, 0.5, (0.03, 0.15))
+    length_mm: float = quantity(
+        "axis of the hollow along the heading, at the level of the skin",
+        unit="mm", low=0.2, high=200.0, typical=(3.0, 20.0),
+    )
+    aspect: float = quantity("other axis over `length_mm`", low=0.1, high=1.0, typical=(0.5, 1.0))
+    depth_mm: float = quantity(
+        "depth at the centre", unit="mm", low=0.005, high=20.0, typical=(0.1, 0.8)
+    )
+    rim_ratio: float = quantity(
+        "height of the rim's crest over the depth", low=0.01, high=0.5, typical=(0.03, 0.15)
+    )
 
     @property
     def outer_ratio(self) -> float:

@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from defects.feature_edges import nearest_edge
-from defects.kind import Kind, size
+from defects.kind import Kind
 from defects.patch import Patch, reshape
 from defects.seats import Edge, Seat
 from defects.solid import Cutter
 from defects.surface import Site, SiteError, Surface
 from defects.track import smooth_noise
+from quantity import quantity
 
 Floats = NDArray[np.float64]
 
@@ -25,30 +26,31 @@ class EdgeBurr(Kind):
     falls to the edge at both ends. ISO 13715 calls it a burr (an edge of undefined shape with an
     overhang) and states its height. On an edge of 90° the even part of the crest has the section
     area root height / √2.
-
-    Parameters
-    ----------
-    length_mm
-        Along the edge.
-    height_mm
-        Greatest height over the edge, about; the recorded height is the one that came out.
-    root_mm
-        Reach of its root on each of the two faces.
-    lean_deg
-        Angle between the fin and the bisector of the faces' normals, to the left.
-    raggedness
-        0: an even crest; 1: the crest falls to a tenth of its height in places.
     """
 
     name: ClassVar[str] = "edge_burr"
     class_id: ClassVar[int] = 7
     seat: ClassVar[Seat] = Edge(convex=True)
 
-    length_mm: float = size("mm", 0.3, 300.0, (4.0, 25.0))
-    height_mm: float = size("mm", 0.01, 5.0, (0.08, 0.5))
-    root_mm: float = size("mm", 0.01, 3.0, (0.06, 0.25))
-    lean_deg: float = size("1", -28.0, 28.0, (-25.0, 25.0))
-    raggedness: float = size("1", 0.0, 1.0, (0.3, 0.8))
+    length_mm: float = quantity(
+        "along the edge", unit="mm", low=0.3, high=300.0, typical=(4.0, 25.0)
+    )
+    height_mm: float = quantity(
+        "greatest height over the edge, about; the recorded height is the one that came out",
+        unit="mm", low=0.01, high=5.0, typical=(0.08, 0.5),
+    )
+    root_mm: float = quantity(
+        "reach of its root on each of the two faces",
+        unit="mm", low=0.01, high=3.0, typical=(0.06, 0.25),
+    )
+    lean_deg: float = quantity(
+        "angle between the fin and the bisector of the faces' normals, to the left",
+        unit="°", low=-28.0, high=28.0, typical=(-25.0, 25.0),
+    )
+    raggedness: float = quantity(
+        "0: an even crest; 1: the crest falls to a tenth of its height in places",
+        low=0.0, high=1.0, typical=(0.3, 0.8),
+    )
 
     def cutter(
         self, surface: Surface, site: Site, rng: np.random.Generator, sagitta_mm: float = 0.001

@@ -7,12 +7,13 @@ import numpy as np
 
 from defects.edge_section import EdgeSection
 from defects.feature_edges import nearest_edge
-from defects.kind import Kind, size
+from defects.kind import Kind
 from defects.outline import outline
 from defects.patch import Patch, dig
 from defects.seats import Edge, Seat
 from defects.solid import Cutter
 from defects.surface import Site, SiteError, Surface
+from quantity import quantity
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -29,33 +30,31 @@ class EdgeChip(Kind):
     (Chai and Lawn, Acta Materialia 55 (2007) 2555); the shell and its ripples are those of brittle
     fracture (Quinn, Fractography of Ceramics and Glasses, NIST SP 960-16). ISO 10110-7 states edge
     chips by their reach from the edge.
-
-    Parameters
-    ----------
-    length_mm
-        Along the edge.
-    reach_mm
-        How far it reaches from the edge on the face where it reaches further.
-    aspect
-        Reach on the other face over `reach_mm`.
-    hollow
-        0: a flat break; 1: a deep shell.
-    irregularity
-        Standard deviation of the outline, relative.
-    ripple
-        Height of the ripples over the depth.
     """
 
     name: ClassVar[str] = "edge_chip"
     class_id: ClassVar[int] = 6
     seat: ClassVar[Seat] = Edge(convex=True)
 
-    length_mm: float = size("mm", 0.05, 100.0, (1.0, 6.0))
-    reach_mm: float = size("mm", 0.02, 50.0, (0.4, 2.0))
-    aspect: float = size("1", 0.1, 1.0, (0.3, 0.9))
-    hollow: float = size("1", 0.0, 2.0, (0.1, 0.6))
-    irregularity: float = size("1", 0.0, 0.3, (0.04, 0.12))
-    ripple: float = size("1", 0.0, 0.2, (0.01, 0.05))
+    length_mm: float = quantity(
+        "along the edge", unit="mm", low=0.05, high=100.0, typical=(1.0, 6.0)
+    )
+    reach_mm: float = quantity(
+        "how far it reaches from the edge on the face where it reaches further",
+        unit="mm", low=0.02, high=50.0, typical=(0.4, 2.0),
+    )
+    aspect: float = quantity(
+        "reach on the other face over `reach_mm`", low=0.1, high=1.0, typical=(0.3, 0.9)
+    )
+    hollow: float = quantity(
+        "0: a flat break; 1: a deep shell", low=0.0, high=2.0, typical=(0.1, 0.6)
+    )
+    irregularity: float = quantity(
+        "standard deviation of the outline, relative", low=0.0, high=0.3, typical=(0.04, 0.12)
+    )
+    ripple: float = quantity(
+        "height of the ripples over the depth", low=0.0, high=0.2, typical=(0.01, 0.05)
+    )
 
     def cutter(
         self, surface: Surface, site: Site, rng: np.random.Generator, sagitta_mm: float = 0.001

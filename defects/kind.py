@@ -2,8 +2,8 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, fields
-from typing import Any, ClassVar, Self
+from dataclasses import dataclass
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -11,32 +11,15 @@ from defects.seats import Seat, Skin
 from defects.sizes import Fixed, LogUniform, Size, Uniform
 from defects.solid import Cutter
 from defects.surface import Site, Surface
-
-
-def size(
-    unit: str, low: float, high: float, typical: tuple[float, float], whole: bool = False
-) -> Any:
-    """Declare a size of a kind of flaw.
-
-    Parameters
-    ----------
-    unit
-        "mm", or "1" for a ratio or a number of things. A severity tier's scale acts on "mm".
-    low, high
-        Bounds; values outside are errors.
-    typical
-        The range that is drawn from where a recipe says nothing.
-    whole
-        Whether values are rounded to whole numbers.
-    """
-    return field(
-        metadata={"unit": unit, "low": low, "high": high, "typical": typical, "whole": whole}
-    )
+from quantity import Quantity, quantities
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Kind(ABC):
-    """One flaw's sizes; a subclass adds fields made by `size` and builds the cutter.
+    """One flaw's sizes; a subclass adds fields made by `quantity` and builds the cutter.
+
+    `typical` of a size is the range that is drawn from where a recipe says nothing; a severity
+    tier's scale acts on sizes in mm.
 
     Raises
     ------
@@ -49,12 +32,15 @@ class Kind(ABC):
     seat: ClassVar[Seat] = Skin()
 
     def __post_init__(self) -> None:
-        for spec in fields(self):
-            value, meta = getattr(self, spec.name), spec.metadata
-            if not meta["low"] <= value <= meta["high"]:
-                raise ValueError(
-                    f"{self.name}: {spec.name} is {value}, allowed {meta['low']} to {meta['high']}"
-                )
+        for size in self.sizes():
+            value = getattr(self, size.name)
+            if not size.holds(value):
+                raise ValueError(f"{self.name}: {size.name} is {value}, allowed {size.allowed}")
+
+    @classmethod
+    def sizes(cls) -> tuple[Quantity, ...]:
+        """Return what is declared of each size, in the order of the fields."""
+        return quantities(cls)
 
     @abstractmethod
     def cutter(
@@ -83,14 +69,14 @@ class Kind(ABC):
     def typical(cls) -> dict[str, Size]:
         """Return the distributions used where a recipe says nothing."""
         found: dict[str, Size] = {}
-        for spec in fields(cls):
-            low, high = spec.metadata["typical"]
+        for size in cls.sizes():
+            low, high = size.typical
             if low == high:
-                found[spec.name] = Fixed(value=low)
-            elif spec.metadata["unit"] == "mm":
-                found[spec.name] = LogUniform(low=low, high=high)
+                found[size.name] = Fixed(value=low)
+            elif size.unit == "mm":
+                found[size.name] = LogUniform(low=low, high=high)
             else:
-                found[spec.name] = Uniform(low=low, high=high)
+                found[size.name] = Uniform(low=low, high=high)
         return found
 
     @classmethod
@@ -115,9 +101,9 @@ class Kind(ABC):
             Names of the sizes that `scale` leaves alone.
         """
         values: dict[str, float] = {}
-        for spec in fields(cls):
-            value, meta = sizes[spec.name].draw(rng), spec.metadata
-            if meta["unit"] == "mm" and spec.name not in unscaled:
-                value = min(max(value * scale, meta["low"]), meta["high"])
-            values[spec.name] = float(round(value)) if meta["whole"] else value
+        for size in cls.sizes():
+            value = sizes[size.name].draw(rng)
+            if size.unit == "mm" and size.name not in unscaled:
+                value = size.clipped(value * scale)
+            values[size.name] = float(round(value)) if size.whole else value
         return cls(**values)

@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from defects.holes import Hole, nearest_hole
-from defects.kind import Kind, size
+from defects.kind import Kind
 from defects.seats import HoleRim, Seat
 from defects.solid import Cutter, Solid
 from defects.surface import Site, SiteError, Surface
+from quantity import quantity
 
 Floats = NDArray[np.float64]
 
@@ -25,21 +26,20 @@ class MissingFeature(Kind):
     A missing or too small hole is filled from its rim: a blind one to its bottom, one that goes
     through to `depth_share` of its depth, so that the far side shows a blind hole, as a drill that
     came from there and stopped would leave it. A too large one is widened about its axis.
-
-    Parameters
-    ----------
-    ratio
-        Diameter over the wanted one: 0 is no hole; 0.98 to 1.02 is no flaw and refused.
-    depth_share
-        How deep a hole that goes through is filled, over its depth.
     """
 
     name: ClassVar[str] = "missing_feature"
     class_id: ClassVar[int] = 14
     seat: ClassVar[Seat] = HoleRim()
 
-    ratio: float = size("1", 0.0, 2.0, (0.0, 0.0))
-    depth_share: float = size("1", 0.2, 0.9, (0.5, 0.8))
+    ratio: float = quantity(
+        "diameter over the wanted one: 0 is no hole; 0.98 to 1.02 is no flaw and refused",
+        low=0.0, high=2.0, typical=(0.0, 0.0),
+    )
+    depth_share: float = quantity(
+        "how deep a hole that goes through is filled, over its depth",
+        low=0.2, high=0.9, typical=(0.5, 0.8),
+    )
 
     def cutter(
         self, surface: Surface, site: Site, rng: np.random.Generator, sagitta_mm: float = 0.001

@@ -6,11 +6,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from defects.kind import Kind, size
+from defects.kind import Kind
 from defects.outline import outline
 from defects.patch import Patch, dig, merge
 from defects.solid import Cutter
 from defects.surface import Site, Surface
+from quantity import quantity
 
 Floats = NDArray[np.float64]
 
@@ -25,32 +26,31 @@ class Pit(Kind):
 
     where the waves, smooth over the floor, leave the outline as it is. In a cluster the first
     pit has the full size; the others are smaller, and shallower in proportion.
-
-    Parameters
-    ----------
-    diameter_mm
-        Mean diameter of the largest pit.
-    depth_mm
-        Depth of the largest pit, about; the recorded depth is the one that came out.
-    irregularity
-        Standard deviation of the outline's radius, relative.
-    steepness
-        2: a bowl; 4 and more: a flat floor with steep walls.
-    pits
-        How many.
-    spread_mm
-        Standard deviation of the others' distance from the first.
     """
 
     name: ClassVar[str] = "pit"
     class_id: ClassVar[int] = 3
 
-    diameter_mm: float = size("mm", 0.05, 30.0, (0.4, 3.0))
-    depth_mm: float = size("mm", 0.005, 10.0, (0.1, 0.8))
-    irregularity: float = size("1", 0.0, 0.3, (0.05, 0.13))
-    steepness: float = size("1", 1.5, 8.0, (2.0, 4.0))
-    pits: float = size("1", 1, 40, (1, 6), whole=True)
-    spread_mm: float = size("mm", 0.1, 50.0, (1.0, 4.0))
+    diameter_mm: float = quantity(
+        "mean diameter of the largest pit", unit="mm", low=0.05, high=30.0, typical=(0.4, 3.0)
+    )
+    depth_mm: float = quantity(
+        "depth of the largest pit, about; the recorded depth is the one that came out",
+        unit="mm", low=0.005, high=10.0, typical=(0.1, 0.8),
+    )
+    irregularity: float = quantity(
+        "standard deviation of the outline's radius, relative",
+        low=0.0, high=0.3, typical=(0.05, 0.13),
+    )
+    steepness: float = quantity(
+        "2: a bowl; 4 and more: a flat floor with steep walls",
+        low=1.5, high=8.0, typical=(2.0, 4.0),
+    )
+    pits: float = quantity("how many", low=1, high=40, typical=(1, 6), whole=True)
+    spread_mm: float = quantity(
+        "standard deviation of the others' distance from the first",
+        unit="mm", low=0.1, high=50.0, typical=(1.0, 4.0),
+    )
 
     def cutter(
         self, surface: Surface, site: Site, rng: np.random.Generator, sagitta_mm: float = 0.001

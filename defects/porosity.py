@@ -6,10 +6,11 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from defects.kind import Kind, size
+from defects.kind import Kind
 from defects.patch import Patch, dig, merge
 from defects.solid import Cutter
 from defects.surface import Site, SiteError, Surface
+from quantity import quantity
 
 Floats = NDArray[np.float64]
 
@@ -22,32 +23,30 @@ class Porosity(Kind):
     upright at the rim. The diameters follow a lognormal distribution below `diameter_mm`, the
     largest. ISO 6520-1 numbers 2017 (surface pore), 2013 (cluster), 2014 (row); ISO 5817 allows
     diameters up to 3 mm (level D), none in level B for thin sheet.
-
-    Parameters
-    ----------
-    diameter_mm
-        Of the largest pore.
-    depth_ratio
-        Depth of a pore over its diameter.
-    pores
-        How many.
-    spread_mm
-        Standard deviation of their places along the heading.
-    row
-        0: a round cluster; 1: all in a row along the heading.
-    scatter
-        Standard deviation of the logarithm of the diameters.
     """
 
     name: ClassVar[str] = "porosity"
     class_id: ClassVar[int] = 11
 
-    diameter_mm: float = size("mm", 0.05, 10.0, (0.4, 2.0))
-    depth_ratio: float = size("1", 0.1, 1.5, (0.35, 0.9))
-    pores: float = size("1", 1, 60, (2, 9), whole=True)
-    spread_mm: float = size("mm", 0.1, 100.0, (1.5, 6.0))
-    row: float = size("1", 0.0, 1.0, (0.0, 1.0))
-    scatter: float = size("1", 0.0, 1.0, (0.2, 0.5))
+    diameter_mm: float = quantity(
+        "of the largest pore", unit="mm", low=0.05, high=10.0, typical=(0.4, 2.0)
+    )
+    depth_ratio: float = quantity(
+        "depth of a pore over its diameter", low=0.1, high=1.5, typical=(0.35, 0.9)
+    )
+    pores: float = quantity("how many", low=1, high=60, typical=(2, 9), whole=True)
+    spread_mm: float = quantity(
+        "standard deviation of their places along the heading",
+        unit="mm", low=0.1, high=100.0, typical=(1.5, 6.0),
+    )
+    row: float = quantity(
+        "0: a round cluster; 1: all in a row along the heading",
+        low=0.0, high=1.0, typical=(0.0, 1.0),
+    )
+    scatter: float = quantity(
+        "standard deviation of the logarithm of the diameters",
+        low=0.0, high=1.0, typical=(0.2, 0.5),
+    )
 
     def cutter(
         self, surface: Surface, site: Site, rng: np.random.Generator, sagitta_mm: float = 0.001

@@ -6,11 +6,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from defects.kind import Kind, size
+from defects.kind import Kind
 from defects.patch import Patch, reshape
 from defects.solid import Cutter
 from defects.surface import Site, SiteError, Surface
 from defects.track import Track, smooth_noise
+from quantity import quantity
 
 Floats = NDArray[np.float64]
 
@@ -29,38 +30,38 @@ class Scratch(Kind):
     along the path and the burr differs between the sides. Grooves and pile-up have the shape that
     scratch tests with a stylus leave (ASTM G171: the width is that between the edges; Williams,
     Tribology International 29 (1996) 675); handling scratches are 50 to 300 µm wide.
-
-    Parameters
-    ----------
-    length_mm
-        Length of the groove along the path.
-    width_mm
-        Width of the groove at the level of the skin.
-    depth_mm
-        Greatest depth, about; the recorded depth is the one that came out.
-    burr_ratio
-        Mean height of the burr over the depth.
-    burr_width
-        Width of the burr on each side, over half the groove's width.
-    burr_side
-        -1: all burr to the right of the heading, 0: even, 1: all to the left.
-    section
-        Exponent k of the section.
-    bow_deg
-        Angle by which the path turns over its length.
     """
 
     name: ClassVar[str] = "scratch"
     class_id: ClassVar[int] = 4
 
-    length_mm: float = size("mm", 0.5, 500.0, (5.0, 40.0))
-    width_mm: float = size("mm", 0.02, 10.0, (0.05, 0.3))
-    depth_mm: float = size("mm", 0.002, 3.0, (0.008, 0.06))
-    burr_ratio: float = size("1", 0.02, 0.8, (0.1, 0.4))
-    burr_width: float = size("1", 0.2, 2.0, (0.4, 0.9))
-    burr_side: float = size("1", -0.95, 0.95, (-0.7, 0.7))
-    section: float = size("1", 1.0, 3.0, (1.3, 2.2))
-    bow_deg: float = size("1", -90.0, 90.0, (-12.0, 12.0))
+    length_mm: float = quantity(
+        "length of the groove along the path", unit="mm", low=0.5, high=500.0, typical=(5.0, 40.0)
+    )
+    width_mm: float = quantity(
+        "width of the groove at the level of the skin",
+        unit="mm", low=0.02, high=10.0, typical=(0.05, 0.3),
+    )
+    depth_mm: float = quantity(
+        "greatest depth, about; the recorded depth is the one that came out",
+        unit="mm", low=0.002, high=3.0, typical=(0.008, 0.06),
+    )
+    burr_ratio: float = quantity(
+        "mean height of the burr over the depth", low=0.02, high=0.8, typical=(0.1, 0.4)
+    )
+    burr_width: float = quantity(
+        "width of the burr on each side, over half the groove's width",
+        low=0.2, high=2.0, typical=(0.4, 0.9),
+    )
+    burr_side: float = quantity(
+        "-1: all burr to the right of the heading, 0: even, 1: all to the left",
+        low=-0.95, high=0.95, typical=(-0.7, 0.7),
+    )
+    section: float = quantity("exponent k of the section", low=1.0, high=3.0, typical=(1.3, 2.2))
+    bow_deg: float = quantity(
+        "angle by which the path turns over its length",
+        unit="°", low=-90.0, high=90.0, typical=(-12.0, 12.0),
+    )
 
     def cutter(
         self, surface: Surface, site: Site, rng: np.random.Generator, sagitta_mm: float = 0.001

@@ -6,10 +6,11 @@ from typing import ClassVar
 import numpy as np
 
 from defects.bump import drop
-from defects.kind import Kind, size
+from defects.kind import Kind
 from defects.patch import merge
 from defects.solid import Cutter
 from defects.surface import Site, SiteError, Surface
+from quantity import quantity
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -18,29 +19,26 @@ class Spatter(Kind):
 
     Their diameters follow a lognormal distribution below `diameter_mm`, the largest; ISO 6520-1
     number 602. Diameters of 0.2 to 3 mm are usual in gas-shielded arc welding.
-
-    Parameters
-    ----------
-    diameter_mm
-        Of the largest drop.
-    height_ratio
-        Height of a drop over its diameter.
-    drops
-        How many.
-    spread_mm
-        Standard deviation of their distance from the largest.
-    scatter
-        Standard deviation of the logarithm of the diameters.
     """
 
     name: ClassVar[str] = "spatter"
     class_id: ClassVar[int] = 12
 
-    diameter_mm: float = size("mm", 0.1, 10.0, (0.6, 2.5))
-    height_ratio: float = size("1", 0.1, 0.8, (0.25, 0.5))
-    drops: float = size("1", 1, 60, (3, 12), whole=True)
-    spread_mm: float = size("mm", 0.2, 200.0, (3.0, 12.0))
-    scatter: float = size("1", 0.0, 1.2, (0.3, 0.8))
+    diameter_mm: float = quantity(
+        "of the largest drop", unit="mm", low=0.1, high=10.0, typical=(0.6, 2.5)
+    )
+    height_ratio: float = quantity(
+        "height of a drop over its diameter", low=0.1, high=0.8, typical=(0.25, 0.5)
+    )
+    drops: float = quantity("how many", low=1, high=60, typical=(3, 12), whole=True)
+    spread_mm: float = quantity(
+        "standard deviation of their distance from the largest",
+        unit="mm", low=0.2, high=200.0, typical=(3.0, 12.0),
+    )
+    scatter: float = quantity(
+        "standard deviation of the logarithm of the diameters",
+        low=0.0, high=1.2, typical=(0.3, 0.8),
+    )
 
     def cutter(
         self, surface: Surface, site: Site, rng: np.random.Generator, sagitta_mm: float = 0.001

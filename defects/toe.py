@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from defects.feature_edges import nearest_edge
-from defects.kind import Kind, size
+from defects.kind import Kind
 from defects.patch import Patch, dig
 from defects.seats import Edge, Seat
 from defects.solid import Cutter
 from defects.surface import Site, SiteError, Surface
 from defects.track import smooth_noise
+from quantity import quantity
 
 Floats = NDArray[np.float64]
 
@@ -26,28 +27,27 @@ class Undercut(Kind):
     Its section is a parabola over both faces of the inner edge; depth and width vary along it.
     ISO 6520-1 numbers 5011 (continuous) and 5012 (intermittent); ISO 5817 allows depths of 0.5 mm
     (level B), 1 mm (level D) at most.
-
-    Parameters
-    ----------
-    length_mm
-        Along the toe.
-    width_mm
-        Reach on both faces together.
-    depth_mm
-        Greatest depth under the faces, along the bisector, about; the recorded depth is the one
-        that came out.
-    unevenness
-        Standard deviation of depth and width along the toe, relative.
     """
 
     name: ClassVar[str] = "undercut"
     class_id: ClassVar[int] = 9
     seat: ClassVar[Seat] = INNER_EDGE
 
-    length_mm: float = size("mm", 0.5, 500.0, (5.0, 40.0))
-    width_mm: float = size("mm", 0.1, 20.0, (0.8, 2.5))
-    depth_mm: float = size("mm", 0.02, 5.0, (0.15, 0.8))
-    unevenness: float = size("1", 0.0, 0.4, (0.1, 0.25))
+    length_mm: float = quantity(
+        "along the toe", unit="mm", low=0.5, high=500.0, typical=(5.0, 40.0)
+    )
+    width_mm: float = quantity(
+        "reach on both faces together", unit="mm", low=0.1, high=20.0, typical=(0.8, 2.5)
+    )
+    depth_mm: float = quantity(
+        "greatest depth under the faces, along the bisector, about; the recorded depth is the one "
+        "that came out",
+        unit="mm", low=0.02, high=5.0, typical=(0.15, 0.8),
+    )
+    unevenness: float = quantity(
+        "standard deviation of depth and width along the toe, relative",
+        low=0.0, high=0.4, typical=(0.1, 0.25),
+    )
 
     def cutter(
         self, surface: Surface, site: Site, rng: np.random.Generator, sagitta_mm: float = 0.001
@@ -68,27 +68,26 @@ class LackOfFusion(Kind):
 
     Its section is a V over both faces of the inner edge. ISO 6520-1 number 401; ISO 5817 permits
     none that reaches the surface.
-
-    Parameters
-    ----------
-    length_mm
-        Along the toe.
-    opening_mm
-        Width of the gap at the surface.
-    depth_mm
-        Greatest depth along the bisector, about; the recorded depth is the one that came out.
-    unevenness
-        Standard deviation of depth and opening along the toe, relative.
     """
 
     name: ClassVar[str] = "lack_of_fusion"
     class_id: ClassVar[int] = 10
     seat: ClassVar[Seat] = INNER_EDGE
 
-    length_mm: float = size("mm", 0.5, 500.0, (3.0, 25.0))
-    opening_mm: float = size("mm", 0.02, 3.0, (0.1, 0.5))
-    depth_mm: float = size("mm", 0.02, 10.0, (0.3, 1.5))
-    unevenness: float = size("1", 0.0, 0.4, (0.1, 0.3))
+    length_mm: float = quantity(
+        "along the toe", unit="mm", low=0.5, high=500.0, typical=(3.0, 25.0)
+    )
+    opening_mm: float = quantity(
+        "width of the gap at the surface", unit="mm", low=0.02, high=3.0, typical=(0.1, 0.5)
+    )
+    depth_mm: float = quantity(
+        "greatest depth along the bisector, about; the recorded depth is the one that came out",
+        unit="mm", low=0.02, high=10.0, typical=(0.3, 1.5),
+    )
+    unevenness: float = quantity(
+        "standard deviation of depth and opening along the toe, relative",
+        low=0.0, high=0.4, typical=(0.1, 0.3),
+    )
 
     def cutter(
         self, surface: Surface, site: Site, rng: np.random.Generator, sagitta_mm: float = 0.001

@@ -7,12 +7,13 @@ import numpy as np
 
 from defects.edge_section import EdgeSection
 from defects.feature_edges import nearest_edge
-from defects.kind import Kind, size
+from defects.kind import Kind
 from defects.patch import Patch, dig
 from defects.seats import Edge, Seat
 from defects.solid import Cutter
 from defects.surface import Site, SiteError, Surface
 from defects.track import smooth_noise
+from quantity import quantity
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -23,30 +24,29 @@ class Wear(Kind):
     the edge; towards its ends it rises to the edge as a parabola does. Over the middle of an edge
     of 90° worn evenly its section has the area land² / 4. ISO 3685 states the wear of cutting
     edges as the width of such a land.
-
-    Parameters
-    ----------
-    length_mm
-        Along the edge.
-    land_mm
-        Width of the land.
-    tilt
-        -1 to 1: how much more of the land lies on the left (right) face than on the other.
-    runout
-        Share of the length over which it rises to the edge.
-    groove_ratio
-        Depth of the grooves over the land's depth under the edge.
     """
 
     name: ClassVar[str] = "wear"
     class_id: ClassVar[int] = 13
     seat: ClassVar[Seat] = Edge(convex=True)
 
-    length_mm: float = size("mm", 0.5, 500.0, (5.0, 30.0))
-    land_mm: float = size("mm", 0.02, 20.0, (0.3, 1.5))
-    tilt: float = size("1", -0.8, 0.8, (-0.4, 0.4))
-    runout: float = size("1", 0.1, 1.0, (0.2, 0.6))
-    groove_ratio: float = size("1", 0.0, 0.2, (0.0, 0.06))
+    length_mm: float = quantity(
+        "along the edge", unit="mm", low=0.5, high=500.0, typical=(5.0, 30.0)
+    )
+    land_mm: float = quantity(
+        "width of the land", unit="mm", low=0.02, high=20.0, typical=(0.3, 1.5)
+    )
+    tilt: float = quantity(
+        "-1 to 1: how much more of the land lies on the left (right) face than on the other",
+        low=-0.8, high=0.8, typical=(-0.4, 0.4),
+    )
+    runout: float = quantity(
+        "share of the length over which it rises to the edge", low=0.1, high=1.0, typical=(0.2, 0.6)
+    )
+    groove_ratio: float = quantity(
+        "depth of the grooves over the land's depth under the edge",
+        low=0.0, high=0.2, typical=(0.0, 0.06),
+    )
 
     def cutter(
         self, surface: Surface, site: Site, rng: np.random.Generator, sagitta_mm: float = 0.001

@@ -72,7 +72,7 @@ def _step(effect: Effect, name: str, value: float) -> float:
     if name == "frequency_hz":
         return 0.02
     typical = effect.parameter(name).typical
-    size = abs(value) if value else abs(float(typical or 1.0))  # type: ignore[arg-type]  # a number
+    size = abs(value) if value else abs(float(typical or 1.0))
     return float(max(0.03 * size, 1e-6))
 
 

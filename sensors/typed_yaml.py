@@ -1,19 +1,22 @@
 """Files that users write: read as data, checked against a type, answered in one line.
 
 The one place that knows PyYAML and pydantic. A type is a `record`: a frozen dataclass whose
-fields carry their own limits (`Annotated[float, Gt(0)]`).
+fields carry their own limits (`quantity(...)`).
 """
 
 import dataclasses
 import difflib
+import inspect
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar, dataclass_transform
+from typing import Annotated, Any, TypeVar, dataclass_transform
 
 import yaml
-from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic import AfterValidator, ConfigDict, TypeAdapter, ValidationError
+
+from quantity import quantity
 
 T = TypeVar("T")
 KeyPath = tuple[str | int, ...]
@@ -69,10 +72,19 @@ class RecipeError(ValueError):
 
 
 @dataclass_transform(
-    kw_only_default=True, frozen_default=True, field_specifiers=(dataclasses.field,)
+    kw_only_default=True, frozen_default=True, field_specifiers=(dataclasses.field, quantity)
 )
 def record(cls: type[T]) -> type[T]:
-    """Make `cls` a frozen, keyword-only, slotted dataclass that refuses unknown keys."""
+    """Make `cls` a frozen, keyword-only, slotted dataclass that refuses unknown keys.
+
+    A field made by `quantity` refuses numbers out of its bounds.
+    """
+    annotations = dict(inspect.get_annotations(cls))
+    for name, declared in vars(cls).items():
+        if isinstance(declared, dataclasses.Field) and "quantity" in declared.metadata:
+            check = AfterValidator(declared.metadata["quantity"].check)
+            annotations[name] = Annotated[annotations[name], check]
+    cls.__annotations__ = annotations
     cls.__pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False)  # type: ignore[attr-defined]  # read by pydantic
     return dataclasses.dataclass(frozen=True, kw_only=True, slots=True)(cls)
 

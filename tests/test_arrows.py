@@ -8,12 +8,15 @@ import networkx as nx
 
 ROOT = Path(__file__).resolve().parents[1]
 MAY_IMPORT = {
-    "flawforge": {"flawforge", "pipeline", "diagnosis", "challenge", "sensors", "defects"},
-    "pipeline": {"pipeline", "defects", "sensors"},
-    "diagnosis": {"diagnosis", "sensors"},
-    "defects": {"defects"},
-    "sensors": {"sensors"},
+    "flawforge": {
+        "flawforge", "pipeline", "diagnosis", "challenge", "sensors", "defects", "quantity",
+    },
+    "pipeline": {"pipeline", "defects", "sensors", "quantity"},
+    "diagnosis": {"diagnosis", "sensors", "quantity"},
+    "defects": {"defects", "quantity"},
+    "sensors": {"sensors", "quantity"},
     "challenge": {"challenge"},
+    "quantity": {"quantity"},
 }
 ONE_PLACE = {
     "joblib": {"pipeline/batch/backend.py"},

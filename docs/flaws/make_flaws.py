@@ -5,7 +5,6 @@ Run `python docs/flaws/make_flaws.py` from the top of the checkout; `--text` lea
 
 import argparse
 import inspect
-from dataclasses import fields
 from functools import cache
 from pathlib import Path
 
@@ -61,13 +60,13 @@ def severe(kind: str) -> dict[str, float]:
 
 def _sizes(kind: type[Kind], share: float) -> dict[str, float]:
     found = {}
-    for spec in fields(kind):
-        low, high = spec.metadata["typical"]
-        if spec.metadata["unit"] == "mm" and low > 0:
+    for size in kind.sizes():
+        low, high = size.typical
+        if size.unit == "mm" and low > 0:
             value = low ** (1 - share) * high**share
         else:
             value = 0.5 * (low + high)
-        found[spec.name] = float(round(value)) if spec.metadata["whole"] else value
+        found[size.name] = float(round(value)) if size.whole else value
     return found
 
 
@@ -143,34 +142,15 @@ def text() -> str:
             where = "round holes"
         lines.append(f"| [{name}](#{name}) | {kind.class_id} | {where} |")
     for name, kind in KINDS.items():
-        summary = inspect.cleandoc(kind.__doc__ or "").split("Parameters\n")[0].rstrip()
-        meaning = _meanings(kind)
+        summary = inspect.cleandoc(kind.__doc__ or "")
         lines += ["", f"## {name}", "", summary, "", "| size | meaning | allowed | typical |",
                   "| --- | --- | --- | --- |"]  # fmt: skip
-        for spec in fields(kind):
-            meta = spec.metadata
-            low, high = meta["typical"]
+        for size in kind.sizes():
+            low, high = size.typical
             typical = f"{low:g}" if low == high else f"{low:g} to {high:g}"
-            lines.append(
-                f"| `{spec.name}` | {meaning[spec.name]} | {meta['low']:g} to {meta['high']:g} "
-                f"| {typical} |"
-            )
+            lines.append(f"| `{size.name}` | {size.meaning} | {size.allowed} | {typical} |")
         lines += ["", f"![{name}, typical and severe](flaws/{name}.png)"]
     return "\n".join(lines) + "\n"
-
-
-def _meanings(kind: type[Kind]) -> dict[str, str]:
-    """Read what each size means from the class's docstring."""
-    found: dict[str, str] = {}
-    name = ""
-    section = inspect.cleandoc(kind.__doc__ or "").split("Parameters\n")[1]
-    for line in section.splitlines()[1:]:
-        if line and not line.startswith(" "):
-            name = line.strip()
-            found[name] = ""
-        elif line.strip():
-            found[name] = f"{found[name]} {line.strip()}".strip()
-    return {key: value.rstrip(".") for key, value in found.items()}
 
 
 def main() -> None:

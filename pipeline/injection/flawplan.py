@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
@@ -187,21 +187,17 @@ def _keep_free(
 
 
 def _sizes(kind: str, where: str, data: Mapping[str, Any]) -> dict[str, Size]:
-    bounds = {spec.name: spec.metadata for spec in fields(KINDS[kind])}
+    known = {size.name: size for size in KINDS[kind].sizes()}
     sizes: dict[str, Size] = {}
     for key, value in data.items():
-        if key not in bounds:
-            raise ValueError(f"{where}.{key}: unknown key, allowed are {', '.join(bounds)}")
+        if key not in known:
+            raise ValueError(f"{where}.{key}: unknown key, allowed are {', '.join(known)}")
         try:
             sizes[key] = parse_size(value)
         except ValueError as error:
             raise ValueError(f"{where}.{key}: {error}") from None
-        low, high = sizes[key].limits()
-        if low < bounds[key]["low"] or high > bounds[key]["high"]:
-            raise ValueError(
-                f"{where}.{key}: {value!r} must stay within "
-                f"{bounds[key]['low']} to {bounds[key]['high']}"
-            )
+        if not all(known[key].holds(limit) for limit in sizes[key].limits()):
+            raise ValueError(f"{where}.{key}: {value!r} must stay within {known[key].allowed}")
     return sizes
 
 

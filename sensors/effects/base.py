@@ -8,7 +8,6 @@ there: bounds, typical values, owners, what is linear, a coarse grid for what is
 
 import dataclasses
 import difflib
-import functools
 import itertools
 import math
 from abc import ABC, abstractmethod
@@ -18,6 +17,7 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from quantity import quantities
 from sensors.effects.basis import Basis
 from sensors.effects.parameter import Parameter
 from sensors.law import Law, geometric_law
@@ -237,7 +237,7 @@ class Effect(ABC):
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:
         """Describe every parameter, in the order of the fields."""
-        return _parameters(cls)
+        return quantities(cls)
 
     @classmethod
     def parameter(cls, name: str) -> Parameter:
@@ -365,14 +365,6 @@ class Effect(ABC):
                 raise RecipeError(
                     f"{p.name} of effect {self.name}", value=value, allowed=p.bounds_text
                 )
-
-
-@functools.cache
-def _parameters(cls: type[Effect]) -> tuple[Parameter, ...]:
-    return tuple(
-        dataclasses.replace(field.metadata["parameter"], name=field.name)
-        for field in dataclasses.fields(cls)  # type: ignore[arg-type]  # every effect is one
-    )
 
 
 class AdditiveEffect(Effect):

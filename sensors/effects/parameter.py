@@ -3,28 +3,20 @@
 import dataclasses
 from typing import Any, Literal
 
-import numpy as np
+from quantity import Quantity, declared
 
 Owner = Literal["instrument", "recording"]
 Value = float | int | str | tuple[float, ...] | None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
-class Parameter:
-    """What is known about one field of an effect.
+class Parameter(Quantity):
+    """What is known about one field of an effect, beyond what is of any quantity.
+
+    `typical` is a value to start from or to show; the field's default unless that is None.
 
     Attributes
     ----------
-    name : str
-        Field and key in sensor.yaml; ends in its unit where it has one.
-    meaning : str
-        For the catalogue, a phrase.
-    unit : str
-        "" where it has none.
-    low, high : float
-        Bounds, both allowed. For a list they hold for every entry.
-    typical : Value
-        A value to start from or to show; the field's default unless that is None.
     null : float or None
         The value at which the effect vanishes (all parameters that have one must be there).
     owner : "instrument" or "recording"
@@ -47,22 +39,16 @@ class Parameter:
     kind : "number", "integer", "list" or "choice"
     """
 
-    name: str
-    meaning: str
-    unit: str
-    low: float
-    high: float
-    typical: Value
-    null: float | None
-    owner: Owner
-    linear: bool
-    grid: tuple[float, ...]
-    sheet: str
-    known: str
-    prior: tuple[float, float] | None
-    choices: tuple[str, ...]
-    kind: Literal["number", "integer", "list", "choice"]
-    fixed: bool
+    null: float | None = None
+    owner: Owner = "instrument"
+    linear: bool = False
+    grid: tuple[float, ...] = ()
+    sheet: str = ""
+    known: str = ""
+    prior: tuple[float, float] | None = None
+    choices: tuple[str, ...] = ()
+    kind: Literal["number", "integer", "list", "choice"] = "number"
+    fixed: bool = False
 
     @property
     def searched(self) -> bool:
@@ -74,22 +60,17 @@ class Parameter:
         if self.kind == "choice":
             return isinstance(value, str) and value in self.choices
         if self.kind == "list":
-            return isinstance(value, tuple) and all(self._holds(entry) for entry in value)
+            return isinstance(value, tuple) and all(self.holds(entry) for entry in value)
         if self.kind == "integer" and not isinstance(value, int):
             return False
-        return self._holds(value)
-
-    def _holds(self, value: object) -> bool:
-        if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
-            return False
-        return bool(self.low <= float(value) <= self.high)
+        return self.holds(value)
 
     @property
     def bounds_text(self) -> str:
         """Bounds as a user reads them."""
         if self.kind == "choice":
             return " or ".join(self.choices)
-        return f"{self.low:g} to {self.high:g}{' ' + self.unit if self.unit else ''}"
+        return self.allowed
 
 
 def parameter(
@@ -118,7 +99,6 @@ def parameter(
     """
     left_open = bool(sheet) or owner == "recording"
     described = Parameter(
-        name="",
         meaning=meaning,
         unit=unit,
         low=low,
@@ -134,7 +114,8 @@ def parameter(
         choices=choices,
         kind="choice" if choices else kind,
         fixed=fixed,
+        whole=kind == "integer",
     )
     if default is None and not left_open:
         default = typical
-    return dataclasses.field(default=default, metadata={"parameter": described})
+    return declared(described, default=default)

@@ -1,6 +1,5 @@
 """The contract of every kind of flaw, on a plate, a cylinder, a sphere and a bent sheet."""
 
-from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -248,9 +247,9 @@ def test_class_ids_are_the_contract():
     }  # fmt: skip
     for name, kind in KINDS.items():
         assert kind.name == name
-        for spec in fields(kind):
-            low, high = spec.metadata["typical"]
-            assert spec.metadata["low"] <= low <= high <= spec.metadata["high"]
+        for size in kind.sizes():
+            low, high = size.typical
+            assert size.low <= low <= high <= size.high
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -258,11 +257,11 @@ def test_typical_sizes_draw_within_bounds_and_scale_acts_on_lengths(kind):
     cls = KINDS[kind]
     one = cls.draw(cls.typical(), np.random.default_rng(1))
     half = cls.draw(cls.typical(), np.random.default_rng(1), scale=0.5)
-    for spec in fields(cls):
-        before, after = getattr(one, spec.name), getattr(half, spec.name)
-        if spec.metadata["unit"] == "mm":
-            assert after == pytest.approx(max(0.5 * before, spec.metadata["low"]))
+    for size in cls.sizes():
+        before, after = getattr(one, size.name), getattr(half, size.name)
+        if size.unit == "mm":
+            assert after == pytest.approx(max(0.5 * before, size.low))
         else:
             assert after == before
-        if spec.metadata["whole"]:
+        if size.whole:
             assert before == int(before)

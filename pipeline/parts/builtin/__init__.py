@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import fields
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any, Final, cast
 
 from pipeline.parts.part import Part
 from pipeline.parts.part_error import PartError
+from quantity import Quantity, quantities
 
 NAMES: Final[tuple[str, ...]] = ("bearing_cap", "car_door", "steel_plate", "welded_plate")
 
@@ -36,7 +36,7 @@ def build(name: str, facet_um: float | None = None, **parameters: Any) -> Part:
     """
     source = f"builtin:{name}"
     cls = parameters_of(name)
-    known = {item.name: item for item in fields(cls)}
+    known = {size.name: size for size in quantities(cls)}
     for key in parameters:
         if key not in known:
             raise PartError(source, f"unknown parameter {key!r}", f"one of {', '.join(known)}")
@@ -46,11 +46,10 @@ def build(name: str, facet_um: float | None = None, **parameters: Any) -> Part:
     if facet_um is not None and not 1.0 <= facet_um <= 1000.0:
         raise PartError(source, f"facet_um = {facet_um:g}", "allowed: 1 to 1000")
     chosen = cls(**{key: float(value) for key, value in parameters.items()})
-    for key, item in known.items():
-        low, high = item.metadata["low"], item.metadata["high"]
+    for key, size in known.items():
         value = getattr(chosen, key)
-        if not low <= value <= high:
-            raise PartError(source, f"{key} = {value:g}", f"allowed: {low:g} to {high:g}")
+        if not size.holds(value):
+            raise PartError(source, f"{key} = {value:g}", f"allowed: {size.allowed}")
     make = cast("Callable[[Any, float | None], Part]", import_module(f"{__name__}.{name}").make)
     return make(chosen, None if facet_um is None else float(facet_um))
 
@@ -62,7 +61,6 @@ def parameters_of(name: str) -> type[Any]:
     return cast("type[Any]", import_module(f"{__name__}.{name}").PARAMETERS)
 
 
-def describe(name: str) -> Mapping[str, Mapping[str, Any]]:
-    """Default, bounds, unit and meaning of each parameter of a built-in, by its name."""
-    declared = fields(parameters_of(name))
-    return {item.name: {"default": item.default, **item.metadata} for item in declared}
+def describe(name: str) -> tuple[Quantity, ...]:
+    """Return what is declared of each parameter of a built-in: default, bounds, unit, meaning."""
+    return quantities(parameters_of(name))

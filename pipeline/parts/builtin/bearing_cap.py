@@ -8,9 +8,9 @@ import manifold3d
 import numpy as np
 
 from pipeline.parts.builtin import cap_shape
-from pipeline.parts.builtin.length import bounded
 from pipeline.parts.part import Part
 from pipeline.parts.part_error import PartError
+from quantity import quantity
 
 DEFAULT_FACET_UM = 20.0
 
@@ -19,22 +19,48 @@ DEFAULT_FACET_UM = 20.0
 class BearingCap:
     """Sizes of the cap. The bore runs along y, the joint face is z = 0, the crown points to +z."""
 
-    width_mm: float = bounded(184.0, 140.0, 260.0, "mm", "size along x at the joint face")
-    length_mm: float = bounded(44.0, 38.0, 90.0, "mm", "size along the bore")
-    bore_mm: float = bounded(72.0, 40.0, 100.0, "mm", "diameter of the bore")
-    wall_mm: float = bounded(22.0, 15.0, 40.0, "mm", "from bore to crown")
-    shoulder_mm: float = bounded(34.0, 20.0, 50.0, "mm", "height of the shoulders")
-    shoulder_radius_mm: float = bounded(6.0, 4.5, 12.0, "mm", "radius of the shoulders' edges")
-    fillet_mm: float = bounded(14.0, 12.0, 25.0, "mm", "radius between shoulder and crown")
-    edge_mm: float = bounded(4.0, 1.0, 4.2, "mm", "radius of the cast edges at both faces")
-    draft_deg: float = bounded(2.0, 0.5, 5.0, "deg", "draft of the feet's outer sides")
-    rib_mm: float = bounded(5.0, 4.0, 9.0, "mm", "height of the rib over the arch")
-    rib_width_mm: float = bounded(8.0, 4.0, 14.0, "mm", "width of the rib's back")
-    boss_mm: float = bounded(27.0, 22.0, 30.0, "mm", "diameter of the bolt bosses at the top")
-    boss_height_mm: float = bounded(12.0, 11.0, 25.0, "mm", "height of the bosses")
-    bolt_spacing_mm: float = bounded(132.0, 100.0, 210.0, "mm", "distance of the bolts along x")
-    bolt_mm: float = bounded(13.5, 8.0, 18.0, "mm", "diameter of the bolt holes")
-    chamfer_mm: float = bounded(1.0, 0.3, 2.0, "mm", "chamfers of bore and holes")
+    width_mm: float = quantity(
+        "size along x at the joint face", unit="mm", low=140.0, high=260.0, default=184.0
+    )
+    length_mm: float = quantity("size along the bore", unit="mm", low=38.0, high=90.0, default=44.0)
+    bore_mm: float = quantity("diameter of the bore", unit="mm", low=40.0, high=100.0, default=72.0)
+    wall_mm: float = quantity("from bore to crown", unit="mm", low=15.0, high=40.0, default=22.0)
+    shoulder_mm: float = quantity(
+        "height of the shoulders", unit="mm", low=20.0, high=50.0, default=34.0
+    )
+    shoulder_radius_mm: float = quantity(
+        "radius of the shoulders' edges", unit="mm", low=4.5, high=12.0, default=6.0
+    )
+    fillet_mm: float = quantity(
+        "radius between shoulder and crown", unit="mm", low=12.0, high=25.0, default=14.0
+    )
+    edge_mm: float = quantity(
+        "radius of the cast edges at both faces", unit="mm", low=1.0, high=4.2, default=4.0
+    )
+    draft_deg: float = quantity(
+        "draft of the feet's outer sides", unit="°", low=0.5, high=5.0, default=2.0
+    )
+    rib_mm: float = quantity(
+        "height of the rib over the arch", unit="mm", low=4.0, high=9.0, default=5.0
+    )
+    rib_width_mm: float = quantity(
+        "width of the rib's back", unit="mm", low=4.0, high=14.0, default=8.0
+    )
+    boss_mm: float = quantity(
+        "diameter of the bolt bosses at the top", unit="mm", low=22.0, high=30.0, default=27.0
+    )
+    boss_height_mm: float = quantity(
+        "height of the bosses", unit="mm", low=11.0, high=25.0, default=12.0
+    )
+    bolt_spacing_mm: float = quantity(
+        "distance of the bolts along x", unit="mm", low=100.0, high=210.0, default=132.0
+    )
+    bolt_mm: float = quantity(
+        "diameter of the bolt holes", unit="mm", low=8.0, high=18.0, default=13.5
+    )
+    chamfer_mm: float = quantity(
+        "chamfers of bore and holes", unit="mm", low=0.3, high=2.0, default=1.0
+    )
 
 
 PARAMETERS = BearingCap

@@ -8,9 +8,9 @@ import numpy as np
 
 from pipeline.parts.builtin.adaptive_sheet import TooFineError, close_sheet
 from pipeline.parts.builtin.door_shape import DoorShape
-from pipeline.parts.builtin.length import bounded
 from pipeline.parts.part import Part
 from pipeline.parts.part_error import PartError
+from quantity import quantity
 
 DEFAULT_FACET_UM = 40.0
 
@@ -19,26 +19,64 @@ DEFAULT_FACET_UM = 40.0
 class CarDoor:
     """Sizes of the panel. x runs along the car (rear at +x), y up, z outward."""
 
-    length_mm: float = bounded(880.0, 500.0, 1300.0, "mm", "size along x, about")
-    height_mm: float = bounded(560.0, 450.0, 800.0, "mm", "size along y, about")
-    sheet_mm: float = bounded(0.8, 0.5, 1.5, "mm", "thickness of the sheet")
-    radius_x_mm: float = bounded(5200.0, 1500.0, 50000.0, "mm", "crown radius along the car")
-    radius_y_mm: float = bounded(1700.0, 800.0, 50000.0, "mm", "crown radius upward")
-    corner_radius_mm: float = bounded(45.0, 30.0, 100.0, "mm", "radius of the lower corners")
-    window_corner_mm: float = bounded(22.0, 20.0, 60.0, "mm", "radius of the upper corners")
-    line_height_mm: float = bounded(5.0, 0.0, 12.0, "mm", "height of the shoulder line")
-    line_radius_mm: float = bounded(12.0, 5.0, 60.0, "mm", "radius of the shoulder line's crest")
-    tuck_mm: float = bounded(9.0, 0.0, 20.0, "mm", "depth by which the foot steps in")
-    recess_length_mm: float = bounded(190.0, 90.0, 260.0, "mm", "handle recess, along x")
-    recess_width_mm: float = bounded(78.0, 50.0, 120.0, "mm", "handle recess, along y")
-    recess_depth_mm: float = bounded(17.0, 8.0, 25.0, "mm", "handle recess, below the skin")
-    recess_wall_deg: float = bounded(70.0, 62.0, 78.0, "deg", "slope of the recess's walls")
-    recess_rim_radius_mm: float = bounded(4.0, 2.0, 5.5, "mm", "convex radius of the recess's rim")
-    recess_floor_radius_mm: float = bounded(5.0, 2.0, 5.5, "mm", "concave radius at its floor")
-    hem_radius_mm: float = bounded(1.5, 1.1, 4.0, "mm", "outer radius of the hem's fold")
-    hem_return_mm: float = bounded(9.0, 3.0, 15.0, "mm", "width of the folded-back strip")
-    window_radius_mm: float = bounded(4.0, 2.0, 8.0, "mm", "radius of the window edge")
-    window_flange_mm: float = bounded(16.0, 5.0, 30.0, "mm", "length of the window flange")
+    length_mm: float = quantity(
+        "size along x, about", unit="mm", low=500.0, high=1300.0, default=880.0
+    )
+    height_mm: float = quantity(
+        "size along y, about", unit="mm", low=450.0, high=800.0, default=560.0
+    )
+    sheet_mm: float = quantity("thickness of the sheet", unit="mm", low=0.5, high=1.5, default=0.8)
+    radius_x_mm: float = quantity(
+        "crown radius along the car", unit="mm", low=1500.0, high=50000.0, default=5200.0
+    )
+    radius_y_mm: float = quantity(
+        "crown radius upward", unit="mm", low=800.0, high=50000.0, default=1700.0
+    )
+    corner_radius_mm: float = quantity(
+        "radius of the lower corners", unit="mm", low=30.0, high=100.0, default=45.0
+    )
+    window_corner_mm: float = quantity(
+        "radius of the upper corners", unit="mm", low=20.0, high=60.0, default=22.0
+    )
+    line_height_mm: float = quantity(
+        "height of the shoulder line", unit="mm", low=0.0, high=12.0, default=5.0
+    )
+    line_radius_mm: float = quantity(
+        "radius of the shoulder line's crest", unit="mm", low=5.0, high=60.0, default=12.0
+    )
+    tuck_mm: float = quantity(
+        "depth by which the foot steps in", unit="mm", low=0.0, high=20.0, default=9.0
+    )
+    recess_length_mm: float = quantity(
+        "handle recess, along x", unit="mm", low=90.0, high=260.0, default=190.0
+    )
+    recess_width_mm: float = quantity(
+        "handle recess, along y", unit="mm", low=50.0, high=120.0, default=78.0
+    )
+    recess_depth_mm: float = quantity(
+        "handle recess, below the skin", unit="mm", low=8.0, high=25.0, default=17.0
+    )
+    recess_wall_deg: float = quantity(
+        "slope of the recess's walls", unit="°", low=62.0, high=78.0, default=70.0
+    )
+    recess_rim_radius_mm: float = quantity(
+        "convex radius of the recess's rim", unit="mm", low=2.0, high=5.5, default=4.0
+    )
+    recess_floor_radius_mm: float = quantity(
+        "concave radius at its floor", unit="mm", low=2.0, high=5.5, default=5.0
+    )
+    hem_radius_mm: float = quantity(
+        "outer radius of the hem's fold", unit="mm", low=1.1, high=4.0, default=1.5
+    )
+    hem_return_mm: float = quantity(
+        "width of the folded-back strip", unit="mm", low=3.0, high=15.0, default=9.0
+    )
+    window_radius_mm: float = quantity(
+        "radius of the window edge", unit="mm", low=2.0, high=8.0, default=4.0
+    )
+    window_flange_mm: float = quantity(
+        "length of the window flange", unit="mm", low=5.0, high=30.0, default=16.0
+    )
 
 
 PARAMETERS = CarDoor

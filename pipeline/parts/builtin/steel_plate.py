@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.parts.builtin.length import bounded
 from pipeline.parts.builtin.round_profile import arc_steps
 from pipeline.parts.builtin.sheet import close_grid
 from pipeline.parts.part import Part
 from pipeline.parts.part_error import PartError
+from quantity import quantity
 
 DEFAULT_FACET_UM = 20.0
 MOST_CELLS = 300_000
@@ -21,15 +21,22 @@ MOST_CELLS = 300_000
 class SteelPlate:
     """Sizes of the plate, mm. The rolling direction is x; the top stands at z = thickness."""
 
-    length_mm: float = bounded(600.0, 20.0, 4000.0, "mm", "size along x, the rolling direction")
-    width_mm: float = bounded(400.0, 20.0, 4000.0, "mm", "size along y")
-    thickness_mm: float = bounded(30.0, 3.0, 200.0, "mm", "distance from underside to top")
-    edge_radius_mm: float = bounded(6.0, 0.5, 100.0, "mm", "radius of the rolled edges")
-    wave_height_mm: float = bounded(
-        0.0, 0.0, 10.0, "mm", "amplitude of the flatness waves at the edges; 0 is flat"
+    length_mm: float = quantity(
+        "size along x, the rolling direction", unit="mm", low=20.0, high=4000.0, default=600.0
     )
-    wave_length_mm: float = bounded(
-        350.0, 100.0, 4000.0, "mm", "length of the flatness waves along x"
+    width_mm: float = quantity("size along y", unit="mm", low=20.0, high=4000.0, default=400.0)
+    thickness_mm: float = quantity(
+        "distance from underside to top", unit="mm", low=3.0, high=200.0, default=30.0
+    )
+    edge_radius_mm: float = quantity(
+        "radius of the rolled edges", unit="mm", low=0.5, high=100.0, default=6.0
+    )
+    wave_height_mm: float = quantity(
+        "amplitude of the flatness waves at the edges; 0 is flat",
+        unit="mm", low=0.0, high=10.0, default=0.0,
+    )
+    wave_length_mm: float = quantity(
+        "length of the flatness waves along x", unit="mm", low=100.0, high=4000.0, default=350.0
     )
 
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.parts.builtin.length import bounded
 from pipeline.parts.builtin.sheet import close_grid
 from pipeline.parts.part import Part
 from pipeline.parts.part_error import PartError
+from quantity import quantity
 
 DEFAULT_FACET_UM = 20.0
 MOST_CELLS = 300_000
@@ -32,13 +32,25 @@ class WeldedPlate:
     ISO 5817 limits the bead's height to 1 mm + 0.1 (level B), 0.15 (C), 0.25 (D) of its width.
     """
 
-    length_mm: float = bounded(160.0, 10.0, 2000.0, "mm", "size along x, the weld")
-    width_mm: float = bounded(120.0, 10.0, 2000.0, "mm", "size along y")
-    thickness_mm: float = bounded(8.0, 1.0, 100.0, "mm", "distance from underside to top")
-    bead_width_mm: float = bounded(10.0, 1.0, 60.0, "mm", "distance between the bead's toes")
-    bead_height_mm: float = bounded(2.0, 0.2, 20.0, "mm", "height of the bead over the plate")
-    ripple_pitch_mm: float = bounded(2.5, 0.3, 20.0, "mm", "distance of the ripples along x")
-    ripple_height_mm: float = bounded(0.08, 0.0, 3.0, "mm", "amplitude of the ripples on the crown")
+    length_mm: float = quantity(
+        "size along x, the weld", unit="mm", low=10.0, high=2000.0, default=160.0
+    )
+    width_mm: float = quantity("size along y", unit="mm", low=10.0, high=2000.0, default=120.0)
+    thickness_mm: float = quantity(
+        "distance from underside to top", unit="mm", low=1.0, high=100.0, default=8.0
+    )
+    bead_width_mm: float = quantity(
+        "distance between the bead's toes", unit="mm", low=1.0, high=60.0, default=10.0
+    )
+    bead_height_mm: float = quantity(
+        "height of the bead over the plate", unit="mm", low=0.2, high=20.0, default=2.0
+    )
+    ripple_pitch_mm: float = quantity(
+        "distance of the ripples along x", unit="mm", low=0.3, high=20.0, default=2.5
+    )
+    ripple_height_mm: float = quantity(
+        "amplitude of the ripples on the crown", unit="mm", low=0.0, high=3.0, default=0.08
+    )
 
 
 PARAMETERS = WeldedPlate

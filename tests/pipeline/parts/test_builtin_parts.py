@@ -80,9 +80,9 @@ def test_frame_and_regions(name: str) -> None:
 def test_any_allowed_size_gives_a_closed_solid(name: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     drawn = {
-        key: 0.6 * entry["default"] + 0.4 * rng.uniform(entry["low"], entry["high"])
-        for key, entry in describe(name).items()
-        if not key.startswith(
+        size.name: 0.6 * size.default + 0.4 * rng.uniform(size.low, size.high)
+        for size in describe(name)
+        if not size.name.startswith(
             ("wave", "bolt_spacing", "boss_mm", "width", "edge_r", "bead", "ripple")
         )
     }
@@ -112,12 +112,13 @@ def test_same_bytes_each_time(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_parameters_have_bounds_and_keep_them(name: str) -> None:
-    for key, entry in describe(name).items():
-        assert entry["low"] <= entry["default"] <= entry["high"]
-        assert key.endswith(f"_{entry['unit']}")
-        for bad in (entry["low"] - 1.0, entry["high"] + 1.0, float("nan")):
-            with pytest.raises(PartError, match=f"{key} = .*allowed: "):
-                build(name, **{key: bad})
+    for size in describe(name):
+        assert size.low <= size.default <= size.high
+        assert size.name.endswith({"mm": "_mm", "°": "_deg"}[size.unit])
+        assert size.meaning
+        for bad in (size.low - 1.0, size.high + 1.0, float("nan")):
+            with pytest.raises(PartError, match=f"{size.name} = .*allowed: {size.allowed}"):
+                build(name, **{size.name: bad})
     with pytest.raises(PartError, match="facet_um = 0.5"):
         build(name, 0.5)
     with pytest.raises(PartError, match="unknown parameter 'lenght_mm'.*length_mm"):
