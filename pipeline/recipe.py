@@ -7,19 +7,21 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
-from annotated_types import Ge, Gt, Le, Len
+from annotated_types import Len
 from pydantic import PlainValidator
 
 from pipeline.injection.flawplan import FlawPlan
 from pipeline.motion.limits import Motion
 from pipeline.motion.trajectory import follow, frame, rate_of
+from pipeline.parts.builtin import FACET_UM
+from quantity import declared, quantity
 from sensors.datasheet import Datasheet
 from sensors.model import SensorModel
 from sensors.surface.reflectance import ReflectanceMap
 from sensors.surface.surface import Surface
 from sensors.typed_yaml import Document, RecipeError, load_yaml, parse, plain, record
 
-Count = Annotated[int, Ge(1), Le(1_000_000)]
+MOST_COUNT = 1_000_000
 MOST_POINTS, MOST_SCANS = 100_000_000, 10_000_000  # in a scan; of an entry of `parts:`
 T = TypeVar("T")
 Flaws = Annotated[FlawPlan, PlainValidator(FlawPlan.from_mapping)]
@@ -33,11 +35,17 @@ class PartEntry:
     path: str | None = None
     name: str | None = None
     parameters: dict[str, float] = field(default_factory=dict)
-    facet_um: Annotated[float, Gt(0)] | None = None
+    facet_um: float | None = declared(FACET_UM, default=None)
     unit: Literal["mm", "cm", "m", "um", "inch"] = "mm"
     thicken_mm: float | None = None
-    specimens: Count | None = None
-    scans: Count | None = None
+    specimens: int | None = quantity(
+        "specimens of this part; the recipe's where left out",
+        low=1, high=MOST_COUNT, whole=True, default=None,
+    )
+    scans: int | None = quantity(
+        "scans of each specimen; the recipe's where left out",
+        low=1, high=MOST_COUNT, whole=True, default=None,
+    )
     surface: str | None = None
     flaws: Flaws | None = None
     motion: Motion | None = None
@@ -56,20 +64,38 @@ class RecipeFile:
     """A recipe as its YAML file spells it; see the README for each key by example."""
 
     name: str
-    seed: Annotated[int, Ge(0)]
+    seed: int = quantity("same recipe, same seed, same bytes", low=0, whole=True)
     sensor: str
     parts: Annotated[tuple[PartEntry, ...], Len(1)]
-    profiles: Annotated[int, Ge(2), Le(1_000_000)]
-    points: Annotated[int, Ge(2), Le(100_000)] | None = None
+    profiles: int = quantity("profiles of a scan", low=2, high=MOST_COUNT, whole=True)
+    points: int | None = quantity(
+        "points of a profile; the sensor's where left out",
+        low=2, high=100_000, whole=True, default=None,
+    )
     surface: str | None = None
     reflectance: ReflectanceMap | None = None
     flaws: Flaws | None = None
     motion: Motion = field(default_factory=Motion)
-    specimens: Count = 1
-    scans: Count = 1
-    splits: dict[str, Annotated[float, Gt(0)]] = field(default_factory=lambda: {"train": 1.0})
-    visible_at: Annotated[float, Ge(0)] = 3.0
-    scans_per_shard: Count | None = None
+    specimens: int = quantity(
+        "specimens of each part, each with flaws of its own",
+        low=1, high=MOST_COUNT, whole=True, default=1,
+    )
+    scans: int = quantity(
+        "scans of each specimen, each on a path of its own",
+        low=1, high=MOST_COUNT, whole=True, default=1,
+    )
+    splits: dict[str, float] = quantity(
+        "share of each split; together 1",
+        low=0, above=True, default_factory=lambda: {"train": 1.0},
+    )
+    visible_at: float = quantity(
+        "standard deviations of the noise above which a flaw's deviation is visible",
+        low=0, default=3.0,
+    )
+    scans_per_shard: int | None = quantity(
+        "scans of a shard; chosen by the number of scans where left out",
+        low=1, high=MOST_COUNT, whole=True, default=None,
+    )
     points_on_disk: bool = False
 
     def __post_init__(self) -> None:

@@ -4,14 +4,10 @@ import math
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from annotated_types import Ge, Gt, Lt
-
+from quantity import quantity
 from sensors.typed_yaml import RecipeError, dump_yaml, load_yaml, parse, plain, record
-
-Positive = Annotated[float, Gt(0)]
-NotNegative = Annotated[float, Ge(0)]
 
 
 @record
@@ -23,21 +19,42 @@ class Datasheet:
     """
 
     name: str
-    working_distance_mm: Positive
-    z_range_mm: Positive
-    x_fov_mm: Positive
-    points_per_profile: Annotated[int, Ge(2)]
-    z_resolution_um: NotNegative
-    profile_rate_hz: Positive
-    repeatability_um: NotNegative | None = None
-    travel_speed_mm_s: Positive = 100.0
+    working_distance_mm: float = quantity(
+        "distance from the sensor's origin to the middle of its range", unit="mm", low=0, above=True
+    )
+    z_range_mm: float = quantity("depth of the working range", unit="mm", low=0, above=True)
+    x_fov_mm: float = quantity(
+        "length of the laser line at the working distance", unit="mm", low=0, above=True
+    )
+    points_per_profile: int = quantity("points of a profile", low=2, whole=True)
+    z_resolution_um: float = quantity(
+        "ΔZ, readings are multiples of it; 0 where they are not rounded", unit="µm", low=0
+    )
+    profile_rate_hz: float = quantity("profiles per second", unit="Hz", low=0, above=True)
+    repeatability_um: float | None = quantity(
+        "standard deviation of a repeated reading", unit="µm", low=0, default=None
+    )
+    travel_speed_mm_s: float = quantity(
+        "speed along the path", unit="mm/s", low=0, above=True, default=100.0
+    )
     columns: Literal["even_angle", "even_x"] = "even_angle"
-    triangulation_angle_deg: Annotated[float, Gt(0), Lt(90)] | None = None
+    triangulation_angle_deg: float | None = quantity(
+        "angle between laser and camera at the working distance",
+        unit="°", low=0, above=True, high=90, below=True, default=None,
+    )
     camera_side: Literal["+y", "-y"] = "+y"
-    line_width_um: Positive | None = None
-    wavelength_nm: Positive | None = None
-    exposure_s: Positive | None = None
-    camera_rows: Annotated[int, Ge(2)] | None = None
+    line_width_um: float | None = quantity(
+        "width of the laser line", unit="µm", low=0, above=True, default=None
+    )
+    wavelength_nm: float | None = quantity(
+        "wavelength of the laser", unit="nm", low=0, above=True, default=None
+    )
+    exposure_s: float | None = quantity(
+        "time during which a profile is exposed", unit="s", low=0, above=True, default=None
+    )
+    camera_rows: int | None = quantity(
+        "camera rows over the working range", low=2, whole=True, default=None
+    )
     effects: tuple[dict[str, Any], ...] = ()
 
     def __post_init__(self) -> None:

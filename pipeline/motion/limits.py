@@ -1,24 +1,17 @@
 """How the sensor may move, as a recipe says it."""
 
-from typing import Annotated, Final
+from typing import Annotated
 
-from annotated_types import Ge, Gt, Le, Len
+from annotated_types import Len
 
 from defects.sizes import Choice, Fixed
 from pipeline.size_field import Size
+from quantity import quantity
 from sensors.typed_yaml import record
 
 Vector = tuple[float, float, float]
 ZERO = Fixed(value=0.0)
-# A tilted sensor still looks at the part; millimetres and degrees.
-LIMITS: Final = {
-    "length_mm": (1e-3, 1e6),
-    "speed_mm_s": (1e-3, 1e6),
-    "standoff_mm": (-1e4, 1e4),
-    "roll_deg": (-80.0, 80.0),
-    "pitch_deg": (-80.0, 80.0),
-    "yaw_deg": (-360.0, 360.0),
-}
+TILT_DEG = 80.0  # a sensor tilted so far still looks at the part
 
 
 @record
@@ -29,7 +22,10 @@ class Waypoint:
     roll_deg: float = 0.0
     pitch_deg: float = 0.0
     yaw_deg: float = 0.0
-    speed_mm_s: Annotated[float, Gt(0)] | None = None
+    speed_mm_s: float | None = quantity(
+        "speed of the leg after; the sensor's where left out",
+        unit="mm/s", low=0, above=True, default=None,
+    )
 
 
 @record
@@ -57,27 +53,50 @@ class Motion:
 
     look: Vector = (0.0, 0.0, -1.0)
     travel: Vector = (0.0, 1.0, 0.0)
-    length_mm: Size | None = None
-    speed_mm_s: Size | None = None
-    profile_rate_hz: Annotated[float, Gt(0)] | None = None
-    standoff_mm: Size = ZERO
-    roll_deg: Size = ZERO
-    pitch_deg: Size = ZERO
-    yaw_deg: Size = ZERO
-    direction: Size = Fixed(value=1.0)
-    aim_at_flaws: Annotated[float, Ge(0), Le(1)] = 0.7
-    aim_jitter: Annotated[float, Ge(0), Le(1)] = 0.5
-    least_seen: Annotated[float, Ge(0), Le(1)] = 0.3
-    tries: Annotated[int, Ge(1), Le(1000)] = 30
+    length_mm: Size | None = quantity(
+        "length of the path", unit="mm", low=1e-3, high=1e6, default=None
+    )
+    speed_mm_s: Size | None = quantity(
+        "speed along the path; the sensor's where left out",
+        unit="mm/s", low=1e-3, high=1e6, default=None,
+    )
+    profile_rate_hz: float | None = quantity(
+        "profiles per second; the sensor's where left out",
+        unit="Hz", low=0, above=True, default=None,
+    )
+    standoff_mm: Size = quantity(
+        "distance beyond the working distance", unit="mm", low=-1e4, high=1e4, default=ZERO
+    )
+    roll_deg: Size = quantity(
+        "turn about the travel", unit="°", low=-TILT_DEG, high=TILT_DEG, default=ZERO
+    )
+    pitch_deg: Size = quantity(
+        "turn about the laser line", unit="°", low=-TILT_DEG, high=TILT_DEG, default=ZERO
+    )
+    yaw_deg: Size = quantity(
+        "turn about the laser's axis", unit="°", low=-360.0, high=360.0, default=ZERO
+    )
+    direction: Size = quantity(
+        "1 along the travel, -1 against it", low=-1, high=1, default=Fixed(value=1.0)
+    )
+    aim_at_flaws: float = quantity(
+        "share of the scans that look at a flaw", low=0, high=1, default=0.7
+    )
+    aim_jitter: float = quantity(
+        "distance from the flaw's centre at most, over half the line's length",
+        low=0, high=1, default=0.5,
+    )
+    least_seen: float = quantity(
+        "share of the points in range, over that of a path across the part's middle, below which "
+        "a path is drawn again",
+        low=0, high=1, default=0.3,
+    )
+    tries: int = quantity(
+        "paths that are drawn at most", low=1, high=1000, whole=True, default=30
+    )
     path: WaypointPath | None = None
 
     def __post_init__(self) -> None:
-        for name, (low, high) in LIMITS.items():
-            size = getattr(self, name)
-            if size is not None and not low <= min(size.limits()) <= max(size.limits()) <= high:
-                raise ValueError(
-                    f"{name}: {size.to_recipe()!r} must stay within {low:g} to {high:g}"
-                )
         drawn = self.direction
         values = drawn.values if isinstance(drawn, Choice) else {*drawn.limits()}
         if not isinstance(drawn, Choice | Fixed) or not {*values} <= {-1.0, 1.0}:

@@ -2,17 +2,15 @@
 
 import functools
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
+from quantity import quantity
 from sensors.typed_yaml import RecipeError, record
 
 Floats = NDArray[np.float64]
-Share = Annotated[float, Ge(0), Le(1)]
-Positive = Annotated[float, Gt(0)]
 
 
 @record
@@ -22,10 +20,10 @@ class Stripes:
     A stripe covers `duty` of each `period_mm`, the first from `start_mm`.
     """
 
-    value: Share
-    period_mm: Positive
+    value: float = quantity("reflectance of the stripes", low=0, high=1)
+    period_mm: float = quantity("distance from stripe to stripe", unit="mm", low=0, above=True)
     across: Literal["x", "y"] = "y"
-    duty: Share = 0.5
+    duty: float = quantity("share of the period", low=0, high=1, default=0.5)
     start_mm: float = 0.0
 
 
@@ -33,7 +31,7 @@ class Stripes:
 class Patch:
     """A rectangle of the part's x-y plane with a brightness of its own."""
 
-    value: Share
+    value: float = quantity("reflectance of the patch", low=0, high=1)
     x_mm: tuple[float, float]
     y_mm: tuple[float, float]
 
@@ -57,7 +55,7 @@ class ReflectanceMap:
     Looked up at a point's x and y, so that both faces of a plate have it.
     """
 
-    base: Share = 1.0
+    base: float = quantity("reflectance under all else", low=0, high=1, default=1.0)
     picture: Picture | None = None
     stripes: tuple[Stripes, ...] = ()
     patches: tuple[Patch, ...] = ()

@@ -5,10 +5,8 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
-from annotated_types import Ge, Gt, Le
-
+from quantity import quantity
 from sensors.datasheet import preset_path
 from sensors.noise.calibration import METHOD, Solution, calibrate
 from sensors.noise.heights import HeightMap
@@ -16,8 +14,6 @@ from sensors.noise.measured import Measured
 from sensors.noise.perlin import PerlinField
 from sensors.surface.roughness import FIGURES
 from sensors.typed_yaml import RecipeError, dump_yaml, load_yaml, parse, plain, record
-
-Positive = Annotated[float, Gt(0)]
 
 
 @record
@@ -30,14 +26,20 @@ class Calibration:
     """
 
     inputs: str
-    worst_error: Annotated[float, Ge(0)]
-    z_resolution_um: Annotated[float, Ge(0)]
-    repeatability_um: Annotated[float, Ge(0)] = 0.0
-    cutoff_mm: Positive | None = None
-    cell_x_mm: Positive
-    cell_y_mm: Positive
-    octaves: Annotated[int, Ge(1)]
-    persistence: Annotated[float, Ge(0), Le(1)]
+    worst_error: float = quantity("largest relative error of a figure that was left", low=0)
+    z_resolution_um: float = quantity("ΔZ that it was solved for", unit="µm", low=0)
+    repeatability_um: float = quantity(
+        "repeatability that it was solved for", unit="µm", low=0, default=0.0
+    )
+    cutoff_mm: float | None = quantity(
+        "cut-off wavelength of the profile filter", unit="mm", low=0, above=True, default=None
+    )
+    cell_x_mm: float = quantity(
+        "cell of the noise along the laser line", unit="mm", low=0, above=True
+    )
+    cell_y_mm: float = quantity("cell of the noise along the travel", unit="mm", low=0, above=True)
+    octaves: int = quantity("octaves of the noise", low=1, whole=True)
+    persistence: float = quantity("amplitude of an octave over the one before", low=0, high=1)
     knots: tuple[float, ...]
     heights_mm: tuple[float, ...]
 
@@ -66,17 +68,35 @@ class Surface:
     """
 
     name: str
-    ra_mm: Positive | None = None
-    rq_mm: Positive | None = None
-    rp_mm: Positive | None = None
-    rv_mm: Positive | None = None
-    rpm_mm: Positive
-    rvm_mm: Positive
-    pc_per_mm: Positive
-    pitch_x_mm: Positive | None = None
-    pitch_y_mm: Positive | None = None
-    points_per_profile: Annotated[int, Ge(16)] | None = None
-    profiles: Annotated[int, Ge(1)] | None = None
+    ra_mm: float | None = quantity(
+        "Ra, mean deviation from the mean line", unit="mm", low=0, above=True, default=None
+    )
+    rq_mm: float | None = quantity(
+        "Rq, root mean square deviation", unit="mm", low=0, above=True, default=None
+    )
+    rp_mm: float | None = quantity(
+        "Rp, highest peak", unit="mm", low=0, above=True, default=None
+    )
+    rv_mm: float | None = quantity(
+        "Rv, deepest valley", unit="mm", low=0, above=True, default=None
+    )
+    rpm_mm: float = quantity("Rpm, mean of the ten highest readings", unit="mm", low=0, above=True)
+    rvm_mm: float = quantity("Rvm, mean of the ten lowest readings", unit="mm", low=0, above=True)
+    pc_per_mm: float = quantity("Pc, peaks per mm", unit="1/mm", low=0, above=True)
+    pitch_x_mm: float | None = quantity(
+        "distance of the points that the figures hold at",
+        unit="mm", low=0, above=True, default=None,
+    )
+    pitch_y_mm: float | None = quantity(
+        "distance of the profiles that the figures hold at",
+        unit="mm", low=0, above=True, default=None,
+    )
+    points_per_profile: int | None = quantity(
+        "points of the windows that the figures hold in", low=16, whole=True, default=None
+    )
+    profiles: int | None = quantity(
+        "profiles of the windows that the figures hold in", low=1, whole=True, default=None
+    )
     source: str | None = None
     calibration: Calibration | None = None
 

@@ -4,14 +4,15 @@ from pathlib import Path
 from typing import Annotated
 
 import pytest
-from annotated_types import Gt, Len
+from annotated_types import Len
 
+from quantity import quantity
 from sensors.typed_yaml import RecipeError, dump_yaml, load_yaml, parse, plain, record
 
 
 @record
 class Inner:
-    size_mm: Annotated[float, Gt(0)] = 1.0
+    size_mm: float = quantity("size", unit="mm", low=0, above=True, default=1.0)
 
 
 @record
@@ -63,7 +64,7 @@ def test_round_trip(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("name: a\ninner:\n  - size_mm: -1\n", [":3", "inner.0.size_mm", "-1", "greater than 0"]),
+        ("name: a\ninner:\n  - size_mm: -1\n", [":3", "inner.0.size_mm", "-1", "above 0 mm"]),
         ("name: a\ninner:\n  - sise_mm: 1\n", [":3", "sise_mm", "did you mean 'size_mm'"]),
         ("inner: []\n", ["'name' is missing"]),
         ("name: a\nname: b\n", [":2", "'name' stands twice"]),

@@ -11,6 +11,10 @@ from pipeline.parts.part_error import PartError
 from quantity import Quantity, quantities
 
 NAMES: Final[tuple[str, ...]] = ("bearing_cap", "car_door", "steel_plate", "welded_plate")
+FACET_UM: Final = Quantity(
+    meaning="distance of the facets from the true surface at most; the part's own where left out",
+    unit="µm", low=1, high=1000,
+)  # fmt: skip
 
 
 def build(name: str, facet_um: float | None = None, **parameters: Any) -> Part:
@@ -43,8 +47,8 @@ def build(name: str, facet_um: float | None = None, **parameters: Any) -> Part:
     for key, value in parameters.items():
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise PartError(source, f"{key} = {value!r} is not a number", "give a number")
-    if facet_um is not None and not 1.0 <= facet_um <= 1000.0:
-        raise PartError(source, f"facet_um = {facet_um:g}", "allowed: 1 to 1000")
+    if facet_um is not None and not FACET_UM.holds(facet_um):
+        raise PartError(source, f"facet_um = {facet_um:g}", f"allowed: {FACET_UM.allowed}")
     chosen = cls(**{key: float(value) for key, value in parameters.items()})
     for key, size in known.items():
         value = getattr(chosen, key)

@@ -78,7 +78,7 @@ def test_three_figures_suffice_and_the_scan_gives_the_pitch(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (THREE.replace("0.03", "-0.03"), r"surface.yaml:3.*rvm_mm.*-0.03.*greater than 0"),
+        (THREE.replace("0.03", "-0.03"), r"surface.yaml:3.*rvm_mm.*-0.03.*above 0 mm"),
         (THREE + "rz_mm: 1\n", r"surface.yaml:5.*rz_mm"),
         (THREE.replace("rpm_mm: 0.02\n", ""), r"rpm_mm.*missing"),
         ("- 1\n", r"keys and values"),
