@@ -21,6 +21,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     make.add_argument("--small", action="store_true", help="a dozen cases instead of 160")
     make.add_argument("--jobs", type=int, default=1, help="processes (default 1)")
+    calibrate = steps.add_parser(
+        "calibrate", help="make the opened population that may set a diagnosis's scales"
+    )
+    calibrate.add_argument(
+        "--out", type=Path, required=True, help="folder; a run that was stopped goes on there"
+    )
+    calibrate.add_argument(
+        "--nulls", type=int, default=30, help="sets of the good instrument (default 30)"
+    )
+    calibrate.add_argument(
+        "--nulls-only", action="store_true", help="leave out the sets with one effect each"
+    )
     run_step = steps.add_parser(
         "run", help="diagnose each case in a process and folder without its key"
     )
@@ -79,6 +91,10 @@ def _step(arguments: argparse.Namespace) -> int:
         return make(
             arguments.out, seed=arguments.seed, small=arguments.small, jobs=arguments.jobs
         )
+    if arguments.step == "calibrate":
+        from challenge.calibration_population import calibrate
+
+        return calibrate(arguments.out, nulls=arguments.nulls, effects=not arguments.nulls_only)
     if arguments.step == "run":
         from challenge.run import run as diagnose_all
 

@@ -1,0 +1,87 @@
+"""`challenge calibrate`: opened recordings of the instrument, which may set a diagnosis's scales.
+
+Every number that a diagnosis learns from this instrument comes from here. A sealed set is drawn
+from the operating system's entropy and shares no seed with this population.
+"""
+
+import json
+import shutil
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from challenge.cases.case import SWITCHES, Secret, stage, write
+from challenge.cases.nulls import check_null
+from challenge.cases.parts import SHAPES
+from challenge.cases.seeds import child
+from challenge.cases.switches import SINGLE
+from challenge.sealed import write_whole
+
+POPULATION = "challenge-1-calibration"
+"""Name of this population, as a diagnosis states it beside the scales learnt from it."""
+SEED = 1_000_001
+NULLS = 30
+_TRIES = 5
+
+
+def planned(nulls: int = NULLS, effects: bool = True) -> dict[str, Secret]:
+    """Return the sets by the names of their folders: nulls over all parts, then one effect each."""
+    shapes = list(SHAPES)
+    sets = {}
+    for k in range(nulls):
+        sets[f"null-{k + 1:03d}"] = _secret("null", (), shapes[k % len(shapes)], 1)
+    if effects:
+        for k, name in enumerate(SINGLE):
+            fitting = SWITCHES[name].shapes or tuple(shapes)
+            sets[f"one-{name}"] = _secret("one", (name,), fitting[k % len(fitting)], 1 + k % 2)
+    seeds = {name: int(child(SEED, name).integers(2**62)) for name in sets}
+    return {name: replace(secret, seed=seeds[name]) for name, secret in sets.items()}
+
+
+def _secret(kind: str, switches: tuple[str, ...], shape: str, strength: int) -> Secret:
+    return Secret(
+        kind=kind, switches=switches, strength=strength, shape=shape, recordings=3, seed=0
+    )
+
+
+def calibrate(out: Path, *, nulls: int = NULLS, effects: bool = True) -> int:
+    """Make the population in a folder, one folder a set; continue where it was stopped.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    sets = planned(nulls, effects)
+    todo = [name for name in sets if not (out / name / "truth.json").exists()]
+    print(f"{len(sets)} sets, {len(todo)} to make", flush=True)
+    for k, name in enumerate(todo):
+        _make_one(out / name, sets[name])
+        print(f"{name} ({k + 1} of {len(todo)})", flush=True)
+    write_whole(out / "population.json", json.dumps(
+        {"name": POPULATION, "seed": SEED, "sets": list(sets), "opened": True}, indent=1
+    ).encode())  # fmt: skip
+    return 0
+
+
+def _make_one(folder: Path, secret: Secret) -> None:
+    """Render one set; what it hides is written beside it, last."""
+    shutil.rmtree(folder, ignore_errors=True)
+    again = child(secret.seed, "again")
+    for _ in range(_TRIES):
+        try:
+            staged = stage(secret)
+            check = check_null(staged, secret) if secret.kind == "null" else None
+        except ValueError:  # the part's booleans failed, or no pose avoids looking along walls
+            staged, check = None, None
+        if staged is not None and (check is None or check.holds):
+            break
+        secret = replace(secret, seed=int(again.integers(2**62)))
+    else:
+        raise RuntimeError(f"{folder.name}: {_TRIES} draws in a row were no valid set")
+    write(secret, staged, folder)
+    known: dict[str, Any] = {"population": POPULATION, "secret": asdict(secret)}
+    if check is not None:
+        known["null"] = {k: float(v) for k, v in asdict(check).items()}
+    write_whole(folder / "truth.json", json.dumps(known, indent=1).encode())
