@@ -1,12 +1,10 @@
 """The command line: finds the command, runs it, and turns errors into one line."""
 
 import argparse
-import atexit
 import importlib
 import os
 import sys
 from collections.abc import Sequence
-from contextlib import suppress
 from typing import Any, Final, NoReturn
 
 from pipeline.batch.stop import heard, stoppable
@@ -41,26 +39,8 @@ class Parser(argparse.ArgumentParser):
 
 
 def command() -> NoReturn:
-    """Run the words of the command line and end this process, without taking Python down.
-
-    That would be up to half a second for memory that the system takes back anyway. What asked
-    `atexit` to be called is called.
-    """
-    code: Any = 1
-
-    def leave() -> None:
-        for stream in (sys.stdout, sys.stderr):
-            with suppress(OSError):
-                stream.flush()
-        os._exit(code)
-
-    atexit.register(leave)  # the first to ask is the last to be called
-    try:
-        code = main()
-    except SystemExit as end:
-        code = end.code
-        raise
-    sys.exit(code)
+    """Run the words of the command line and end this process with the exit code."""
+    sys.exit(main())
 
 
 def main(argv: Sequence[str] | None = None) -> int:

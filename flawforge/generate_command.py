@@ -2,12 +2,14 @@
 
 import argparse
 import json
+import logging
 import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+LOGGER = "flawforge.generate"
 MOST_LINES = 10  # of a kind, in the summary
 EPILOG = """\
 The recipe is a YAML file: see manifests/quickstart.yaml and the README. The same recipe and seed
@@ -72,12 +74,13 @@ def run(arguments: argparse.Namespace) -> int:
         if (arguments.backend == "dask") != (arguments.scheduler is not None):
             raise RecipeError("--scheduler and --backend dask go together")
         recipe = Recipe.load(arguments.recipe, roots=tuple(arguments.parts))
-        progress = Progress(json_lines=arguments.log_json)
+        progress, log = Progress(json_lines=arguments.log_json), logging.getLogger(LOGGER)
+        log.setLevel(logging.INFO)
+        log.addHandler(progress)
         try:
-            dataset = generate(
-                recipe, arguments.out, backend=backend, event=progress.event
-            )
+            dataset = generate(recipe, arguments.out, backend=backend)
         finally:
+            log.removeHandler(progress)
             progress.close()
     if not arguments.log_json:
         print(summary(dataset, arguments.out))
@@ -130,18 +133,21 @@ def _first(lines: list[str], key: str) -> list[str]:
     return [*lines[:MOST_LINES], f"... and {rest} more, see '{key}' in dataset.json"]
 
 
-class Progress:
+class Progress(logging.Handler):
     """Progress as a bar on a terminal, a line for each part elsewhere, or JSON for machines."""
 
     def __init__(self, *, json_lines: bool) -> None:
+        super().__init__()
         self._json = json_lines
         self._bar: Any = None
         self._unusable: list[str] = []
         self._start = time.monotonic()
         self._done = self._total = self._said = 0
 
-    def event(self, name: str, facts: Mapping[str, Any]) -> None:
+    def emit(self, record: logging.LogRecord) -> None:
         """Take note of an event of the batch."""
+        name: str = record.__dict__["event"]
+        facts: Mapping[str, Any] = record.__dict__["facts"]
         if self._json:
             seconds = round(time.monotonic() - self._start, 3)
             print(json.dumps({"event": name, "seconds": seconds, **facts}), flush=True)
@@ -178,3 +184,4 @@ class Progress:
             self._say_unusable()
         if self._bar is not None:
             self._bar.close()
+        super().close()

@@ -6,7 +6,8 @@ alone, so the bytes are the same for any number of workers and after any restart
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+import logging
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ from pipeline.recipe import PartEntry, Recipe, resolve
 
 __all__ = ["Backend", "generate"]
 
-Event = Callable[[str, Mapping[str, Any]], None]
+LOG = logging.getLogger("flawforge.generate")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -41,12 +42,11 @@ def generate(
     out: Path,
     *,
     backend: Backend | None = None,
-    event: Event = lambda name, facts: None,
 ) -> dict[str, Any]:
     """Make the dataset of a recipe in the folder `out`; return what dataset.json says.
 
-    Calls `event` with "plan", "part", "shard", "done" and their facts. What was made before and
-    is whole stays.
+    What was made before and is whole stays. Progress goes to the logger "flawforge.generate":
+    records have an `event` ("plan", "part", "shard", "done") and its `facts`.
 
     Raises
     ------
@@ -67,16 +67,16 @@ def generate(
             from pipeline.batch.cluster import check_folder
 
             check_folder(client, hidden)
-        parts, facts, failed_parts = prepare(recipe, wanted, hidden / "parts", backend, event)
+        parts, facts, failed_parts = prepare(recipe, wanted, hidden / "parts", backend)
         failed += failed_parts
         if not parts:
             wrong, _, mend = failed[0]["why"].partition("; mend: ")
             raise PartError(recipe.document.path, f"no part can be used: {wrong}", mend)
         plan = make_plan(recipe, parts)
-        event("plan", {"scans": plan.scans, "shards": len(plan.shards), "parts": len(parts)})
+        _log("plan", {"scans": plan.scans, "shards": len(plan.shards), "parts": len(parts)})
         attributes = {"name": recipe.file.name, "recipe": used, "versions": made_by}
         place = Workplace(recipe=recipe, out=out, attributes=attributes)
-        _make_shards(place, plan, {one["part"]: one["triangles"] for one in facts}, backend, event)
+        _make_shards(place, plan, {one["part"]: one["triangles"] for one in facts}, backend)
         dataset = write_manifest(
             out,
             journals=(read_journal(place, shard.name) for shard in plan.shards),
@@ -93,8 +93,12 @@ def generate(
         )
         drop_parts(hidden / "parts")
         drop_leftovers(out)
-        event("done", {"scans": dataset["scans"], "failed": len(dataset["failed"])})
+        _log("done", {"scans": dataset["scans"], "failed": len(dataset["failed"])})
         return dataset
+
+
+def _log(event: str, facts: Mapping[str, Any]) -> None:
+    LOG.info("%s %s", event, facts, extra={"event": event, "facts": facts})
 
 
 def find_wanted(recipe: Recipe) -> tuple[list[Wanted], list[dict[str, str]]]:
@@ -148,7 +152,7 @@ def _checksums(recipe: Recipe, wanted: list[Wanted]) -> dict[str, str | None]:
 
 
 def prepare(
-    recipe: Recipe, wanted: list[Wanted], folder: Path, backend: Backend, event: Event
+    recipe: Recipe, wanted: list[Wanted], folder: Path, backend: Backend
 ) -> tuple[list[PlannedPart], list[dict[str, Any]], list[dict[str, str]]]:
     """Load, mend and keep every part, in parallel; one that fails doesn't stop the others."""
     drop_parts(folder)
@@ -158,7 +162,7 @@ def prepare(
         _prepare_one, ((recipe, want, folder) for want in wanted)
     ):
         results[name] = stored, facts
-        event("part", facts)
+        _log("part", facts)
     planned, facts_kept, failed = [], [], []
     for want in wanted:
         stored, facts = results[want.name]
@@ -196,13 +200,13 @@ def _prepare_one(
 
 
 def _make_shards(
-    place: Workplace, plan: Plan, triangles: Mapping[str, int], backend: Backend, event: Event
+    place: Workplace, plan: Plan, triangles: Mapping[str, int], backend: Backend
 ) -> None:
     """Make the shards that aren't there yet; the dearest first, so that none is waited for."""
     todo = []
     for shard in plan.shards:
         if is_whole(place, shard.name):
-            event("shard", {"shard": shard.name, "scans": shard.scans, "kept": True})
+            _log("shard", {"shard": shard.name, "scans": shard.scans, "kept": True})
         else:
             todo.append(shard)
     cost = {
@@ -211,4 +215,4 @@ def _make_shards(
     }
     todo.sort(key=lambda shard: cost[shard.name], reverse=True)
     for name, scans in backend.results(make_shard, ((place, shard) for shard in todo)):
-        event("shard", {"shard": name, "scans": scans, "kept": False})
+        _log("shard", {"shard": name, "scans": scans, "kept": False})

@@ -1,4 +1,4 @@
-"""How the command line's process ends: at once, with what is to be done at exit done."""
+"""How the command line's process ends: with its exit code, and what is to be done at exit done."""
 
 import subprocess
 import sys
@@ -19,9 +19,6 @@ def test_what_is_to_be_done_at_exit_is_done_and_the_code_stays(words, code):
         "    atexit.register(print, 'done')\n"
         "    return main()\n"
         "cli.main = main\n"
-        "class Late:\n"
-        "    def __del__(self): print('taken down')\n"
-        "late = Late()\n"
         "cli.command()\n"
     )
     run = subprocess.run([sys.executable, "-c", text], cwd=HOME, capture_output=True, text=True)

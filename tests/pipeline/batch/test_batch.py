@@ -1,6 +1,7 @@
 """A batch job's manners: same bytes, after any stop, one run at a time, one bad part no matter."""
 
 import json
+import logging
 import os
 import signal
 import subprocess
@@ -81,7 +82,7 @@ def test_same_bytes_whoever_still_holds_a_dataset(once, recipe_path, tmp_path, m
     assert holding
 
 
-def test_a_specimen_of_many_shards_is_cut_once(recipe_path, tmp_path):
+def test_a_specimen_of_many_shards_is_cut_once(recipe_path, tmp_path, caplog):
     text = recipe_path.read_text().replace("specimens: 3\nscans: 2", "specimens: 1\nscans: 7")
     recipe_path.write_text(text)
     recipe = Recipe.load(recipe_path)
@@ -92,11 +93,18 @@ def test_a_specimen_of_many_shards_is_cut_once(recipe_path, tmp_path):
     for part in "ab":  # of a run that was stopped: not to be read
         (two / ".flawforge" / "parts" / f"{part}-0.flawed").write_bytes(b"not from this run")
 
-    def event(name, facts):
-        kept = (two / ".flawforge" / "parts").glob("*.flawed")
-        events.append(sorted(path.name for path in kept))
+    class Watch(logging.Handler):
+        def emit(self, record):
+            kept = (two / ".flawforge" / "parts").glob("*.flawed")
+            events.append(sorted(path.name for path in kept))
 
-    generate(recipe, two, backend=Backend(jobs=2), event=event)
+    watch, log = Watch(), logging.getLogger("flawforge.generate")
+    caplog.set_level(logging.INFO, log.name)
+    log.addHandler(watch)
+    try:
+        generate(recipe, two, backend=Backend(jobs=2))
+    finally:
+        log.removeHandler(watch)
     assert checksums(two) == checksums(tmp_path / "one")
     assert events[-2] == ["a-0.flawed", "b-0.flawed"]
     assert not (two / ".flawforge" / "parts").exists()
@@ -155,7 +163,7 @@ def wait_for_shards(out: Path, count: int, run: subprocess.Popen[str]) -> None:
 
 
 @pytest.mark.parametrize("shards", [1, 3])
-def test_a_killed_run_goes_on_where_it_was(once, recipe_path, tmp_path, shards):
+def test_a_killed_run_goes_on_where_it_was(once, recipe_path, tmp_path, shards, caplog):
     out = tmp_path / "killed"
     run = started(recipe_path, out)
     wait_for_shards(out, shards, run)
@@ -165,11 +173,11 @@ def test_a_killed_run_goes_on_where_it_was(once, recipe_path, tmp_path, shards):
     first = min(out.glob("shard-*.h5"))
     kept = os.stat(first).st_mtime_ns
     (out / ".shard-00001.h5.dead.part").write_bytes(b"x")
-    events = []
-    generate(Recipe.load(recipe_path), out, event=lambda name, facts: events.append((name, facts)))
+    caplog.set_level(logging.INFO, "flawforge.generate")
+    generate(Recipe.load(recipe_path), out)
     assert checksums(out) == checksums(once)
     assert not list(out.glob(".*.part"))
-    kept_shards = [facts for name, facts in events if name == "shard" and facts["kept"]]
+    kept_shards = [r.facts for r in caplog.records if r.event == "shard" and r.facts["kept"]]
     assert (os.stat(first).st_mtime_ns == kept) == any(
         facts["shard"] == first.name for facts in kept_shards
     )
