@@ -6,7 +6,7 @@ STAMP  := $(VENV)/.installed
 DEV    := $(VENV)/.installed-dev
 PEERS  := $(VENV)/.installed-bench
 
-.PHONY: demo test lint bench effects flaws paper pictures diagnose-bench proof proof-small payoff clean
+.PHONY: demo test test-all lint bench effects flaws paper pictures diagnose-bench proof proof-small payoff clean
 
 demo: $(STAMP)
 	$(BIN)/flawforge generate manifests/quickstart.yaml --out out/quickstart
@@ -14,6 +14,9 @@ demo: $(STAMP)
 	$(BIN)/flawforge preview out/quickstart --out out/quickstart.png
 
 test: $(DEV)
+	$(BIN)/python -m pytest -n 2 -m "not slow"
+
+test-all: $(DEV)
 	$(BIN)/python -m pytest -n 2
 
 lint: $(DEV)

@@ -103,7 +103,7 @@ def _growth(arguments: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def _noise(arguments: argparse.Namespace) -> dict[str, Any]:
+def _noise(_arguments: argparse.Namespace) -> dict[str, Any]:
     return {"noise": {name: median_seconds(field) for name, field in fields().items()}}
 
 

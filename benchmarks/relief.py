@@ -103,7 +103,7 @@ def part(name: str) -> Scene:
             "wedge": lambda: solid(wedge, knots(52, 53, (3,)), knots(52, 53, (-2,))),
             "bowl": lambda: solid(bowl, fine, fine),
             "valley": lambda: solid(valley, fine, fine),
-            "plate": lambda: solid(lambda x, y: np.zeros_like(x), knots(64, 5), knots(64, 5)),
+            "plate": lambda: solid(lambda x, _y: np.zeros_like(x), knots(64, 5), knots(64, 5)),
         }
         PARTS[name] = made[name]()
     return PARTS[name]

@@ -90,7 +90,7 @@ def drop(
 
 
 @njit(cache=True)
-def march(
+def march(  # noqa: PLR0913 - compiled: walks, then the mesh and its tree
     start: Floats,
     start_normal: Floats,
     start_triangle: Ints,

@@ -102,9 +102,11 @@ def summary(dataset: Mapping[str, Any], out: Path) -> str:
             f"  {kind:8} seen in {_many(counts['seen'], 'scan')}, visible above the noise in"
             f" {counts['visible']} ({counts['pixels']} pixels)"
         )
-    for part in dataset["parts"]:
-        if part["mended"]:
-            lines.append(f"mended: {part['part']}: " + "; ".join(part["mended"]))
+    lines += [
+        f"mended: {part['part']}: " + "; ".join(part["mended"])
+        for part in dataset["parts"]
+        if part["mended"]
+    ]
     dropped = dataset["flaws_dropped"]
     lines += _first(
         [f"no place for a flaw: {one['specimen']}: {one['why']}" for one in dropped],

@@ -171,7 +171,7 @@ def _measure(arguments: argparse.Namespace) -> int:
         f"{wanted.profiles} profiles × {wanted.points} points{dropped}, "
         f"pitch {scan.pitch_x_mm:g} × {scan.pitch_y_mm:g} mm, resolution {resolution_um:g} µm"
     )
-    _print_table(surface, wanted, solution)
+    _print_table(wanted, solution)
     _draw(surface, wanted, solution, flat, out / "roughness.png")
     print(f"wrote {out / 'surface.yaml'}, roughness.csv, roughness.png")
     return 0
@@ -213,7 +213,7 @@ def _folder(arguments: argparse.Namespace) -> Path:
     return out
 
 
-def _print_table(surface: "Surface", wanted: "Measured", solution: "Solution | None") -> None:
+def _print_table(wanted: "Measured", solution: "Solution | None") -> None:
     figures = wanted.figures()
     header = f"{'figure':<12}{'measured':>12}"
     print(header + (f"{'simulated':>12}{'error %':>10}" if solution else ""))

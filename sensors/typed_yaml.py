@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar, dataclass_transform
 
 import yaml
-from pydantic import AfterValidator, ConfigDict, TypeAdapter, ValidationError
+from pydantic import AfterValidator, ConfigDict, TypeAdapter, ValidationError, with_config
 
 from quantity import quantity
 
@@ -85,8 +85,8 @@ def record(cls: type[T]) -> type[T]:
             check = AfterValidator(declared.metadata["quantity"].check)
             annotations[name] = Annotated[annotations[name], check]
     cls.__annotations__ = annotations
-    cls.__pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False)  # type: ignore[attr-defined]  # read by pydantic
-    return dataclasses.dataclass(frozen=True, kw_only=True, slots=True)(cls)
+    configured = with_config(ConfigDict(extra="forbid", allow_inf_nan=False))(cls)
+    return dataclasses.dataclass(frozen=True, kw_only=True, slots=True)(configured)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, slots=True)

@@ -77,8 +77,7 @@ def features(depth_mm: NDArray[np.floating]) -> NDArray[np.float32]:
         layers.append(means[fine] - means[coarse])
     for mean in means[:3]:
         layers.extend(_curvatures(mean))
-    for mean in means[1:3]:
-        layers.append(np.hypot(*np.gradient(mean)))
+    layers += [np.hypot(*np.gradient(mean)) for mean in means[1:3]]
     rough = np.where(valid, (tame - means[1]) ** 2, 0.0)
     layers += [np.sqrt(np.maximum(smoothed(rough, valid, s)[0], 0)) for s in (1.0, 3.0, 8.0)]
     layers += [shares[0], shares[2]]

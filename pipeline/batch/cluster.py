@@ -39,9 +39,8 @@ def cluster(address: str) -> Iterator[Any]:
         if place is None:
             raise OSError("not an address")
         socket.create_connection((place[1], int(place[2])), ANSWER_S).close()
-        client = Client(  # type: ignore[no-untyped-call]
-            address, timeout=ANSWER_S, set_as_default=False
-        )
+        connect: Any = Client  # its types are not complete
+        client = connect(address, timeout=ANSWER_S, set_as_default=False)
     except (OSError, OverflowError) as error:
         raise RecipeError(
             f"no Dask scheduler answers ({_short(error)})",

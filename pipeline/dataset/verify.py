@@ -67,9 +67,8 @@ def verify(folder: Path) -> Report:
             wrong.append(f"{name}: damaged, its checksum isn't the one in dataset.json")
             continue
         stored.update(scan_checksums(path))
-    for extra in sorted(path.name for path in folder.glob("shard-*.h5")):
-        if extra not in said["shards"]:
-            wrong.append(f"{extra}: not part of this dataset")
+    found = sorted(path.name for path in folder.glob("shard-*.h5"))
+    wrong += [f"{name}: not part of this dataset" for name in found if name not in said["shards"]]
     for end in ("parquet", "csv"):
         table_path = folder / f"manifest.{end}"
         try:

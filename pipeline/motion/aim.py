@@ -150,7 +150,7 @@ class Aimer:
         # the surface point nearest to the middle, so that a ring is not aimed at its hole's depth
         aim = middles[np.argmin(np.linalg.norm(middles - middle, axis=1))]
 
-        def at_middle(rng: np.random.Generator) -> tuple[Floats, bool]:
+        def at_middle(_rng: np.random.Generator) -> tuple[Floats, bool]:
             return aim, False
 
         return draw(

@@ -80,7 +80,7 @@ def draw_setup(
         height = 0.815 / CLOSE_UPS
         bottom = 0.89 - (at + 1) * height
         axes = figure.add_axes((0.755, bottom + 0.005, 0.23, height - 0.045))
-        _close_up(axes, scene, instance, number, named[number], poses)
+        _close_up(axes, scene, instance, number, named[number])
     figure.savefig(path, dpi=DPI)
     return Path(path)
 
@@ -241,7 +241,7 @@ def _markers(
 
 
 def _close_up(
-    axes: "Axes", scene: Scene, instance: NDArray[Any], number: int, kind: str, poses: Floats
+    axes: "Axes", scene: Scene, instance: NDArray[Any], number: int, kind: str
 ) -> None:
     own = instance == number
     corners = scene.vertices_mm[scene.faces[own]].reshape(-1, 3)

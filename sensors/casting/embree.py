@@ -8,7 +8,7 @@ replaced by one
 of the triangles around it that the ray passes closely, or the ray is sent on behind it.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
@@ -24,8 +24,7 @@ _FOLLOWED = 512  # triangles looked at around a candidate
 _BATCH = 1 << 18  # rays at a time
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Rays:
+class Rays(NamedTuple):
     """Rays given in frames of their own.
 
     Attributes
@@ -34,7 +33,7 @@ class Rays:
         Rows are the frame's axes in the part frame.
     origin, place : (n, 3)
         A vertex v has the frame's coordinates frame @ (v - origin) - place, mm.
-    index : (k,) int64
+    frame_of : (k,) int64
         Frame of each ray.
     x_mm, slope_x : (k,)
         Ray (x_mm, 0, 0) + depth·(slope_x, 0, 1) in its frame.
@@ -43,16 +42,61 @@ class Rays:
     frame: Floats
     origin: Floats
     place: Floats
-    index: NDArray[np.int64]
+    frame_of: NDArray[np.int64]
     x_mm: Floats
     slope_x: Floats
+
+
+class Skin(NamedTuple):
+    """A mesh, its triangles' normals, and the triangles around each vertex.
+
+    Attributes
+    ----------
+    vertices, faces, normals
+        (V, 3) mm, (F, 3), (F, 3), part frame.
+    ring_start, ring
+        `ring[ring_start[v]:ring_start[v + 1]]` are the triangles around vertex v.
+    """
+
+    vertices: Floats
+    faces: Ints
+    normals: Floats
+    ring_start: NDArray[np.int64]
+    ring: Ints
+
+
+class Limits(NamedTuple):
+    """Which hits of each ray count; see `Tree.first`."""
+
+    nearest: Floats
+    farthest: Floats
+    ignored: Ints
+    outside: bool
+
+
+class Search(NamedTuple):
+    """Where each ray goes on, and its nearest hit so far; written while rays are followed.
+
+    Attributes
+    ----------
+    directions : (k, 3)
+        Of the rays, part frame.
+    start, best : (k,)
+        Ray parameter from which the ray goes on, and of the nearest hit.
+    triangle : (k,)
+        Of the nearest hit, -1 without one.
+    """
+
+    directions: Floats
+    start: Floats
+    best: Floats
+    triangle: Ints
 
 
 class Tree:
     """Embree's tree over a triangle mesh; finds the first hit of rays in double precision."""
 
     def __init__(self, vertices_mm: Floats, faces: Ints, normals: Floats) -> None:
-        self.vertices_mm, self.faces, self.normals = vertices_mm, faces, normals
         low, high = vertices_mm.min(axis=0), vertices_mm.max(axis=0)
         self._centre = (low + high) / 2
         half_mm = float(np.linalg.norm(high - low)) / 2
@@ -61,7 +105,9 @@ class Tree:
         self._scene = EmbreeScene(robust=True)
         corners = _grown(vertices_mm, faces, self._centre, self._margin_mm)
         TriangleMesh(self._scene, corners)
-        self._ring_start, self._ring = _triangles_at_vertices(faces, len(vertices_mm))
+        self.skin = Skin(
+            vertices_mm, faces, normals, *_triangles_at_vertices(faces, len(vertices_mm))
+        )
 
     def first(
         self,
@@ -84,7 +130,7 @@ class Tree:
         outside
             Rays pass through triangles that they would meet from inside.
         """
-        count = len(rays.index)
+        count = len(rays.frame_of)
         depth = np.full(count, np.nan)
         triangle = np.full(count, -1, dtype=np.int32)
         nearest = np.broadcast_to(np.asarray(nearest, dtype=np.float64), count)
@@ -95,24 +141,17 @@ class Tree:
             part = slice(begin, begin + _BATCH)
             batch = Rays(
                 frame=rays.frame, origin=rays.origin, place=rays.place,
-                index=rays.index[part], x_mm=rays.x_mm[part], slope_x=rays.slope_x[part],
+                frame_of=rays.frame_of[part], x_mm=rays.x_mm[part], slope_x=rays.slope_x[part],
             )  # fmt: skip
-            self._first(
-                batch, nearest[part], farthest[part], ignored[part], outside,
-                depth[part], triangle[part],
-            )  # fmt: skip
+            limits = Limits(nearest[part], farthest[part], ignored[part], outside)
+            self._first(batch, limits, depth[part], triangle[part])
         return depth, triangle
 
-    def _first(
-        self, rays: Rays, nearest: Floats, farthest: Floats, ignored: Ints, outside: bool,
-        depth: Floats, triangle: Ints,
-    ) -> None:  # fmt: skip
+    def _first(self, rays: Rays, limits: Limits, depth: Floats, triangle: Ints) -> None:
         """Fill `depth` and `triangle` for one batch of rays."""
-        origins, directions, start, live = _enter(
-            rays.frame, rays.origin, rays.place, rays.index, rays.x_mm, rays.slope_x,
-            self._low, self._high, nearest, farthest,
-        )  # fmt: skip
+        origins, directions, start, live = _enter(rays, limits, self._low, self._high)
         best = np.full(len(depth), np.inf)
+        search = Search(directions, start, best, triangle)
         for turn in range(_ROUNDS):
             if live.size == 0:
                 break
@@ -120,18 +159,12 @@ class Tree:
                 *_single_precision(origins, directions, start, live, self._centre), output=1
             )
             live = _judge(
-                self.vertices_mm, self.faces, self.normals, self._ring_start, self._ring,
-                rays.frame, rays.origin, rays.place, rays.index, rays.x_mm, rays.slope_x,
-                directions, live, found["primID"], found["tfar"].astype(np.float64),
-                nearest, farthest, ignored, outside, start, best, triangle,
+                self.skin, rays, limits, search,
+                live, found["primID"], found["tfar"].astype(np.float64),
                 self._margin_mm, self._margin_mm * 2.0 ** (turn - 3),
             )  # fmt: skip
         if live.size:
-            _try_all(
-                self.vertices_mm, self.faces,
-                rays.frame, rays.origin, rays.place, rays.index, rays.x_mm, rays.slope_x,
-                live, nearest, farthest, ignored, outside, best, triangle,
-            )  # fmt: skip
+            _try_all(self.skin, rays, limits, search, live)
         hit = triangle >= 0
         depth[hit] = best[hit]
 
@@ -167,23 +200,22 @@ def _triangles_at_vertices(faces: Ints, count: int) -> tuple[NDArray[np.int64], 
 
 @njit(cache=True, error_model="numpy")
 def _enter(
-    frame: Floats, origin: Floats, place: Floats,
-    index: NDArray[np.int64], x_mm: Floats, slope_x: Floats,
-    low: Floats, high: Floats, nearest: Floats, farthest: Floats,
-) -> tuple[Floats, Floats, Floats, NDArray[np.int64]]:  # fmt: skip
+    rays: Rays, limits: Limits, low: Floats, high: Floats
+) -> tuple[Floats, Floats, Floats, NDArray[np.int64]]:
     """Rays in the part frame and where they enter a box.
 
     Origins (k, 3), directions (k, 3) of length 1 or more, the ray parameter (k,) from which a hit
     may come, and the numbers of the rays that meet the box within their limits.
     """
-    count = len(index)
+    frame, origin, place, frame_of, x_mm, slope_x = rays
+    count = len(frame_of)
     origins, directions = np.empty((count, 3)), np.empty((count, 3))
     start = np.empty(count)
     live = np.empty(count, dtype=np.int64)
     size = 0
     for r in range(count):
-        f = index[r]
-        first, last = nearest[r], farthest[r]
+        f = frame_of[r]
+        first, last = limits.nearest[r], limits.farthest[r]
         for axis in range(3):
             across, along = frame[f, 0, axis], frame[f, 2, axis]
             o = origin[f, axis] + x_mm[r] * across
@@ -229,17 +261,15 @@ def _holds(values: Ints, size: int, wanted: int) -> bool:
 
 
 @njit(cache=True)
-def _judge(
-    vertices: Floats, faces: Ints, normals: Floats,
-    ring_start: NDArray[np.int64], ring: Ints,
-    frame: Floats, origin: Floats, place: Floats,
-    index: NDArray[np.int64], x_mm: Floats, slope_x: Floats, directions: Floats,
-    live: NDArray[np.int64], candidate: Ints, ahead: Floats,
-    nearest: Floats, farthest: Floats, ignored: Ints, outside: bool,
-    start: Floats, best: Floats, triangle: Ints,
-    margin_mm: float, step_mm: float,
+def _judge(  # noqa: C901 - one compiled loop
+    skin: Skin, rays: Rays, limits: Limits, search: Search,
+    live: NDArray[np.int64], candidate: Ints, ahead: Floats, margin_mm: float, step_mm: float,
 ) -> NDArray[np.int64]:  # fmt: skip
     """Decide Embree's candidates in double precision; return the rays that must go on."""
+    vertices, faces, normals, ring_start, ring = skin
+    frame, origin, place, frame_of, x_mm, slope_x = rays
+    nearest, farthest, ignored, outside = limits
+    directions, start, best, triangle = search
     on = np.empty(len(live), dtype=np.int64)
     queue = np.empty(_FOLLOWED, dtype=np.int32)
     corners = np.empty(3 * _FOLLOWED, dtype=np.int32)
@@ -249,7 +279,7 @@ def _judge(
         t = candidate[i]
         if t < 0:
             continue
-        f, x, s = index[r], x_mm[r], slope_x[r]
+        f, x, s = frame_of[r], x_mm[r], slope_x[r]
         at = start[r] + ahead[i]
         if best[r] < at or at - margin_mm > farthest[r]:
             continue  # what was found before is nearer
@@ -309,14 +339,15 @@ def _judge(
 
 @njit(cache=True)
 def _try_all(
-    vertices: Floats, faces: Ints, frame: Floats, origin: Floats, place: Floats,
-    index: NDArray[np.int64], x_mm: Floats, slope_x: Floats,
-    live: NDArray[np.int64], nearest: Floats, farthest: Floats, ignored: Ints, outside: bool,
-    best: Floats, triangle: Ints,
-) -> None:  # fmt: skip
+    skin: Skin, rays: Rays, limits: Limits, search: Search, live: NDArray[np.int64]
+) -> None:
     """Hold rays that never settled against every triangle."""
+    vertices, faces = skin.vertices, skin.faces
+    frame, origin, place, frame_of, x_mm, slope_x = rays
+    nearest, farthest, ignored, outside = limits
+    best, triangle = search.best, search.triangle
     for r in live:
-        f = index[r]
+        f = frame_of[r]
         for t in range(len(faces)):
             if t == ignored[r]:
                 continue

@@ -150,7 +150,7 @@ class Scene:
             frame=frame,
             origin=np.zeros((n, 3)),
             place=place,
-            index=np.repeat(np.arange(n), m),
+            frame_of=np.repeat(np.arange(n), m),
             x_mm=np.tile(laser.x_mm, n),
             slope_x=np.tile(laser.slope_x, n),
         )
@@ -264,7 +264,7 @@ def _single(origins_mm: Floats, directions: Floats) -> "Rays":
         frame=frame,
         origin=origins,
         place=np.zeros((count, 3)),
-        index=np.arange(count),
+        frame_of=np.arange(count),
         x_mm=np.zeros(count),
         slope_x=np.zeros(count),
     )

@@ -7,6 +7,7 @@ profiles, in each of them it is a segment, and the segment covers a run of point
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -16,6 +17,53 @@ from sensors.casting.section import Floats, Ints, clipped, depth_on, edge_slope
 
 _WAITING = 256  # segments found before their points are computed
 _BLOCK = 16  # profiles whose part of the z-buffer stays in the processor's cache
+
+
+class Corners(NamedTuple):
+    """A mesh in a leg's axes: coordinates of its vertices (V,), and its faces (F, 3)."""
+
+    x: Floats
+    y: Floats
+    z: Floats
+    faces: Ints
+
+
+class Runs(NamedTuple):
+    """Which triangles cover which profiles, and which runs each block of profiles meets.
+
+    Attributes
+    ----------
+    which, low, high : (k,)
+        Triangle, its first profile, the one behind its last.
+    start, members
+        `members[start[b]:start[b + 1]]` are the runs of block b.
+    """
+
+    which: Ints
+    low: Ints
+    high: Ints
+    start: NDArray[np.int64]
+    members: Ints
+
+
+class Fan(NamedTuple):
+    """Rays of a profile, and how to find the first one right of a point.
+
+    Attributes
+    ----------
+    x_mm, slope_x : (m,)
+    kind : int
+        What tells the rays apart: 0 their slope, 1 their place, 2 both.
+    table, origin, scale
+        See `_lookup`.
+    """
+
+    x_mm: Floats
+    slope_x: Floats
+    kind: int
+    table: Ints
+    origin: float
+    scale: float
 
 
 def sweepable(x_mm: Floats, slope_x: Floats) -> bool:
@@ -71,8 +119,8 @@ def sweep(
     depth = np.empty((n, m))
     triangle = np.empty((n, m), dtype=np.int32)
     _fill(
-        x, y, z, faces, which, low, high, start, members, sorted_place, order,
-        x_mm, slope_x, kind, table, origin, scale, depth, triangle,
+        Corners(x, y, z, faces), Runs(which, low, high, start, members), sorted_place, order,
+        Fan(x_mm, slope_x, kind, table, origin, scale), depth, triangle,
     )  # fmt: skip
     if backwards:
         depth, triangle = depth[:, ::-1].copy(), triangle[:, ::-1].copy()
@@ -174,13 +222,13 @@ def _blocks(low: Ints, high: Ints, n: int) -> tuple[NDArray[np.int64], Ints]:
 
 @njit(cache=True, error_model="numpy")
 def _left_of(
-    x: Floats, z: Floats, count: int, x_mm: Floats, slope_x: Floats,
-    kind: int, table: Ints, origin: float, scale: float, found: NDArray[np.int64],
-) -> None:  # fmt: skip
+    x: Floats, z: Floats, count: int, fan: Fan, found: NDArray[np.int64]
+) -> None:
     """Find how many rays pass left of each (x, z), z >= 0: x_mm + slope_x·z < x.
 
     Many at once, in passes without a branch, since a branch's outcome can't be foreseen here.
     """
+    x_mm, slope_x, kind, table, origin, scale = fan
     m = len(x_mm)
     if kind == 2:
         for k in range(count):
@@ -234,12 +282,13 @@ def _risen(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fill(
-    x: Floats, y: Floats, z: Floats, faces: Ints, which: Ints, low: Ints, high: Ints,
-    start: NDArray[np.int64], members: Ints, place: Floats, order: NDArray[np.int64],
-    x_mm: Floats, slope_x: Floats, kind: int, table: Ints, origin: float, scale: float,
+    corners: Corners, runs: Runs, place: Floats, order: NDArray[np.int64], fan: Fan,
     depth: Floats, triangle: Ints,
 ) -> None:  # fmt: skip
     """Fill the z-buffer, one block of profiles after another."""
+    x, y, z, faces = corners
+    which, low, high, start, members = runs
+    x_mm, slope_x = fan.x_mm, fan.slope_x
     n = len(depth)
     source = np.empty((2, _WAITING), dtype=np.int64)  # row, triangle
     ends = np.empty((4, _WAITING))  # x, z of both
@@ -284,17 +333,11 @@ def _fill(
                 waiting += int(there)
                 if waiting == _WAITING:
                     for end in range(2):
-                        _left_of(
-                            clip[2 * end], clip[2 * end + 1], waiting,
-                            x_mm, slope_x, kind, table, origin, scale, spans[end],
-                        )  # fmt: skip
+                        _left_of(clip[2 * end], clip[2 * end + 1], waiting, fan, spans[end])
                     _keep_nearest(depth, triangle, source, ends, spans, waiting, x_mm, slope_x)
                     waiting = 0
         for end in range(2):
-            _left_of(
-                clip[2 * end], clip[2 * end + 1], waiting,
-                x_mm, slope_x, kind, table, origin, scale, spans[end],
-            )  # fmt: skip
+            _left_of(clip[2 * end], clip[2 * end + 1], waiting, fan, spans[end])
         _keep_nearest(depth, triangle, source, ends, spans, waiting, x_mm, slope_x)
 
 

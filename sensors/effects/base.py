@@ -34,6 +34,7 @@ Frame = Literal["sensor", "time", "travel", "part"]
 AVERAGED = 8
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
 class Effect(ABC):
     """A physical effect beyond the plain geometric model.
 
@@ -58,7 +59,6 @@ class Effect(ABC):
         coefficients are A cos(phase) and A sin(phase), those of sine and cosine
     """
 
-    __slots__ = ()
     name: ClassVar[str]
     summary: ClassVar[str]
     equation: ClassVar[str]
@@ -254,7 +254,7 @@ class Effect(ABC):
         """
         new = {**(values or {}), **more}
         self._refuse_unknown(new)
-        return dataclasses.replace(self, **new)  # type: ignore[type-var]  # every effect is one
+        return dataclasses.replace(self, **new)
 
     def searched(self, *, linear: bool | None = None) -> tuple[Parameter, ...]:
         """Numbers that a fit may move; only the linear or nonlinear ones where asked."""

@@ -159,6 +159,6 @@ def _even(view: View, sd_mm: float, axis: str, merge_mm: float | None) -> Line:
     return _EVEN.get(
         view, (sd_mm, axis, merge_mm),
         lambda: bright_line(
-            view, sd_mm, lambda sub: np.ones((1, 1)), axis=axis, merge_mm=merge_mm
+            view, sd_mm, lambda _: np.ones((1, 1)), axis=axis, merge_mm=merge_mm
         ),
     )  # fmt: skip

@@ -5,7 +5,7 @@ least depth is drawn, always on the safe side, into a grid over the leg's x-y pl
 coarser ones of it: the farther a line has come, the higher it is and the coarser the look.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -17,8 +17,7 @@ from sensors.casting.sweep import turned
 _PAD_MM = 1e-5  # far above rounding, far below a reading
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Obstacles:
+class Obstacles(NamedTuple):
     """Least depth of obstacles over the x-y plane of a leg's axes.
 
     Attributes
@@ -169,9 +168,7 @@ def _draw(
 @njit(cache=True)
 def is_free(
     low: Floats, high: Floats, camera_low: Floats, camera_high: Floats,
-    begin: float, end: float, reach: float, ratio: float,
-    least: Floats, offset: NDArray[np.int64], shape: NDArray[np.int64],
-    corner: Floats, cell: float, top: float,
+    begin: float, end: float, reach: float, ratio: float, screen: Obstacles,
 ) -> bool:  # fmt: skip
     """Whether lines from a box of points to a box of cameras stay nearer than every obstacle.
 
@@ -185,9 +182,10 @@ def is_free(
         How far the lines run along y, mm.
     ratio
         Length of a step as a share of the way gone.
-    least, offset, shape, corner, cell, top
-        See `Obstacles`.
+    screen
+        The map.
     """
+    least, offset, shape, corner, cell, top = screen
     if camera_high[2] >= low[2]:
         return False
     share = begin

@@ -9,6 +9,8 @@ that stays nearer than the map all its way is free, and only the rest is left to
 through triangles that they would leave by, as the laser's rays do.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -18,13 +20,23 @@ from sensors.casting.hits import Hits
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene, frames, legs
 from sensors.casting.section import Floats, Ints, turn
-from sensors.view.obstacles import is_free, obstacles
+from sensors.view.obstacles import Obstacles, is_free, obstacles
 
 _CLEARANCE_MM = 1e-6  # what is closer than 1 nm to a sight line's ends doesn't block it
 _TILE_PROFILES, _TILE_POINTS = 8, 16
 _PART_PROFILES, _PART_POINTS = 2, 4
 _NEAR_CELLS = 6.0  # of the map
 _HIDDEN, _SEEN, _OPEN = 0, 1, 2
+
+
+class Lines(NamedTuple):
+    """Sight lines of a leg: where the sensor stands, its rays, their depths, the camera's y."""
+
+    place: Floats
+    x_mm: Floats
+    slope_x: Floats
+    depth: Floats
+    b: float
 
 
 def camera_visible(
@@ -69,10 +81,7 @@ def camera_visible(
             scene.vertices_mm, scene.faces, frame[leg.start], place[leg], low, high, b, count
         )
         if screen is not None:
-            _screen(
-                state[leg], place[leg], x_mm, slope_x, depth[leg], b,
-                screen.least, screen.offset, screen.shape, screen.corner, screen.cell, screen.top,
-            )  # fmt: skip
+            _screen(state[leg], Lines(place[leg], x_mm, slope_x, depth[leg], b), screen)
     profile, point = np.nonzero(state == _OPEN)
     if profile.size:
         rays, length = _lines(poses, x_mm, slope_x, depth, profile, point, b)
@@ -123,84 +132,73 @@ def _facing(
 
 @njit(cache=True)
 def _screen(
-    state: NDArray[np.uint8], place: Floats, x_mm: Floats, slope_x: Floats, depth: Floats, b: float,
-    least: Floats, offset: NDArray[np.int64], shape: NDArray[np.int64],
-    corner: Floats, cell: float, top: float,
-) -> None:  # fmt: skip
+    state: NDArray[np.uint8], lines: Lines, screen: Obstacles
+) -> None:
     """Mark as seen the open points whose sight line stays nearer than every obstacle.
 
     Lines are looked at in tiles, then in parts of those tiles, then one by one; and apart near the
     surface, where a tile may be too coarse, and far from it, where it rarely is.
     """
-    n, m = depth.shape
-    reach = abs(b)
-    near = min(1.0, _NEAR_CELLS * cell / reach)
+    n, m = lines.depth.shape
+    reach = abs(lines.b)
+    near = min(1.0, _NEAR_CELLS * screen.cell / reach)
     box = np.empty((4, 3))
     for first in range(0, n, _TILE_PROFILES):
         last = min(n, first + _TILE_PROFILES)
         for begin in range(0, m, _TILE_POINTS):
             end = min(m, begin + _TILE_POINTS)
-            if not _bound(box, state, place, x_mm, slope_x, depth, b, first, last, begin, end):
+            if not _bound(box, state, lines, first, last, begin, end):
                 continue
             far_free = is_free(
-                box[0], box[1], box[2], box[3], near, 1.0, reach, 0.25,
-                least, offset, shape, corner, cell, top,
-            )  # fmt: skip
+                box[0], box[1], box[2], box[3], near, 1.0, reach, 0.25, screen
+            )
             near_free = is_free(
-                box[0], box[1], box[2], box[3], 0.0, near, reach, 0.25,
-                least, offset, shape, corner, cell, top,
-            )  # fmt: skip
+                box[0], box[1], box[2], box[3], 0.0, near, reach, 0.25, screen
+            )
             if far_free and near_free:
                 _see(state, first, last, begin, end)
                 continue
             for row in range(first, last, _PART_PROFILES):
                 for column in range(begin, end, _PART_POINTS):
-                    _screen_part(
-                        box, state, place, x_mm, slope_x, depth, b,
+                    part = (
                         row, min(last, row + _PART_PROFILES),
                         column, min(end, column + _PART_POINTS),
-                        near, near_free, far_free, least, offset, shape, corner, cell, top,
                     )  # fmt: skip
+                    _screen_part(box, state, lines, part, near, near_free, far_free, screen)
 
 
 @njit(cache=True)
 def _screen_part(
-    box: Floats, state: NDArray[np.uint8], place: Floats, x_mm: Floats, slope_x: Floats,
-    depth: Floats, b: float, first: int, last: int, begin: int, end: int,
-    near: float, near_free: bool, far_free: bool,
-    least: Floats, offset: NDArray[np.int64], shape: NDArray[np.int64],
-    corner: Floats, cell: float, top: float,
+    box: Floats, state: NDArray[np.uint8], lines: Lines, part: tuple[int, int, int, int],
+    near: float, near_free: bool, far_free: bool, screen: Obstacles,
 ) -> None:  # fmt: skip
     """Look at a part of a tile, then at its lines one by one."""
-    if not _bound(box, state, place, x_mm, slope_x, depth, b, first, last, begin, end):
+    first, last, begin, end = part
+    if not _bound(box, state, lines, first, last, begin, end):
         return
-    reach = abs(b)
+    reach = abs(lines.b)
     far_free = far_free or is_free(
-        box[0], box[1], box[2], box[3], near, 1.0, reach, 0.25,
-        least, offset, shape, corner, cell, top,
-    )  # fmt: skip
+        box[0], box[1], box[2], box[3], near, 1.0, reach, 0.25, screen
+    )
     near_free = near_free or is_free(
-        box[0], box[1], box[2], box[3], 0.0, near, reach, 0.25,
-        least, offset, shape, corner, cell, top,
-    )  # fmt: skip
+        box[0], box[1], box[2], box[3], 0.0, near, reach, 0.25, screen
+    )
     if far_free and near_free:
         _see(state, first, last, begin, end)
         return
     for i in range(first, last):
         for j in range(begin, end):
-            if not _bound(box, state, place, x_mm, slope_x, depth, b, i, i + 1, j, j + 1):
+            if not _bound(box, state, lines, i, i + 1, j, j + 1):
                 continue
             if (
                 near_free
                 or is_free(
-                    box[0], box[1], box[2], box[3], 0.0, near, reach, 0.125,
-                    least, offset, shape, corner, cell, top,
+                    box[0], box[1], box[2], box[3], 0.0, near, reach, 0.125, screen
                 )
             ) and (
                 far_free
                 or is_free(
-                    box[0], box[1], box[2], box[3], near, 1.0, reach, 0.125,
-                    least, offset, shape, corner, cell, top,
+                    box[0], box[1], box[2], box[3], near, 1.0, reach, 0.125, screen
                 )
             ):  # fmt: skip
                 state[i, j] = _SEEN
@@ -217,10 +215,11 @@ def _see(state: NDArray[np.uint8], first: int, last: int, begin: int, end: int) 
 
 @njit(cache=True)
 def _bound(
-    box: Floats, state: NDArray[np.uint8], place: Floats, x_mm: Floats, slope_x: Floats,
-    depth: Floats, b: float, first: int, last: int, begin: int, end: int,
+    box: Floats, state: NDArray[np.uint8], lines: Lines,
+    first: int, last: int, begin: int, end: int,
 ) -> bool:  # fmt: skip
     """Bound a tile's open points (box rows 0, 1) and their cameras (2, 3); False without any."""
+    place, x_mm, slope_x, depth, b = lines
     x0, y0, z0 = np.inf, np.inf, np.inf
     x1, y1, z1 = -np.inf, -np.inf, -np.inf
     for axis in range(3):
@@ -255,7 +254,7 @@ def _lines(
         frame=frame,
         origin=origin,
         place=np.zeros((count, 3)),
-        index=np.arange(count),
+        frame_of=np.arange(count),
         x_mm=np.zeros(count),
         slope_x=np.zeros(count),
     )

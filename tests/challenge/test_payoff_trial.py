@@ -94,6 +94,7 @@ def test_a_changed_test_recording_is_refused(sealed, tmp_path):
         score({}, folder, changed)
 
 
+@pytest.mark.slow
 def test_training_and_test_share_no_draw():
     world = ready("nothing", 3)
     train_path, test_path = (specimen(world, purpose, 0) for purpose in ("train", "test"))

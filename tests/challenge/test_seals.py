@@ -216,6 +216,7 @@ def test_facts_of_a_bow(bowed):
     assert 5 < known.noise_um < 40
 
 
+@pytest.mark.slow
 def test_true_regions_are_drawn_again(bowed, tmp_path):
     secret, staged, _ = bowed
     known = facts(staged, secret)

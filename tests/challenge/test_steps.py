@@ -78,6 +78,7 @@ def test_command_line_says_what_is_missing(tmp_path, capsys):
     assert main(["challenge", "judge", str(tmp_path)]) == 2
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_leaves_no_answer_and_no_process(sealed, monkeypatch, tmp_path):
     copy = tmp_path / "set"
     shutil.copytree(sealed, copy, ignore=shutil.ignore_patterns("answers"))

@@ -70,6 +70,7 @@ def test_an_effect_outside_the_catalogue_is_not_given_a_synonym() -> None:
     assert result.left
 
 
+@pytest.mark.slow
 def test_held_out_recordings_are_never_fitted() -> None:
     made = recordings("domes", [{"name": "line_bow", "sag_um": 30.0}])
     spoiled = replace(made[2], depth_mm=made[2].depth_mm + 0.2 * np.sin(np.arange(100) / 3.0))

@@ -82,6 +82,7 @@ def test_same_bytes_whoever_still_holds_a_dataset(once, recipe_path, tmp_path, m
     assert holding
 
 
+@pytest.mark.slow
 def test_a_specimen_of_many_shards_is_cut_once(recipe_path, tmp_path, caplog):
     text = recipe_path.read_text().replace("specimens: 3\nscans: 2", "specimens: 1\nscans: 7")
     recipe_path.write_text(text)
@@ -191,6 +192,7 @@ def test_a_truncated_shard_is_made_again(once, recipe_path):
     assert checksums(once) == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_signals_end_cleanly(recipe_path, tmp_path, number, code):
     out = tmp_path / "stopped"

@@ -99,6 +99,7 @@ def started(recipe: Path, out: Path, scheduler: str) -> subprocess.Popen[str]:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_same_bytes_though_a_worker_is_killed(once, recipe_path, tmp_path, scheduler, workers):
     out = tmp_path / "shared"
     run = started(recipe_path, out, scheduler)

@@ -1,5 +1,7 @@
 """A dataset from real CAD files: every file becomes a part, broken ones are named."""
 
+import pytest
+
 from pipeline.batch.run import Backend, generate
 from pipeline.dataset.verify import verify
 from pipeline.recipe import Recipe
@@ -34,6 +36,7 @@ motion:
 """
 
 
+@pytest.mark.slow
 def test_real_parts_become_a_dataset(shared_dir, tmp_path):
     (tmp_path / "recipe").mkdir()
     path = tmp_path / "recipe" / "real.yaml"

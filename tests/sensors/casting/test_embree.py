@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from sensors.casting.embree import Tree, _try_all
+from sensors.casting.embree import Limits, Search, Tree, _try_all
 from sensors.casting.scene import Scene, _single
 from tests.sensors.solids import rotation, scene_of, solids
 
@@ -130,10 +130,10 @@ def test_the_last_resort_agrees_with_the_search():
     tree = Tree(scene.vertices_mm, scene.faces, scene.normals)
     depth, triangle = tree.first(rays)
     best, found = np.full(100, np.inf), np.full(100, -1, dtype=np.int32)
-    _try_all(
-        scene.vertices_mm, scene.faces, rays.frame, rays.origin, rays.place, rays.index,
-        rays.x_mm, rays.slope_x, np.arange(100), np.zeros(100), np.full(100, np.inf),
-        np.full(100, -1, dtype=np.int32), False, best, found,
-    )  # fmt: skip
+    limits = Limits(
+        np.zeros(100), np.full(100, np.inf), np.full(100, -1, dtype=np.int32), outside=False
+    )
+    search = Search(np.empty((100, 3)), np.empty(100), best, found)
+    _try_all(tree.skin, rays, limits, search, np.arange(100))
     np.testing.assert_array_equal(triangle, found)
     np.testing.assert_array_equal(depth[triangle >= 0], best[found >= 0])

@@ -117,6 +117,7 @@ def flat_region(path: Path) -> tuple[Floats, float, float, float]:
     return heights[10:230, 250:640], size["x"], size["y"], size["z"]
 
 
+@pytest.mark.slow
 def test_real_recordings_unseen_half(shared_dir: Path) -> None:
     """Fitted on the first half of a real scan: figures, heights and spectra of the second."""
     heights, pitch_x, pitch_y, step = flat_region(shared_dir / "real/sick/OCR_3D_image_42.json")

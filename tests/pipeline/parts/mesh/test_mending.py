@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from pipeline.parts.mesh import mending
@@ -58,6 +58,8 @@ def test_small_holes_are_filled_and_told(seed: int, lost: int) -> None:
     ball = trimesh.creation.icosphere(subdivisions=4)
     faces = np.array(ball.faces)
     gone = np.random.default_rng(seed).choice(len(faces), lost, replace=False)
+    # two that touch make one hole, wider than what is filled
+    assume(len(np.unique(faces[gone])) == 3 * lost)
     vertices, mended, notes = make_solid("b", np.array(ball.vertices), np.delete(faces, gone, 0))
     assert volume(vertices, mended) == pytest.approx(ball.volume, rel=1e-4)
     assert len(notes) == 1
@@ -235,13 +237,15 @@ def test_crossings_equal_those_of_all_pairs() -> None:
     assert len(found.pairs) == len(np.unique(found.pairs, axis=0)) > 100
     expected = []
     for i in range(240):
-        for j in range(i + 1, 240):
+        expected += [
+            (i, j)
+            for j in range(i + 1, 240)
             if any(
                 through(vertices[m][[k, (k + 1) % 3]], vertices[n])
                 for m, n in ((i, j), (j, i))
                 for k in range(3)
-            ):
-                expected.append((i, j))
+            )
+        ]
     assert [tuple(pair) for pair in found.pairs.tolist()] == expected
 
 
