@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from diagnosis.edges import edge_softness, near_edges
 from diagnosis.locate import Region, departure_mask, free_mask, regions_of, smoothed_score
 from diagnosis.noise import Field, Mask, NoiseModel
-from diagnosis.patch import in_range, place_travel
+from diagnosis.patch import in_range
 from diagnosis.prediction import Prediction, law_of, predict
 from diagnosis.registration import (
     PRIOR_SD,
@@ -114,9 +114,8 @@ def map_recording(
             view = View(
                 scene, sensor, poses[part], recording.time_s[part], laser=laser,
                 intensity=None if recording.intensity is None else recording.intensity[part],
-                start_time_s=recording.start_time_s,
+                start_time_s=recording.start_time_s, travel_mm=whole_travel[part],
             )  # fmt: skip
-            place_travel(view, whole_travel[part])
             yield view
 
     def mean_from(poses: Field, acting: Sequence[Effect]) -> Field:

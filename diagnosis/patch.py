@@ -122,8 +122,8 @@ def cut(
             laser=laser,
             intensity=None if recording.intensity is None else recording.intensity[rows],
             start_time_s=recording.start_time_s,
+            travel_mm=whole_travel[rows],
         )
-        place_travel(view, whole_travel[rows])
         plain = np.array(np.broadcast_to(law_of(view, (), None).mean_mm, view.shape))
         depth = in_range(recording.depth_mm[rows], datasheet)
         columns = pose_columns(
@@ -184,8 +184,8 @@ def strip_of(patch: Patch, part: slice) -> Patch:
         hits=view.hits.rows(part),
         intensity=None if view.intensity is None else view.intensity[part],
         start_time_s=view.start_time_s,
+        travel_mm=view.travel_mm[part],
     )
-    place_travel(short, view.travel_mm[part])
     start = patch.rows.start
     return replace(
         patch,
@@ -200,11 +200,6 @@ def strip_of(patch: Patch, part: slice) -> Patch:
         fit=patch.fit[part],
         scored=patch.scored[part],
     )
-
-
-def place_travel(view: View, travel_mm: Field) -> None:
-    """Let a view of some profiles count its travel as the whole recording does."""
-    view.__dict__["travel_mm"] = travel_mm
 
 
 def strips(profiles: int, points: int) -> list[slice]:

@@ -69,8 +69,10 @@ class Scene:
 
     def finished(self, reflectance: Reflectance | None) -> "Scene":
         """Return the same part with a brightness of its own."""
-        other = object.__new__(Scene)
-        other.__dict__.update(self.__dict__, reflectance=reflectance)
+        other = object.__new__(Scene)  # not copied by its state: that would build it anew
+        for name, value in vars(self).items():
+            setattr(other, name, value)
+        other.reflectance = reflectance
         return other
 
     @property

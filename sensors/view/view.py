@@ -67,6 +67,9 @@ class View:
         Brightness that a recording gives, 0 to 1; comes before `reflectance`.
     start_time_s : float, optional
         When the first profile was taken, on a clock common to all recordings.
+    travel_mm : (n,) array, optional
+        Path length at each profile where the view is a part of a longer scan; counted from the
+        first profile where left out.
     """
 
     def __init__(
@@ -81,6 +84,7 @@ class View:
         reflectance: Reflectance | None = None,
         intensity: Floats | None = None,
         start_time_s: float | None = None,
+        travel_mm: Floats | None = None,
     ) -> None:
         self.scene = scene
         self.sensor = sensor
@@ -95,12 +99,15 @@ class View:
         if self.time_s.shape != self.poses.shape[:1]:
             raise ValueError(f"time_s must be ({len(self.poses)},), got {self.time_s.shape}")
         self._given_hits = hits
+        self._given_travel_mm = travel_mm
         self._seen: dict[float, NDArray[np.bool_]] = {}
 
     def __getstate__(self) -> dict[str, Any]:
-        kept = ("scene", "sensor", "poses", "time_s", "laser", "reflectance", "intensity")
-        state = {key: self.__dict__[key] for key in (*kept, "start_time_s", "_given_hits")}
-        return state | {"_seen": {}}
+        kept = (
+            "scene", "sensor", "poses", "time_s", "laser", "reflectance", "intensity",
+            "start_time_s", "_given_hits", "_given_travel_mm",
+        )  # fmt: skip
+        return {key: self.__dict__[key] for key in kept} | {"_seen": {}}
 
     # ---- the scan itself
 
@@ -193,6 +200,8 @@ class View:
     @cached_property
     def travel_mm(self) -> Floats:
         """Path length at each profile, (n,) mm, counted positive where the sensor moves to +y."""
+        if self._given_travel_mm is not None:
+            return self._given_travel_mm
         step = np.diff(self.poses[:, :3, 3], axis=0)
         forward = np.einsum("ij,ij->i", step, self.poses[:-1, :3, 1]) >= 0
         length = np.where(forward, 1.0, -1.0) * np.linalg.norm(step, axis=1)
