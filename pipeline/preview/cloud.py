@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.preview.annotation import colour_of, scale_bar, triad
 from pipeline.preview.camera import Camera, light, splat
+from sensors.casting.laser import Laser
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,9 +28,9 @@ def draw_cloud(
     step = max(1, round(np.sqrt(scan["depth"].size / 1.5e6)))
     thin = np.s_[::step, ::step]
     depth, instance = scan["depth"][thin], scan["instance"][thin]
-    rays = scan["ray_x_mm"][::step], scan["ray_slope"][::step]
+    laser = Laser(x_mm=scan["ray_x_mm"][::step], slope_x=scan["ray_slope"][::step])
     poses = scan["pose"][::step]
-    points = _points_part(depth, rays, poses)
+    points = laser.points_part_mm(depth, poses)
     valid = np.isfinite(depth)
     axes.set_title("Point cloud, part frame", loc="left", fontsize=11.5)
     axes.set_axis_off()
@@ -44,7 +45,7 @@ def draw_cloud(
     colours = colormaps[DEPTH_MAP]((depth - limits[0]) / (limits[1] - limits[0]))[..., :3]
     for number in np.unique(instance[instance > 0]):
         colours[instance == number] = to_rgb(colour_of(kinds.get(int(number), "flaw")))
-    normal = _normals(_points_part(scan["depth_ideal"][thin].astype(float), rays, poses), -z)
+    normal = _normals(laser.points_part_mm(scan["depth_ideal"][thin].astype(float), poses), -z)
     seen = normal[valid] @ camera.frame.T
     brightness = 0.25 + 0.85 * light(seen)
     cloud = points[valid]
@@ -60,12 +61,6 @@ def draw_cloud(
     axes.imshow(picture, extent=camera.extent_mm)
     scale_bar(axes, camera)
     triad(axes, camera)
-
-
-def _points_part(depth_mm: Floats, rays: tuple[Floats, Floats], poses: Floats) -> Floats:
-    x = rays[0] + depth_mm * rays[1]
-    sensor = np.stack([x, np.zeros_like(depth_mm), depth_mm], axis=-1)
-    return np.asarray(sensor @ poses[:, :3, :3].transpose(0, 2, 1) + poses[:, None, :3, 3])
 
 
 def _normals(points_mm: Floats, otherwise: Floats) -> Floats:

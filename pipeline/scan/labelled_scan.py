@@ -67,9 +67,7 @@ class Scan:
 
     def points_part_mm(self) -> Floats:
         """Return the readings as points (n, m, 3) in the part frame by the commanded poses, mm."""
-        points = self.laser.points_mm(self.depth_mm)
-        turned = points @ self.poses[:, :3, :3].transpose(0, 2, 1)
-        return np.asarray(turned + self.poses[:, None, :3, 3])
+        return self.laser.points_part_mm(self.depth_mm, self.poses)
 
     def tally(self, flaws: int) -> Tally:
         """Count what the scan shows of the specimen's `flaws` flaws."""

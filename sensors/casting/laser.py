@@ -65,3 +65,10 @@ class Laser:
         return np.stack(
             [self.x_mm + depth_mm * self.slope_x, np.zeros_like(depth_mm), depth_mm], axis=-1
         )
+
+    def points_part_mm(
+        self, depth_mm: NDArray[np.float64], poses: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Turn depths (n, m) at poses (n, 4, 4) into points (n, m, 3) in the part frame, mm."""
+        turned = self.points_mm(depth_mm) @ poses[:, :3, :3].transpose(0, 2, 1)
+        return np.asarray(turned + poses[:, None, :3, 3])

@@ -283,11 +283,6 @@ class View:
         return np.asarray(np.einsum("nmk,nmk->nm", self.normal, self.to_camera))
 
     @cached_property
-    def camera_incidence_rad(self) -> Floats:
-        """Angle between normal and direction to the camera, (n, m) rad, up to pi."""
-        return np.asarray(np.arccos(np.clip(self.cos_camera, -1, 1)))
-
-    @cached_property
     def half_vector_rad(self) -> Floats:
         """Angle between the normal and the half vector of laser and camera, (n, m) rad."""
         half = self.to_camera - self.ray

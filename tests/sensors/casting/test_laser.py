@@ -81,3 +81,18 @@ def test_file_round_trip(tmp_path):
     assert Datasheet.load(tmp_path / "s.yaml") == SHEET
     with pytest.raises(RecipeError, match="no such sensor"):
         Datasheet.load("no-such-preset")
+
+
+def test_points_of_a_scan_lie_where_its_poses_put_them():
+    """Two profiles of a sensor that looks down: x is mirrored, the second stands 3 mm further."""
+    laser = Laser(x_mm=np.array([-1.0, 0.0, 2.0]), slope_x=np.array([0.0, 0.1, 0.0]))
+    poses = np.tile(np.diag([-1.0, 1.0, -1.0, 1.0]), (2, 1, 1))
+    poses[:, :3, 3] = [[0.0, 0.0, 100.0], [0.0, 3.0, 100.0]]
+    depth = np.array([[90.0, 80.0, np.nan], [100.0, 100.0, 110.0]])
+    points = laser.points_part_mm(depth, poses)
+    nan = float("nan")
+    expected = [
+        [[1.0, 0.0, 10.0], [-8.0, 0.0, 20.0], [nan, nan, nan]],
+        [[1.0, 3.0, 0.0], [-10.0, 3.0, 0.0], [-2.0, 3.0, -10.0]],
+    ]
+    np.testing.assert_allclose(points, expected, atol=1e-12)

@@ -43,7 +43,7 @@ def test_half_vector_of_a_flat_plate(view_of):
     view = view_of("plate")
     middle = view.half_vector_rad[0, 39:41].mean()
     assert np.isclose(middle, math.radians(15.0), atol=1e-4)
-    assert np.isclose(view.camera_incidence_rad[0, 39:41].mean(), math.radians(30.0), atol=1e-4)
+    assert np.isclose(view.cos_camera[0, 39:41].mean(), math.cos(math.radians(30.0)), atol=1e-4)
 
 
 def test_reasons_of_missing_points(view_of):
