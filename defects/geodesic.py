@@ -1,5 +1,7 @@
 """Marching on a triangle mesh with blended normals: the compiled part of `defects.surface`."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -15,6 +17,20 @@ when measured from the facet.
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+
+
+class Skin(NamedTuple):
+    """A mesh as compiled functions take it: blended normals of its corners, its tree of boxes.
+
+    `order`, `box` and `node` are those of `defects.nearest.build_tree`.
+    """
+
+    vertices: Floats
+    faces: Ints
+    corner_normals: Floats
+    order: Ints
+    box: Floats
+    node: Ints
 
 
 @njit(cache=True)
@@ -62,16 +78,9 @@ def smooth_normal(corner_normals: Floats, triangle: int, weight: Floats) -> Floa
 
 
 @njit(cache=True)
-def drop(
-    points: Floats,
-    vertices: Floats,
-    faces: Ints,
-    corner_normals: Floats,
-    order: Ints,
-    box: Floats,
-    node: Ints,
-) -> tuple[Floats, Floats, Ints]:
+def drop(points: Floats, skin: Skin) -> tuple[Floats, Floats, Ints]:
     """Return the nearest points on the mesh (k, 3), their smooth normals and their faces."""
+    vertices, faces, corner_normals, order, box, node = skin
     weight = np.empty(3)
     onto = np.empty(points.shape)
     normals = np.empty(points.shape)
@@ -90,7 +99,7 @@ def drop(
 
 
 @njit(cache=True)
-def march(  # noqa: PLR0913 - compiled: walks, then the mesh and its tree
+def march(
     start: Floats,
     start_normal: Floats,
     start_triangle: Ints,
@@ -98,14 +107,10 @@ def march(  # noqa: PLR0913 - compiled: walks, then the mesh and its tree
     steps: Floats,
     turns: Floats,
     max_step: float,
-    vertices: Floats,
-    faces: Ints,
-    corner_normals: Floats,
-    order: Ints,
-    box: Floats,
-    node: Ints,
+    skin: Skin,
 ) -> tuple[Floats, Floats, Floats, Ints, NDArray[np.bool_]]:
     """March: step along the tangent, drop onto the mesh, carry the direction along."""
+    vertices, faces, corner_normals, order, box, node = skin
     walks, count = steps.shape
     points = np.empty((walks, count, 3))
     normals = np.empty((walks, count, 3))

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from defects.geodesic import CREASE_RAD, blend_normals, drop, march
+from defects.geodesic import CREASE_RAD, Skin, blend_normals, drop, march
 from defects.nearest import build_tree
 
 Floats = NDArray[np.float64]
@@ -138,6 +138,12 @@ class Surface:
             node=node,
         )
 
+    @property
+    def _skin(self) -> Skin:
+        return Skin(
+            self.vertices_mm, self.faces, self.corner_normals, self.order, self.box, self.node
+        )
+
     def project(self, points_mm: Floats) -> tuple[Floats, Floats, Ints]:
         """Drop points onto the nearest place of the surface.
 
@@ -152,10 +158,7 @@ class Surface:
             (k, 3) on the mesh, (k, 3) smooth unit normals there, (k,) faces.
         """
         points = np.ascontiguousarray(points_mm, np.float64)
-        onto, normals, triangles = drop(
-            points, self.vertices_mm, self.faces, self.corner_normals,
-            self.order, self.box, self.node,
-        )  # fmt: skip
+        onto, normals, triangles = drop(points, self._skin)
         return onto, normals, triangles
 
     def random_sites(
@@ -232,8 +235,7 @@ class Surface:
         turns = np.zeros_like(steps) if turns_rad is None else np.ascontiguousarray(turns_rad)
         points, normal, heading, triangle, complete = march(
             start, normals, triangles, np.ascontiguousarray(along), steps, turns,
-            float(max_step_mm), self.vertices_mm, self.faces, self.corner_normals,
-            self.order, self.box, self.node,
+            float(max_step_mm), self._skin,
         )  # fmt: skip
         return Walk(
             points_mm=points,
