@@ -82,12 +82,14 @@ class Quantity:
         Raises
         ------
         ValueError
-            With what is allowed, after the key of the entry that is out of bounds where there are
-            several.
+            With what is allowed; where there are several, with key and value of the entry that
+            is out of bounds before it.
         """
         for key, number in _numbers(value):
             if not self.holds(number):
-                raise ValueError(f"{key}: {self.allowed}" if key else self.allowed)
+                raise ValueError(
+                    f"{key}: got {number!r}; allowed: {self.allowed}" if key else self.allowed
+                )
         return value
 
 

@@ -29,6 +29,7 @@ def test_a_good_recipe_is_read_with_the_files_it_names(recipe_path):
         ("seed: 0", "seed: -1", ["tiny.yaml:2", "'seed'", "got -1; allowed: at least 0"]),
         ("profiles: 40", "profiles: 1", ["tiny.yaml:5", "profiles"]),
         ("test: 0.5", "test: 0.6", ["add up to 1"]),
+        ("test: 0.5", "test: -0.5", ["'splits.test': got -0.5; allowed: above 0"]),
         ("depth_mm: 0.5", "depth_mm: 500", ["dent.depth_mm", "500", "0.005 to 20"]),
         ("uniform: [6, 9]", "uniform: [9, 6]", ["dent.length_mm", "low <= high"]),
         ("uniform: [6, 9]", "unifrom: [6, 9]", ["dent.length_mm", "uniform"]),

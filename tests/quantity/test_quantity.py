@@ -52,7 +52,7 @@ def test_every_number_of_a_value_is_checked():
         assert share.check(value) is value
     with pytest.raises(ValueError, match="^0 to 1$"):
         share.check(2.0)
-    with pytest.raises(ValueError, match=r"^b\.1: 0 to 1$"):
+    with pytest.raises(ValueError, match=r"^b\.1: got 1\.3; allowed: 0 to 1$"):
         share.check({"a": 0.2, "b": (0.1, 1.3)})
     with pytest.raises(ValueError, match="^0 to 1$"):
         share.check(Uniform(low=0.5, high=1.5))
