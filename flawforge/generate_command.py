@@ -1,15 +1,12 @@
 """`flawforge generate`: make a labelled dataset from a recipe."""
 
 import argparse
-import json
-import logging
-import sys
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-LOGGER = "flawforge.generate"
+from flawforge.progress import shown
+
 MOST_LINES = 10  # of a kind, in the summary
 EPILOG = """\
 The recipe is a YAML file: see manifests/quickstart.yaml and the README. The same recipe and seed
@@ -74,14 +71,8 @@ def run(arguments: argparse.Namespace) -> int:
         if (arguments.backend == "dask") != (arguments.scheduler is not None):
             raise RecipeError("--scheduler and --backend dask go together")
         recipe = Recipe.load(arguments.recipe, roots=tuple(arguments.parts))
-        progress, log = Progress(json_lines=arguments.log_json), logging.getLogger(LOGGER)
-        log.setLevel(logging.INFO)
-        log.addHandler(progress)
-        try:
+        with shown("flawforge.generate", json_lines=arguments.log_json):
             dataset = generate(recipe, arguments.out, backend=backend)
-        finally:
-            log.removeHandler(progress)
-            progress.close()
     if not arguments.log_json:
         print(summary(dataset, arguments.out))
     return 1 if dataset["failed"] else 0
@@ -133,57 +124,3 @@ def _first(lines: list[str], key: str) -> list[str]:
         return lines
     rest = len(lines) - MOST_LINES
     return [*lines[:MOST_LINES], f"... and {rest} more, see '{key}' in dataset.json"]
-
-
-class Progress(logging.Handler):
-    """Progress as a bar on a terminal, a line for each part elsewhere, or JSON for machines."""
-
-    def __init__(self, *, json_lines: bool) -> None:
-        super().__init__()
-        self._json = json_lines
-        self._bar: Any = None
-        self._unusable: list[str] = []
-        self._start = time.monotonic()
-        self._done = self._total = self._said = 0
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Take note of an event of the batch."""
-        name: str = record.__dict__["event"]
-        facts: Mapping[str, Any] = record.__dict__["facts"]
-        if self._json:
-            seconds = round(time.monotonic() - self._start, 3)
-            print(json.dumps({"event": name, "seconds": seconds, **facts}), flush=True)
-            return
-        if name == "part":
-            if "why" in facts:  # alone, it will be the error's own line
-                self._unusable.append(f"part {facts['part']}: {facts['why']}")
-                return
-            state = "; ".join([f"{facts['triangles']} triangles", *facts.get("mended", ())])
-            print(f"part {facts['part']}: {state}", file=sys.stderr)
-        elif name == "plan":
-            self._say_unusable()
-            self._total = facts["scans"]
-            if sys.stderr.isatty():
-                from tqdm import tqdm
-
-                self._bar = tqdm(total=self._total, unit="scan", smoothing=0.1)
-        elif name == "shard":
-            self._done += facts["scans"]
-            if self._bar is not None:
-                self._bar.update(facts["scans"])
-            elif self._done * 10 // max(self._total, 1) > self._said:
-                self._said = self._done * 10 // max(self._total, 1)
-                print(f"{self._done} of {self._total} scans", file=sys.stderr)
-
-    def _say_unusable(self) -> None:
-        for line in self._unusable:
-            print(line, file=sys.stderr)
-        self._unusable.clear()
-
-    def close(self) -> None:
-        """Leave the terminal tidy."""
-        if len(self._unusable) > 1:
-            self._say_unusable()
-        if self._bar is not None:
-            self._bar.close()
-        super().close()

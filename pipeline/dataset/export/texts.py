@@ -1,0 +1,12 @@
+"""JSON files beside pictures, the same bytes every time."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+
+def write_json(path: Path, value: Any) -> Path:
+    """Write plain data as JSON with a line for each entry; return the path."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(value, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    return path
