@@ -124,7 +124,8 @@ def scan_cost(profiles: int, points: int, *, rounds: int = 7, part: str) -> Scan
         specimen = make_specimen(recipe, planned, 0, folder)
         specimen_s = time.perf_counter() - begin
         work = PlannedScans(
-            part=planned, specimen=0, split="train", split_by="part", first=0, last=rounds
+            part=planned, specimen=0, splits=("train",) * rounds, split_by="part",
+            first=0, last=rounds, wanted={},
         )
 
         def one(number: int) -> Path:

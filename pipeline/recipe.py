@@ -23,6 +23,7 @@ from sensors.typed_yaml import Document, RecipeError, load_yaml, parse, plain, r
 
 MOST_COUNT = 1_000_000
 MOST_POINTS, MOST_SCANS = 100_000_000, 10_000_000  # in a scan; of an entry of `parts:`
+NO_FLAWS = FlawPlan(kinds=())
 T = TypeVar("T")
 Flaws = Annotated[FlawPlan, PlainValidator(FlawPlan.from_mapping)]
 
@@ -88,9 +89,15 @@ class RecipeFile:
         "share of each split; together 1",
         low=0, above=True, default_factory=lambda: {"train": 1.0},
     )
+    split_by: Literal["part", "specimen", "scan"] | None = None
     visible_at: float = quantity(
         "standard deviations of the noise above which a flaw's deviation is visible",
         low=0, default=3.0,
+    )
+    detectable_at: float = quantity(
+        "signal-to-noise ratio of a filter matched to a flaw above which the flaw is detectable",
+        low=0, default=5.0,
+        source="A. Rose, J. Opt. Soc. Am. 38 (1948) 196: threshold ratio 5",
     )
     scans_per_shard: int | None = quantity(
         "scans of a shard; chosen by the number of scans where left out",
@@ -210,6 +217,10 @@ class Recipe:
     def points(self) -> int:
         """Points in a profile."""
         return self.file.points or self.datasheet.points_per_profile
+
+    def flaws_of(self, entry: PartEntry) -> FlawPlan:
+        """Return the flaws wanted in a part: its own entry's, else the recipe's."""
+        return entry.flaws or self.file.flaws or NO_FLAWS
 
     def ready(self) -> "Recipe":
         """Return the recipe with the noise of its surfaces solved, once for all scans.

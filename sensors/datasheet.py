@@ -84,6 +84,12 @@ class Datasheet:
         """Opening angle of the laser fan, radians."""
         return 2 * math.atan(self.x_fov_mm / (2 * self.working_distance_mm))
 
+    def half_line_mm(self, depth_mm: Any) -> Any:
+        """Half the length of the laser line at a depth (a number or an array), mm."""
+        if self.columns == "even_x":
+            return 0 * depth_mm + self.x_fov_mm / 2
+        return depth_mm * self.x_fov_mm / (2 * self.working_distance_mm)
+
     @property
     def depth_min_mm(self) -> float:
         """Smallest depth with a valid return, mm."""

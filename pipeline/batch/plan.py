@@ -1,13 +1,12 @@
 """The plan of a dataset: which specimens, in which split, scanned how often, in which shard."""
 
-import hashlib
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
+from pipeline.batch.splits import Unit, assign
 from pipeline.recipe import PartEntry, Recipe
-from pipeline.seeds import seed_of
+from pipeline.seeds import streams
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -21,14 +20,18 @@ class PlannedPart:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PlannedScans:
-    """Scans `first` up to `last` (half-open) of one specimen; whether these are all it has."""
+    """Scans `first` up to `last` (half-open) of one specimen; whether these are all it has.
+
+    `splits` names the split of each scan, `wanted` how many flaws of each kind it is to have.
+    """
 
     part: PlannedPart
     specimen: int
-    split: str
+    splits: tuple[str, ...]
     split_by: str
     first: int
     last: int
+    wanted: Mapping[str, int]
     whole: bool = True
 
     @property
@@ -52,7 +55,7 @@ class PlannedShard:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Plan:
-    """All shards, and by what the splits were made ('part' or 'specimen')."""
+    """All shards, and by what the splits were made ('part', 'specimen' or 'scan')."""
 
     shards: tuple[PlannedShard, ...]
     split_by: str
@@ -69,19 +72,19 @@ MOST_PER_SHARD, LEAST_SHARDS = 64, 16
 def make_plan(recipe: Recipe, parts: Sequence[PlannedPart]) -> Plan:
     """Lay out the dataset; the number of workers has no say in it.
 
-    Splits are made by part, so that no part is in two of them; with fewer parts than splits, by
-    specimen. Shards hold whole specimens, unless one alone is larger than a shard.
+    Where the recipe doesn't say, splits are made by part, so that no part is in two of them; with
+    fewer parts than splits, by specimen. Shards hold whole specimens, unless one alone is larger
+    than a shard.
     """
     file = recipe.file
     counts = {part.name: part.entry.specimens or file.specimens for part in parts}
-    split_by = "part" if len(parts) >= len(file.splits) else "specimen"
-    if split_by == "part":
-        by_part = assign(file.splits, file.seed, {name: counts[name] for name in counts})
-        split_of = {(n, k): by_part[n] for n in counts for k in range(counts[n])}
-    else:
-        units = {f"{n}-{k}": 1 for n in counts for k in range(counts[n])}
-        by_unit = assign(file.splits, file.seed, units)
-        split_of = {(n, k): by_unit[f"{n}-{k}"] for n in counts for k in range(counts[n])}
+    split_by = file.split_by or ("part" if len(parts) >= len(file.splits) else "specimen")
+    wanted = {
+        (part.name, number): _wanted(recipe, part, number)
+        for part in parts
+        for number in range(counts[part.name])
+    }
+    split_of = _splits(recipe, parts, split_by, wanted)
     total = sum(counts[p.name] * (p.entry.scans or file.scans) for p in parts)
     size = file.scans_per_shard or min(MOST_PER_SHARD, max(1, -(-total // LEAST_SHARDS)))
     shards: list[PlannedShard] = []
@@ -103,10 +106,13 @@ def make_plan(recipe: Recipe, parts: Sequence[PlannedPart]) -> Plan:
                 work = PlannedScans(
                     part=part,
                     specimen=specimen,
-                    split=split_of[(part.name, specimen)],
+                    splits=split_of[part.name, specimen][
+                        scans * piece // pieces : scans * (piece + 1) // pieces
+                    ],
                     split_by=split_by,
                     first=scans * piece // pieces,
                     last=scans * (piece + 1) // pieces,
+                    wanted=wanted[part.name, specimen],
                     whole=pieces == 1,
                 )
                 held.append(work)
@@ -116,27 +122,40 @@ def make_plan(recipe: Recipe, parts: Sequence[PlannedPart]) -> Plan:
     return Plan(shards=tuple(shards), split_by=split_by)
 
 
-def assign(splits: dict[str, float], seed: int, units: dict[str, int]) -> dict[str, str]:
-    """Give each unit (with its number of specimens) to a split, near the wanted shares.
-
-    Units come in an order drawn from the seed; each goes to the split that lacks most. A split
-    gets at least one unit where there are enough.
-    """
-    order = sorted(units, key=lambda name: _lot(seed, name))
-    total = sum(units.values())
-    got = dict.fromkeys(splits, 0)
-    chosen: dict[str, str] = {}
-    for position, name in enumerate(order):
-        empty = [split for split in splits if split not in chosen.values()]
-        left = len(order) - position
-        open_to = empty if empty and left <= len(empty) else list(splits)
-        lack = {split: splits[split] - got[split] / total for split in open_to}
-        best = max(open_to, key=lambda split: lack[split])
-        chosen[name] = best
-        got[best] += units[name]
-    return chosen
+def _wanted(recipe: Recipe, part: PlannedPart, number: int) -> dict[str, int]:
+    """How many flaws of each kind a specimen is to have, as its injection will draw them."""
+    rng_of = streams(recipe.file.seed, part.name, number, "flaws")
+    return recipe.flaws_of(part.entry).numbers(rng_of)
 
 
-def _lot(seed: int, name: str) -> bytes:
-    words = seed_of(seed, "split", name).generate_state(4)
-    return hashlib.sha256(np.asarray(words, dtype="<u4").tobytes()).digest()
+def _splits(
+    recipe: Recipe,
+    parts: Sequence[PlannedPart],
+    split_by: str,
+    wanted: Mapping[tuple[str, int], Mapping[str, int]],
+) -> dict[tuple[str, int], tuple[str, ...]]:
+    """Give each scan of each specimen its split."""
+    file = recipe.file
+    scans = {part.name: part.entry.scans or file.scans for part in parts}
+
+    def units_of(name: str, specimen: int) -> list[str]:
+        if split_by == "part":
+            return [name]
+        if split_by == "specimen":
+            return [f"{name}-{specimen}"]
+        return [f"{name}-{specimen}-{scan}" for scan in range(scans[name])]
+
+    sizes: Counter[str] = Counter()
+    labels: dict[str, Counter[str]] = {}
+    for (name, specimen), kinds in wanted.items():
+        mine = units_of(name, specimen)
+        for unit in mine:
+            sizes[unit] += scans[name] // len(mine)
+            labels.setdefault(unit, Counter()).update({**kinds, f"part {name}": 1})
+    units = {unit: Unit(scans=sizes[unit], labels=labels[unit]) for unit in sizes}
+    chosen = assign(file.splits, file.seed, units)
+    found = {}
+    for name, specimen in wanted:
+        mine = [chosen[unit] for unit in units_of(name, specimen)]
+        found[name, specimen] = tuple(mine * (scans[name] // len(mine)))
+    return found

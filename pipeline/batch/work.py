@@ -91,7 +91,7 @@ def make_shard(place: Workplace, shard: PlannedShard) -> tuple[str, int]:
                     "scan_id": scan_id,
                     "part": work.part.name,
                     "specimen": work.specimen_id,
-                    "split": work.split,
+                    "split": work.splits[number - work.first],
                     "split_by": work.split_by,
                     "shard": shard.name,
                     "row": len(scans),

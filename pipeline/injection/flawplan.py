@@ -1,7 +1,7 @@
 """Which flaws a recipe wants in each part: kinds, numbers, sizes, severity tiers and places."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -96,6 +96,12 @@ class FlawPlan:
     keep_free_boxes_mm: tuple[tuple[tuple[float, ...], tuple[float, ...]], ...] = ()
     facet_um: float = 1.0
     tries: int = 8
+
+    def numbers(self, rng_of: Callable[..., np.random.Generator]) -> dict[str, int]:
+        """Draw how many flaws of each kind a specimen is to have, from "number" and the kind."""
+        return {
+            plan.kind: round(plan.number.draw(rng_of("number", plan.kind))) for plan in self.kinds
+        }
 
     @classmethod
     def from_mapping(cls, data: Mapping[str, Any]) -> Self:

@@ -96,9 +96,9 @@ def inject(
     placed: list[_Placed] = []
     redrawn = misplaced = 0
     dropped: list[str] = []
+    numbers = plan.numbers(rng_of)
     for kind_plan in plan.kinds:
-        number = round(kind_plan.number.draw(rng_of("number", kind_plan.kind)))
-        for i in range(number):
+        for i in range(numbers[kind_plan.kind]):
             seed = int(rng_of("flaw", kind_plan.kind, i).integers(2**63))
             failed, missed, reason = 0, 0, ""
             while failed < plan.tries and missed < PLACES:

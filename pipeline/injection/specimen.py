@@ -22,7 +22,6 @@ import numpy as np
 from defects.surface import Surface
 from pipeline.batch.plan import PlannedPart
 from pipeline.dataset.folder import write_whole
-from pipeline.injection.flawplan import FlawPlan
 from pipeline.injection.inject import FlawedPart, inject
 from pipeline.motion.aim import Aimer, Outlook
 from pipeline.parts import builtin as parts
@@ -32,8 +31,6 @@ from pipeline.recipe import PartEntry, Recipe
 from pipeline.seeds import streams
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
-
-NO_FLAWS = FlawPlan(kinds=())
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -69,11 +66,6 @@ def load_entry(entry: PartEntry, path: Path | None, name: str) -> Part:
     )
 
 
-def flaw_plan(recipe: Recipe, entry: PartEntry) -> FlawPlan:
-    """Return the flaws wanted in a part: its own entry's, else the recipe's."""
-    return entry.flaws or recipe.file.flaws or NO_FLAWS
-
-
 def check_plan(recipe: Recipe, entry: PartEntry, part: Part) -> None:
     """Check that a part has the regions that its flaws name.
 
@@ -83,7 +75,7 @@ def check_plan(recipe: Recipe, entry: PartEntry, part: Part) -> None:
         Where it hasn't.
     """
     try:
-        flaw_plan(recipe, entry).check_regions(part.regions)
+        recipe.flaws_of(entry).check_regions(part.regions)
     except ValueError as error:
         raise PartError(part.name, f"flaws.{error}", "name a region that it has") from None
 
@@ -167,7 +159,7 @@ def make_specimen(
     def cut() -> FlawedPart:
         return inject(
             part,
-            flaw_plan(recipe, planned.entry),
+            recipe.flaws_of(planned.entry),
             visible_faces=outlook.facing,
             visible_at=outlook.free,
             surface=skin,

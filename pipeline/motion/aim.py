@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from pipeline.injection.inject import FlawedPart
 from pipeline.motion.limits import Motion
-from pipeline.motion.trajectory import Trajectory, draw, follow, frame
+from pipeline.motion.trajectory import Reach, Trajectory, draw, follow, frame, sweeps
 from pipeline.parts.part import Part
 from pipeline.parts.part_error import PartError
 from pipeline.seeds import RngOf
@@ -17,6 +17,7 @@ Floats = NDArray[np.float64]
 
 STEEPEST_RAD = np.radians(80.0)  # faces steeper than this to the look give no useful return
 PASSES = 200  # poses of a given path at which its sweep is looked at
+OFF_MM = 1e-3  # a flaw's centre is looked at from outside its own face
 AIMS = 16  # points of the surface among which one in the open is looked for
 CHECK_PROFILES, CHECK_POINTS = 24, 96  # the coarse scan that judges a drawn path
 
@@ -49,21 +50,9 @@ class Outlook:
     def free(self, points_mm: Floats) -> NDArray[np.bool_]:
         """Tell which points (k, 3) of the surface, part frame, the sensor can see."""
         free = ~self._scene.blocked(points_mm, points_mm - self._far_mm * self._look)
-        return free if self._path is None else free & self._passed(self._path, points_mm)
-
-    def _passed(self, path: Trajectory, points_mm: Floats) -> NDArray[np.bool_]:
-        """Tell which points (k, 3) the laser plane sweeps, within fan and working range."""
-        poses = path.poses[np.unique(np.linspace(0, len(path.poses) - 1, PASSES).astype(int))]
-        local = np.einsum("nkj,nji->nki", points_mm - poses[:, None, :3, 3], poses[:, :3, :3])
-        x, y, z = np.moveaxis(local, -1, 0)
-        within = np.abs(z - self._datasheet.working_distance_mm) <= self._datasheet.z_range_mm / 2
-        half = self._datasheet.x_fov_mm / 2
-        if self._datasheet.columns == "even_angle":
-            within &= np.abs(x) <= half * z / self._datasheet.working_distance_mm
-        else:
-            within &= np.abs(x) <= half
-        crossed = np.diff(np.signbit(y), axis=0) & within[1:] & within[:-1]
-        return np.asarray(crossed.any(axis=0))
+        if self._path is not None:
+            free &= sweeps(self._path.poses, points_mm, self._datasheet, PASSES)
+        return free
 
 
 class Aimer:
@@ -88,7 +77,6 @@ class Aimer:
         crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         self._corners = corners
         self._areas = np.cumsum(np.linalg.norm(crossed, axis=1))
-        self._base = frame(motion.look, motion.travel)
         self._bounds_mm = part.bounds_mm
         self._enough: float | None = None
         if len(self._areas) == 0 or not self._areas[-1] > 0:
@@ -114,6 +102,7 @@ class Aimer:
             return path, 1
         if self._enough is None:  # the same for every scan of the specimen
             self._enough = self.motion.least_seen * self._share_seen(self._centred())
+        missed: tuple[Trajectory, int] | None = None  # sees enough, yet not the flaw meant
         for attempt in range(self.motion.tries):
             path = draw(
                 self.motion,
@@ -124,13 +113,33 @@ class Aimer:
             )
             share = self._share_seen(path)
             if share > 0 and share >= self._enough:
-                return path, attempt + 1
+                if self.holds(path, int(path.facts["aimed_at_instance"])):
+                    return path, attempt + 1
+                missed = missed or (path, attempt + 1)
+        if missed is not None:
+            return missed
         raise PartError(
             self.flawed.part.name,
             f"none of {self.motion.tries} paths saw {self.motion.least_seen:.0%} of what a path"
             " over its middle sees",
             "a stand-off within the sensor's range, smaller tilts, a lower motion.least_seen",
         )
+
+    def holds(self, path: Trajectory, instance: int) -> bool:
+        """Whether the centre of a flaw lies in a path's scan, in plain view of the laser.
+
+        Instance 0, no flaw, is held by every path.
+        """
+        if instance == 0:
+            return True
+        flaw = next(flaw for flaw in self.flawed.flaws if flaw.instance == instance)
+        centre = (flaw.position_mm + OFF_MM * flaw.normal)[None]
+        if not sweeps(path.poses, centre, self.datasheet).any():
+            return False
+        along = path.poses[:, :3, 1]
+        offset = np.einsum("ij,ij->i", centre - path.poses[:, :3, 3], along)
+        emitter = path.poses[np.argmin(np.abs(offset)), None, :3, 3]
+        return not bool(self.scene.blocked(centre, emitter)[0])
 
     def _share_seen(self, path: Trajectory) -> float:
         rows = np.unique(np.linspace(0, self.profiles - 1, CHECK_PROFILES).astype(int))
@@ -150,8 +159,8 @@ class Aimer:
         # the surface point nearest to the middle, so that a ring is not aimed at its hole's depth
         aim = middles[np.argmin(np.linalg.norm(middles - middle, axis=1))]
 
-        def at_middle(_rng: np.random.Generator) -> tuple[Floats, bool]:
-            return aim, False
+        def at_middle(_rng: np.random.Generator, _reach: Reach) -> tuple[Floats, int]:
+            return aim, 0
 
         return draw(
             self.motion,
@@ -161,17 +170,23 @@ class Aimer:
             rng=np.random.default_rng(0),
         )
 
-    def _aim(self, rng: np.random.Generator) -> tuple[Floats, bool]:
+    def _aim(self, rng: np.random.Generator, reach: Reach) -> tuple[Floats, int]:
+        """Draw where the path's middle looks, and the flaw meant.
+
+        A flaw lies off the middle by no more than `aim_jitter` of what line and path reach.
+        """
         at_flaw = bool(rng.uniform() < self.motion.aim_at_flaws) and bool(self.flawed.flaws)
         if at_flaw:
             flaw = self.flawed.flaws[int(rng.integers(len(self.flawed.flaws)))]
-            reach = self.motion.aim_jitter * self.datasheet.x_fov_mm / 2
             part_span = np.ptp(self._bounds_mm, axis=0).max() / 2
-            across = rng.uniform(-1, 1, size=2) * min(reach, part_span)
-            return flaw.position_mm + self._base[:, :2] @ across, True
+            across, along = rng.uniform(-1, 1, size=2) * np.minimum(
+                self.motion.aim_jitter * np.array([reach.half_line_mm, reach.half_path_mm]),
+                part_span,
+            )
+            return flaw.position_mm + reach.line * across + reach.along * along, flaw.instance
         # the first of some points of facing faces that no other face shades
         picks = np.searchsorted(self._areas, rng.uniform(0, self._areas[-1], AIMS), side="right")
         corners = self._corners[np.minimum(picks, len(self._corners) - 1)]
         u, v = np.sort(rng.uniform(size=(2, AIMS)), axis=0)[..., None]
         points = u * corners[:, 0] + (v - u) * corners[:, 1] + (1 - v) * corners[:, 2]
-        return np.asarray(points[np.argmax(self._outlook.free(points))]), False
+        return np.asarray(points[np.argmax(self._outlook.free(points))]), 0

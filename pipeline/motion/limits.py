@@ -83,7 +83,8 @@ class Motion:
         "share of the scans that look at a flaw", low=0, high=1, default=0.7
     )
     aim_jitter: float = quantity(
-        "distance from the flaw's centre at most, over half the line's length",
+        "distance of an aimed flaw from the scan's middle at most, over half the line's length and "
+        "half the path's",
         low=0, high=1, default=0.5,
     )
     least_seen: float = quantity(

@@ -38,6 +38,26 @@ class Trajectory:
     facts: dict[str, float]
 
 
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Reach:
+    """What a straight path sees around the point that its middle looks at.
+
+    Attributes
+    ----------
+    line, along : (3,)
+        Unit vectors of the laser line and of the travel across the nominal look, part frame.
+    half_line_mm : float
+        Half the length of the laser line at the distance of that point, mm.
+    half_path_mm : float
+        Half the way from the first profile to the last, mm.
+    """
+
+    line: Array
+    along: Array
+    half_line_mm: float
+    half_path_mm: float
+
+
 def frame(look: Sequence[float], travel: Sequence[float]) -> Array:
     """Return the (3, 3) rotation whose z is `look` and whose y is nearest to `travel`.
 
@@ -166,7 +186,7 @@ def draw(
     datasheet: Datasheet,
     profiles: int,
     *,
-    aim_at: Callable[[np.random.Generator], tuple[Array, bool]],
+    aim_at: Callable[[np.random.Generator, Reach], tuple[Array, int]],
     rng: np.random.Generator,
 ) -> Trajectory:
     """Draw one straight path within the recipe's limits.
@@ -180,8 +200,8 @@ def draw(
     profiles : int
         Profiles in the scan.
     aim_at : callable
-        Draws the point of the surface (part frame, mm) that the middle of the path looks at,
-        and whether a flaw was meant.
+        Draws the point (part frame, mm) that the middle of the path looks at, within the reach of
+        that path, and the instance of the flaw that was meant; 0: none.
     rng : Generator
         Source of all draws, in a fixed order.
     """
@@ -205,12 +225,20 @@ def draw(
     length = profiles * speed / rate_hz
     direction = int(motion.direction.draw(rng))
     standoff = float(motion.standoff_mm.draw(rng))
-    aim, at_flaw = aim_at(rng)
     # the path runs where the yawed sensor travels, in the plane across the nominal look
-    along = tilted(base, 0.0, 0.0, yaw)[:, 1] * direction
-    middle = aim - turned[:, 2] * (datasheet.working_distance_mm + standoff)
+    yawed = tilted(base, 0.0, 0.0, yaw)
+    along = yawed[:, 1] * direction
     step = speed / rate_hz
     span = step * (profiles - 1)
+    distance = datasheet.working_distance_mm + standoff
+    reach = Reach(
+        line=yawed[:, 0],
+        along=along,
+        half_line_mm=datasheet.half_line_mm(distance),
+        half_path_mm=span / 2,
+    )
+    aim, instance = aim_at(rng, reach)
+    middle = aim - turned[:, 2] * distance
     ends = np.stack([middle - along * span / 2, middle + along * span / 2])
     poses = np.tile(np.eye(4), (profiles, 1, 1))
     poses[:, :3, :3] = turned
@@ -225,6 +253,25 @@ def draw(
         "roll_deg": roll,
         "pitch_deg": pitch,
         "yaw_deg": yaw,
-        "aimed_at_flaw": float(at_flaw),
+        "aimed_at_flaw": float(instance > 0),
+        "aimed_at_instance": instance,
     }
     return Trajectory(poses=poses, time_s=np.arange(profiles) / rate_hz, facts=facts)
+
+
+def sweeps(
+    poses: Array, points_mm: Array, datasheet: Datasheet, most_poses: int | None = None
+) -> NDArray[np.bool_]:
+    """Tell which points (k, 3), part frame, the laser plane crosses within line and range.
+
+    Between two profiles the plane is taken to move straight; `most_poses` of the path are looked
+    at where it has more.
+    """
+    if most_poses is not None:
+        poses = poses[np.unique(np.linspace(0, len(poses) - 1, most_poses).astype(int))]
+    local = np.einsum("nkj,nji->nki", points_mm - poses[:, None, :3, 3], poses[:, :3, :3])
+    x, y, z = np.moveaxis(local, -1, 0)
+    within = np.abs(z - datasheet.working_distance_mm) <= datasheet.z_range_mm / 2
+    within &= np.abs(x) <= datasheet.half_line_mm(z)
+    crossed = np.diff(np.signbit(y), axis=0) & within[1:] & within[:-1]
+    return np.asarray(crossed.any(axis=0))

@@ -1,12 +1,13 @@
 """The plan: shards in order, specimens whole, splits without leaks."""
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.batch.plan import PlannedPart, assign, make_plan
+from pipeline.batch.plan import PlannedPart, make_plan
+from pipeline.batch.splits import Unit, assign
 from pipeline.recipe import PartEntry, Recipe, RecipeFile
 from sensors.datasheet import Datasheet
 from sensors.model import SensorModel
@@ -23,11 +24,11 @@ SHEET = Datasheet(
 )
 
 
-def planned(counts, scans, splits, size):
+def planned(counts, scans, splits, size, split_by=None):
     entries = tuple(PartEntry(builtin="steel_plate", specimens=count) for count in counts)
     file = RecipeFile(
         name="r", seed=1, sensor="s", parts=entries, profiles=10, scans=scans, splits=splits,
-        scans_per_shard=size,
+        scans_per_shard=size, split_by=split_by,
     )  # fmt: skip
     recipe = Recipe(
         file=file, sensor=SensorModel(SHEET), surfaces={},
@@ -53,7 +54,7 @@ def test_every_scan_once_and_no_part_in_two_splits(counts, scans, size, shares):
         for work in shard.work:
             seen[work.specimen_id].extend(range(work.first, work.last))
             unit = work.part.name if plan.split_by == "part" else work.specimen_id
-            splits[unit].add(work.split)
+            splits[unit].update(work.splits)
     assert len(seen) == sum(counts)
     assert all(found == list(range(scans)) for found in seen.values())
     assert all(len(found) == 1 for found in splits.values())
@@ -61,19 +62,75 @@ def test_every_scan_once_and_no_part_in_two_splits(counts, scans, size, shares):
     assert [shard.name for shard in plan.shards] == sorted(shard.name for shard in plan.shards)
 
 
-def test_splits_come_near_their_shares_and_none_is_empty():
-    chosen = assign({"train": 0.8, "val": 0.1, "test": 0.1}, 5, {f"p{i}": 1 for i in range(100)})
-    counts = {s: list(chosen.values()).count(s) for s in ("train", "val", "test")}
-    assert counts == {"train": 80, "val": 10, "test": 10}
-    few = assign({"train": 0.98, "val": 0.01, "test": 0.01}, 5, {"a": 1, "b": 1, "c": 1})
-    assert set(few.values()) == {"train", "val", "test"}
+def alike(count):
+    return {f"p{i}": Unit(scans=1, labels={}) for i in range(count)}
+
+
+def counts_of(chosen):
+    return Counter(chosen.values())
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    count=st.integers(3, 60),
+    shares=st.sampled_from([(0.8, 0.1, 0.1), (0.6, 0.2, 0.2), (0.5, 0.25, 0.25)]),
+    seed=st.integers(0, 99),
+)
+def test_shares_are_met_to_the_nearest_whole_unit_and_no_split_is_empty(count, shares, seed):
+    splits = dict(zip(("train", "val", "test"), shares, strict=True))
+    found = counts_of(assign(splits, seed, alike(count)))
+    assert sum(found.values()) == count
+    for split, share in splits.items():
+        assert found[split] >= 1
+        assert abs(found[split] - share * count) < 1 or found[split] == 1 or count * min(shares) < 1
+
+
+def test_three_parts_of_unequal_size_still_fill_every_split():
+    units = {"a": Unit(scans=50, labels={}), "b": Unit(scans=1, labels={}),
+             "c": Unit(scans=1, labels={})}  # fmt: skip
+    assert set(assign({"train": 0.98, "val": 0.01, "test": 0.01}, 5, units).values()) == {
+        "train", "val", "test"
+    }  # fmt: skip
+
+
+def test_a_rare_kind_is_spread_over_the_splits():
+    units = {
+        f"u{i}": Unit(scans=2, labels={"dent": 1, "crack": 3 if i % 10 == 0 else 0})
+        for i in range(60)
+    }
+    for seed in range(10):
+        chosen = assign({"train": 0.5, "val": 0.25, "test": 0.25}, seed, units)
+        assert counts_of(chosen) == {"train": 30, "val": 15, "test": 15}
+        cracked = Counter(split for name, split in chosen.items() if units[name].labels["crack"])
+        assert cracked["train"] == 3
+        assert {cracked["val"], cracked["test"]} == {1, 2}
 
 
 def test_another_seed_shuffles_the_splits():
-    units = {f"p{i}": 1 for i in range(40)}
+    units = alike(40)
     shares = {"a": 0.5, "b": 0.5}
     assert assign(shares, 1, units) != assign(shares, 2, units)
     assert assign(shares, 1, units) == assign(shares, 1, dict(reversed(units.items())))
+
+
+@pytest.mark.parametrize("split_by", ["part", "specimen", "scan"])
+def test_split_by_says_what_stays_whole(split_by):
+    plan = planned([4, 4, 4], 4, {"train": 0.5, "val": 0.25, "test": 0.25}, 3, split_by=split_by)
+    units = defaultdict(set)
+    scans = Counter()
+    for shard in plan.shards:
+        for work in shard.work:
+            assert work.split_by == split_by
+            for number, split in zip(range(work.first, work.last), work.splits, strict=True):
+                unit = {
+                    "part": work.part.name, "specimen": work.specimen_id,
+                    "scan": (work.specimen_id, number),
+                }[split_by]  # fmt: skip
+                units[unit].add(split)
+                scans[split] += 1
+    assert all(len(found) == 1 for found in units.values())
+    by_part = {"train": 16, "val": 16, "test": 16}
+    assert scans == (by_part if split_by == "part" else {"train": 24, "val": 12, "test": 12})
 
 
 def test_a_large_specimen_is_cut_into_shards():

@@ -87,8 +87,8 @@ def test_waypoints_of_a_recipe():
     rigid(way.poses)
 
 
-def aim_at_origin(rng):
-    return np.zeros(3), False
+def aim_at_origin(rng, reach):
+    return np.zeros(3), 0
 
 
 def drawn(rng=None, **limits):
