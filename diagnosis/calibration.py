@@ -7,12 +7,10 @@ import numpy as np
 
 from diagnosis.noise import NoiseModel, calibrate
 from diagnosis.patch import Patch
-from diagnosis.plates import plate_residual
+from diagnosis.plates import Plate
 from diagnosis.prediction import plain_gain
-from sensors.datasheet import Datasheet
 from sensors.law import geometric_law
 from sensors.noise.uncertainty import sigma_mm
-from sensors.recording import Recording
 from sensors.surface.surface import Surface
 from sensors.view.view import View
 
@@ -22,8 +20,7 @@ USUAL_SHARE = 5e-4
 
 def calibrated_noise(
     patches: Sequence[Patch],
-    references: Sequence[Recording],
-    datasheet: Datasheet,
+    plates: Sequence[Plate],
     notes: list[str],
 ) -> tuple[NoiseModel, NoiseModel | None]:
     """Correlation and size from the recordings' own residuals, losses and tails from plates."""
@@ -41,9 +38,8 @@ def calibrated_noise(
     pitch = _pitch(patches[0])
     own = calibrate(fields, masks, pitch_mm=pitch, missing_share=0.0, from_reference=False)
     own = replace(own, tail_share=0.0, tail_sd_mm=8 * own.sd_mm)
-    if not references:
+    if not plates:
         return own, None
-    plates = [plate_residual(r, datasheet) for r in references]
     reference = calibrate(
         [p.residual_mm for p in plates],
         [np.isfinite(p.residual_mm) for p in plates],

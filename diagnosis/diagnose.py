@@ -14,10 +14,8 @@ from diagnosis.finish import averaged_grain, finish_effects, finish_intervals, s
 from diagnosis.found import FoundEffect, at_limits, found_effects, plainly_found, sheet_with
 from diagnosis.heldout import Judgement, judge
 from diagnosis.inputs import (
-    check_fits,
-    check_names,
     check_overlap,
-    laser_of,
+    checked,
     lateral_mm,
     repeats,
     tiles,
@@ -103,7 +101,6 @@ def diagnose(
     if not recordings:
         raise RecipeError("no recording to diagnose")
     withheld = frozenset(withheld)
-    check_names([*recordings, *holdout])
     scene = Scene(vertices_mm, faces)
     rng = np.random.default_rng(seed)
     notes: list[str] = []
@@ -112,9 +109,8 @@ def diagnose(
         held = [fit_on.pop()]
     single = not held
     everything = [*fit_on, *held]
-    laser = {r.name: laser_of(datasheet, r) for r in everything}
-    for r in everything:
-        check_fits(datasheet, r, notes)
+    inputs = checked(everything, references, scene, datasheet, surface, notes)
+    laser, surface = inputs.laser, inputs.surface
 
     placed: dict[str, Placement] = {}
     for recording in everything:
@@ -136,7 +132,7 @@ def diagnose(
         )  # fmt: skip
     check_overlap(patches)
     progress("calibrating the noise")
-    noise, nominal = calibrated_noise(patches, references, datasheet, notes)
+    noise, nominal = calibrated_noise(patches, inputs.plates, notes)
     repeated = repeats(everything, notes)
 
     def place_again(model: Model, before: Sequence[Patch], by_law: bool) -> Sequence[Patch]:

@@ -19,6 +19,7 @@ from diagnosis.workspace import Model, Workspace, bootstrap_interval
 OWN_SHARE = 5
 """Every fifth group of profiles serves a recording's own parameters and isn't scored."""
 GROUP = 6
+"""Profiles of a group, where a recording has enough of them for five groups."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -72,10 +73,14 @@ class Judgement:
 
 
 def own_parts(masks: Sequence[Mask]) -> tuple[list[Mask], list[Mask]]:
-    """Divide readings: those for a recording's own parameters, and those to judge on."""
+    """Divide readings: those for a recording's own parameters, and those to judge on.
+
+    A recording of few profiles has smaller groups, so that most of it is judged on.
+    """
     small = []
     for mask in masks:
-        group = (np.arange(mask.shape[0]) // GROUP) % OWN_SHARE == 0
+        size = max(1, min(GROUP, len(mask) // OWN_SHARE))
+        group = (np.arange(len(mask)) // size) % OWN_SHARE == 0
         small.append(group[:, None] & mask)
     return small, [m & ~s for m, s in zip(masks, small, strict=True)]
 

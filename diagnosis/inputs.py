@@ -1,26 +1,108 @@
 """What a diagnosis is given: checked, and refused with a reason where it can't be used."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from diagnosis.brightness import surface_brightness
 from diagnosis.finding import Finding
-from diagnosis.noise import Mask
-from diagnosis.patch import Patch
+from diagnosis.noise import LAG_PART, Mask
+from diagnosis.patch import Patch, in_range
+from diagnosis.plates import Plate, plate_residual
+from diagnosis.prediction import law_of
 from diagnosis.printed import MOST_READINGS, find_print
-from diagnosis.registration import Placement
+from diagnosis.registration import Placement, check_meets
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.model import SensorModel
+from sensors.noise.perlin import grid_pitch
 from sensors.recording import Recording, repeated_rows
+from sensors.surface.surface import Surface
 from sensors.typed_yaml import RecipeError
 from sensors.view.view import View
 
 LEAST_REPEATS = 0.01
 """Share of profiles that repeat the one before from which it is a fault worth telling."""
+
+
+CHECKED_PROFILES = 16
+"""Profiles in the middle of a recording on which the files' nominal model is computed to check it.
+
+A part of the profiles suffices: a key that is missing is missing in each.
+"""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Inputs:
+    """What was checked before any work: rays, plates, and a surface that has its noise.
+
+    Attributes
+    ----------
+    laser : of each recording, by its name
+    """
+
+    laser: dict[str, Laser]
+    plates: tuple[Plate, ...]
+    surface: Surface | None
+
+
+def checked(
+    recordings: Sequence[Recording],
+    references: Sequence[Recording],
+    scene: Scene,
+    datasheet: Datasheet,
+    surface: Surface | None,
+    notes: list[str],
+) -> Inputs:
+    """Check all that is given, before the first registration.
+
+    Raises
+    ------
+    RecipeError
+        Where an input can't be used.
+    """
+    check_names(recordings)
+    laser = {r.name: laser_of(datasheet, r) for r in recordings}
+    for recording in recordings:
+        check_fits(datasheet, recording, notes)
+        valid = np.isfinite(in_range(recording.depth_mm, datasheet))
+        check_meets(scene, recording, laser[recording.name], valid=valid)
+    check_nominal(scene, datasheet, recordings[0], laser[recordings[0].name])
+    if surface is not None and not references:
+        surface = ready_surface(surface, datasheet, recordings[0], laser[recordings[0].name])
+    plates = tuple(plate_residual(r, datasheet) for r in references)
+    return Inputs(laser=laser, plates=plates, surface=surface)
+
+
+def check_nominal(
+    scene: Scene, datasheet: Datasheet, recording: Recording, laser: Laser
+) -> None:
+    """Refuse a sensor's file from which its own effects can't be computed."""
+    middle = len(recording.poses) // 2
+    start = max(middle - CHECKED_PROFILES // 2, 0)
+    rows = slice(start, start + CHECKED_PROFILES)
+    bright = None if recording.intensity is None else recording.intensity[rows]
+    view = View(
+        scene, SensorModel(datasheet), recording.poses[rows], recording.time_s[rows], laser=laser,
+        intensity=bright, start_time_s=recording.start_time_s,
+    )  # fmt: skip
+    law_of(view, (), None)
+
+
+def ready_surface(
+    surface: Surface, datasheet: Datasheet, recording: Recording, laser: Laser
+) -> Surface:
+    """Return a surface with the noise that has its figures at a recording's pitch."""
+    step = np.linalg.norm(np.diff(recording.poses[:, :3, 3], axis=0), axis=1)
+    columns_mm = laser.x_mm + datasheet.working_distance_mm * laser.slope_x
+    return surface.ready(
+        grid_pitch(columns_mm) or None,
+        grid_pitch(np.concatenate([[0.0], np.cumsum(step)])) or None,
+        z_resolution_um=datasheet.z_resolution_um,
+        repeatability_um=datasheet.repeatability_um or 0.0,
+    )
 
 
 def check_names(recordings: Sequence[Recording]) -> None:
@@ -33,10 +115,11 @@ def check_names(recordings: Sequence[Recording]) -> None:
 
 def check_fits(datasheet: Datasheet, recording: Recording, notes: list[str]) -> None:
     """Refuse a sensor that can't have delivered the recording."""
-    if recording.depth_mm.shape[0] < 2:
+    if len(recording.depth_mm) < LAG_PART:
         raise RecipeError(
-            "holds a single profile; a diagnosis needs at least 2", where=recording.name
-        )
+            "holds too few profiles: how noise is correlated along the travel can't be estimated",
+            where=recording.name, value=len(recording.depth_mm), allowed=f"at least {LAG_PART}",
+        )  # fmt: skip
     known = recording.depth_mm[np.isfinite(recording.depth_mm)]
     low, high = datasheet.depth_min_mm, datasheet.depth_max_mm
     inside = (known >= low) & (known <= high)

@@ -18,6 +18,8 @@ Mask = NDArray[np.bool_]
 
 CLIP_SD = 4.5
 MAX_LAG = 24
+LAG_PART = 4
+"""Lags reach over a quarter of a field: a recording of fewer profiles than 4 has none at all."""
 MIN_PAIRS = 200
 
 
@@ -136,8 +138,8 @@ def calibrate(
         Pitches of the fields, mm.
     """
     shapes = [r.shape for r in residuals_mm]
-    ly = int(min(MAX_LAG, min(s[0] for s in shapes) // 4))
-    lx = int(min(MAX_LAG, min(s[1] for s in shapes) // 4))
+    ly = int(min(MAX_LAG, min(s[0] for s in shapes) // LAG_PART))
+    lx = int(min(MAX_LAG, min(s[1] for s in shapes) // LAG_PART))
     total = np.zeros((2 * ly + 1, 2 * lx + 1))
     pairs = np.zeros_like(total)
     values: list[Field] = []

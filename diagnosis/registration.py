@@ -40,6 +40,8 @@ LEAST_SETTLED = 5.0
 """What silhouettes must save to be followed: five readings on the wrong side of one."""
 SHADE = 3
 """Pitches by which a shadow's end may be off."""
+LEAST_MET, LEAST_SHARE_MET = 50, 0.02
+"""Readings, and share of a recording's, that must meet the part from the commanded poses."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -188,11 +190,7 @@ def register(
     rays = Laser(x_mm=laser.x_mm[columns], slope_x=laser.slope_x[columns])
     expected = np.zeros((rows.size, columns.size)) if offset_mm is None else offset_mm[pick]
     depth = np.where(valid[pick], recording.depth_mm[pick], np.nan) - np.nan_to_num(expected)
-    first = scene.cast(rays, poses)
-    together = np.isfinite(first.depth_mm) & np.isfinite(depth)
-    if together.sum() < max(50, 0.02 * np.isfinite(depth).sum()):
-        raise RecipeError(overlap_fault(scene, recording, rays, poses, depth), where=recording.name)
-    points = _points(poses, rays, first.depth_mm)[together]
+    points, together = _met(scene, rays, poses, depth, recording.name)
     centre = points.mean(axis=0)
     pitch = pitch_of(points, together.shape)
     larger = np.ones(depth.shape) if spread is None else spread[pick]
@@ -206,6 +204,32 @@ def register(
         covariance=covariance,
         poses=_move_all(recording.poses, poses, shift, centre),
     )
+
+
+def check_meets(scene: Scene, recording: Recording, laser: Laser, *, valid: Mask) -> None:
+    """Refuse a recording that misses the part from its commanded poses.
+
+    Raises
+    ------
+    RecipeError
+        Where too few of its rays meet the part.
+    """
+    rows, columns = _subset(recording.depth_mm.shape, valid)
+    pick = np.ix_(rows, columns)
+    rays = Laser(x_mm=laser.x_mm[columns], slope_x=laser.slope_x[columns])
+    depth = np.where(valid[pick], recording.depth_mm[pick], np.nan)
+    _met(scene, rays, recording.poses[rows], depth, recording.name)
+
+
+def _met(
+    scene: Scene, rays: Laser, poses: Field, depth: Field, name: str
+) -> tuple[Field, Mask]:
+    """Points (k, 3) of the part that rays with a reading meet, and which rays these are."""
+    first = scene.cast(rays, poses)
+    together = np.isfinite(first.depth_mm) & np.isfinite(depth)
+    if together.sum() < max(LEAST_MET, LEAST_SHARE_MET * np.isfinite(depth).sum()):
+        raise RecipeError(overlap_fault(scene, rays, poses, depth), where=name)
+    return _points(poses, rays, first.depth_mm)[together], together
 
 
 def _smooth_fit(
@@ -346,9 +370,7 @@ def step_by_step(
     return best, before - least
 
 
-def overlap_fault(
-    scene: Scene, recording: Recording, rays: Laser, poses: Field, depth: Field
-) -> str:
+def overlap_fault(scene: Scene, rays: Laser, poses: Field, depth: Field) -> str:
     """Say why a recording and a part don't meet: elsewhere, or in other units."""
     seen = np.isfinite(depth)
     points = _points(poses, rays, depth)[seen]

@@ -62,6 +62,8 @@ def run(args: argparse.Namespace) -> int:
         if not args.quiet:
             print(f"[{time.monotonic() - began:5.1f} s] {text}", file=sys.stderr, flush=True)
 
+    out = Path(args.out)
+    out.mkdir(parents=True, exist_ok=True)  # what can't be written to is said before any work
     progress("reading")
     part = load_part(Path(args.part), unit=args.part_unit)
     result = diagnose(
@@ -75,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
         seed=args.seed,
         progress=progress,
     )
-    write_outputs(result, Path(args.out), part_name=part.name, progress=progress)
+    write_outputs(result, out, part_name=part.name, progress=progress)
     names = ", ".join(e.name for e in result.effects) or "none"
-    print(f"{result.verdict}; effects: {names}; see {Path(args.out) / 'report.html'}")
+    print(f"{result.verdict}; effects: {names}; see {out / 'report.html'}")
     return 0

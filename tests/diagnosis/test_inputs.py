@@ -1,11 +1,16 @@
 """What a diagnosis is given: profiles that repeat are told and counted."""
 
+import dataclasses
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+import diagnosis.diagnose
 from benchmarks.relief import datasheet, part, record
 from diagnosis.inputs import repeats
+from sensors.surface.surface import Surface
+from sensors.typed_yaml import RecipeError
 
 
 def test_repeated_profiles_are_a_finding_from_one_in_a_hundred() -> None:
@@ -23,3 +28,34 @@ def test_repeated_profiles_are_a_finding_from_one_in_a_hundred() -> None:
     assert [f.name for f in found] == ["repeats"]
     assert np.isclose(found[0].size, 11 / 200)
     assert found[0].matters
+
+
+def no_registration(*_: object, **__: object) -> None:
+    raise AssertionError("registered before the inputs were checked")
+
+
+def test_faults_of_the_inputs_are_told_before_the_first_registration(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scene, sheet = part("domes"), datasheet(60)
+    made = [
+        record(scene, sheet, [], name=f"r{k}", seed=k, profiles=40, pitch_mm=0.7) for k in range(2)
+    ]
+    far = made[1].poses.copy()
+    far[:, 0, 3] += 500.0
+    needs_rows = dataclasses.replace(
+        sheet, effects=({"name": "pixel_locking", "amplitude_px": 0.1},), camera_rows=None
+    )
+    sharp = Surface(name="sharp", rpm_mm=0.01, rvm_mm=0.01, pc_per_mm=500.0)
+    bent = record(part("domes"), sheet, [], name="plate", seed=3, profiles=40, pitch_mm=0.7)
+    monkeypatch.setattr(diagnosis.diagnose, "register", no_registration)
+    for recordings, sensor, more, fault in (
+        ([made[0], replace(made[1], poses=far)], sheet, {}, "r1: doesn't overlap the part"),
+        (made, needs_rows, {}, "camera_rows"),
+        (made, sheet, {"surface": sharp}, "sharp"),
+        (made, sheet, {"references": [bent]}, "plate: a reference should be a flat plate"),
+    ):
+        with pytest.raises(RecipeError, match=fault):
+            diagnosis.diagnose.diagnose(
+                recordings, scene.vertices_mm, scene.faces, sensor, **more
+            )
