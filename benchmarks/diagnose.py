@@ -217,7 +217,7 @@ def _row(
     error = None
     true = effect[case.scaled]
     if mine is not None and isinstance(true, float) and case.scaled in mine.parameters and true:
-        error = abs(mine.parameters[case.scaled][0] - true) / abs(true)
+        error = abs(mine.parameters[case.scaled].value - true) / abs(true)
     return Row(
         kind=kind, effect=case.name, strength=wanted, verdict=result.verdict, found=names,
         rivals=tuple(n for e in result.effects for n, _ in e.alternatives), error=error,

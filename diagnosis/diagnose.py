@@ -10,7 +10,7 @@ from diagnosis.calibration import calibrated_noise, nominal_noise, nominal_sd_mm
 from diagnosis.empirical_fit import fit_empirical
 from diagnosis.explain import explain
 from diagnosis.finding import Finding
-from diagnosis.finish import averaged_grain, finish_effects, finish_intervals, sunken
+from diagnosis.finish import averaged_grain, finish_effects, finish_estimates, sunken
 from diagnosis.found import FoundEffect, at_limits, found_effects, plainly_found, sheet_with
 from diagnosis.heldout import Judgement, judge
 from diagnosis.inputs import (
@@ -28,6 +28,7 @@ from diagnosis.mounting import LEAST_NATS, mounting_error
 from diagnosis.noise import NoiseModel
 from diagnosis.patch import Patch, cut, in_range
 from diagnosis.registration import Placement, register
+from diagnosis.residual_structure import Residual, residual_structure
 from diagnosis.select import LEAST_GAIN, Selection
 from diagnosis.settle import placed_anew, settled
 from diagnosis.trust import trust
@@ -51,7 +52,7 @@ class Diagnosis:
 
     verdict: str
     effects: tuple[FoundEffect, ...]
-    left: tuple[Finding, ...]
+    left: tuple[Residual, ...]
     found: tuple[Finding, ...]
     regions: tuple[Region, ...]
     share_of_points: float
@@ -174,7 +175,7 @@ def diagnose(
         if len(finishes) > 1:
             gains["roughness_level"] = min(plain - level, plain - whole)
         beside += [
-            plainly_found(e, gains[e.name], finish_intervals(e))
+            plainly_found(e, gains[e.name], finish_estimates(e))
             for e in finishes
             if gains[e.name] >= LEAST_GAIN
         ]
@@ -186,6 +187,7 @@ def diagnose(
         # shift it, so that how it lies can't be told from how the sensor sits
         beside += _mounted(ws, model, everything, placed, held_patches)
     verdict, left = _joined(verdict, left, bool(beside), strange)
+    unnamed = model
     if verdict in ("unexplained", "partly_explained"):
         progress("describing what is left")
         empirical = fit_empirical(ws, model, left)
@@ -199,6 +201,7 @@ def diagnose(
     found, beside = averaged_grain(found, beside, withheld)
     found = tuple(sorted([*found, *beside], key=lambda f: -f.heldout_gain))
     notes += at_limits(found)
+    described = residual_structure(left, ws, unnamed)
     progress("drawing maps")
     final, shifts = settled(explanation.patches, patches, noise, model, not single)
     trusted = trust(ws, final)
@@ -222,7 +225,7 @@ def diagnose(
     return Diagnosis(
         verdict=verdict,
         effects=found,
-        left=tuple(left),
+        left=described,
         found=tuple(selection.first.significant()),
         regions=regions,
         share_of_points=float(sum(m.mask.sum() for m in maps)) / max(counted, 1),

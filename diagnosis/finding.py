@@ -1,12 +1,17 @@
 """Findings: how strong and how large a departure is, and what strength chance reaches."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
 
-from diagnosis.families import Family
-from diagnosis.noise import Field
+from diagnosis.families import Family, fillet_family, mean_signature
+from diagnosis.noise import Field, NoiseModel
+from diagnosis.patch import Patch
+from diagnosis.prediction import Prediction
+from sensors.effects.base import Effect
+from sensors.effects.form_error import FormError
 
 LEVEL = 1e-3
 SUSPECT = 0.6
@@ -26,6 +31,7 @@ class Finding:
     gain : float
         Nats by which the family's best fit beats the model without it.
     coefficients : of the family's fields
+    period : (value, unit) of a periodic one
     """
 
     channel: str
@@ -39,6 +45,7 @@ class Finding:
     coefficients: Field
     family: Family | None = None
     detail: str = ""
+    period: tuple[float, str] | None = None
 
     @property
     def matters(self) -> bool:
@@ -70,6 +77,32 @@ class Screening:
             and f.size > SUSPECT * f.tolerance
             and (f.channel == "variance" or (f.family is not None and f.family.at_edges))
         ]
+
+
+def family_of(
+    finding: Finding,
+    free: Mapping[str, Family],
+    patches: Sequence[Patch],
+    base: Sequence[Prediction],
+    noise: NoiseModel,
+    accepted: Sequence[Effect],
+) -> Family | None:
+    """Return a finding's family of fields on patches; None where it has none there.
+
+    Parameters
+    ----------
+    free : free-form families on these patches, by name
+    base, accepted : prediction of each patch, and the effects in it
+    """
+    if finding.family is None:
+        return None
+    effect = finding.family.effect
+    if effect is None:
+        return free.get(finding.name)
+    if isinstance(effect, FormError):
+        return fillet_family(patches, effect.fillet_mm)
+    fields = mean_signature(effect, patches, base, noise, accepted)
+    return None if fields is None else replace(finding.family, fields=tuple(fields))
 
 
 def as_deviate(chi_square: Field, dof: float) -> Field:

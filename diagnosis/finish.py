@@ -17,6 +17,7 @@ from diagnosis.fit import fit_effect
 from diagnosis.found import FoundEffect
 from diagnosis.noise import Field, NoiseModel, calibrate, mad_sd
 from diagnosis.patch import Patch
+from diagnosis.uncertainty import Estimate, plain_values
 from diagnosis.workspace import Model, Workspace
 from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.effects.base import Effect
@@ -278,17 +279,11 @@ def _axes(patch: Patch) -> tuple[complex, complex]:
     return one, two
 
 
-def finish_intervals(effect: Effect) -> dict[str, tuple[float, float, float]]:
-    """Values with the tolerance to which a nominal noise can be known."""
-    out = {}
-    for name, share in (("amplitude", 0.15), ("ratio", 0.3)):
-        value = getattr(effect, name, None)
-        if value is not None:
-            out[name] = (value, value * math.exp(-share), value * math.exp(share))
-    angle = getattr(effect, "angle_deg", None)
-    if angle is not None:
-        out["angle_deg"] = (angle, angle - 15.0, angle + 15.0)
-    return out
+def finish_estimates(effect: Effect) -> dict[str, Estimate]:
+    """Return values without intervals: how alike a plate and a part are was not measured."""
+    names = ("amplitude", "ratio", "angle_deg")
+    values = {n: getattr(effect, n, None) for n in names}
+    return plain_values({n: float(v) for n, v in values.items() if v is not None})
 
 
 def sunken(
@@ -335,7 +330,7 @@ def averaged_grain(
     low, high = (volume.effect.parameter("grain").low, volume.effect.parameter("grain").high)
     if not low <= grain <= high:
         return tuple(found), list(beside)
-    shown = volume.parameters["depth_um"][1] > 0
+    shown = (volume.parameters["depth_um"].low or 0.0) > 0
     both = replace(
         volume,
         effect=volume.effect.with_parameters(grain=grain),

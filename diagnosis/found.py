@@ -7,7 +7,7 @@ from diagnosis.edges import on_edges
 from diagnosis.heldout import Judgement, judge
 from diagnosis.patch import Patch
 from diagnosis.select import Choice, refit_linear
-from diagnosis.uncertainty import intervals
+from diagnosis.uncertainty import Estimate, intervals
 from diagnosis.workspace import Model, Workspace
 from sensors.datasheet import Datasheet, with_effects
 from sensors.effects import effects_of
@@ -23,7 +23,7 @@ class FoundEffect:
     name: str
     effect: Effect
     statement: str
-    parameters: dict[str, tuple[float, float, float]]
+    parameters: dict[str, Estimate]
     heldout_gain: float
     covariate: str
     covariate_key: str
@@ -103,7 +103,7 @@ def heldout_gains(
 
 
 def plainly_found(
-    effect: Effect, gain: float, parameters: dict[str, tuple[float, float, float]]
+    effect: Effect, gain: float, parameters: dict[str, Estimate]
 ) -> FoundEffect:
     """Report an effect that was measured by itself."""
     covariate = COVARIATES[effect.covariate]
@@ -125,7 +125,8 @@ def at_limits(found: Iterable[FoundEffect]) -> list[str]:
     """Say which numbers lie where the catalogue ends: perhaps another law is at work."""
     notes = []
     for one in found:
-        for name, (value, *_) in one.parameters.items():
+        for name, estimate in one.parameters.items():
+            value = estimate.value
             p = one.effect.parameter(name)
             if value in {p.low, p.high} - {0.0, p.null}:
                 limit = f"{value:g} {p.unit}".strip()

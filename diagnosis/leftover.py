@@ -10,14 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.families import SCAN, Family, fillet_family, free_families, mean_signature
-from diagnosis.finding import Finding
+from diagnosis.families import SCAN, Family, free_families
+from diagnosis.finding import Finding, family_of
 from diagnosis.noise import Field
 from diagnosis.patch import Patch
 from diagnosis.prediction import Prediction
 from diagnosis.screen import Readings
 from diagnosis.workspace import Model, Workspace, block_sums, bootstrap_interval
-from sensors.effects.form_error import FormError
 
 CERTAIN, BENT = 10.0, 0.4
 """Strength, and size in units of the noise, of a departure that needs no second witness."""
@@ -66,7 +65,9 @@ def held_findings(
     least = least_gain * sum(int(k.sum()) for k in readings.picks)
     denied, alone = set(), set()
     for finding in asked:
-        family = _on(finding, free, both, base, ws, model)
+        family = family_of(finding, free, both, base, ws.noise, model.effects)
+        if family is not None and any(f is None for f in family.fields):
+            family = None  # one scan's own map
         blocks = None if family is None else _gains(family, *sides[family.at_edges], ws)
         if blocks is None:
             if finding.name.startswith(f"free:{SCAN}"):
@@ -87,26 +88,6 @@ def _readings(
 ) -> Readings:
     states = replace(ws, patches=tuple(patches)).states(predictions)
     return Readings.build(patches, states, ws.noise, rng, 0)
-
-
-def _on(
-    finding: Finding,
-    free: dict[str, Family],
-    patches: Sequence[Patch],
-    base: Sequence[Prediction],
-    ws: Workspace,
-    model: Model,
-) -> Family | None:
-    """Return a finding's family on other patches; None where it belongs to one recording."""
-    assert finding.family is not None
-    effect = finding.family.effect
-    if effect is None:
-        family = free.get(finding.name)
-        return None if family is None or any(f is None for f in family.fields) else family
-    if isinstance(effect, FormError):
-        return fillet_family(patches, effect.fillet_mm)
-    fields = mean_signature(effect, patches, base, ws.noise, model.effects)
-    return None if fields is None else replace(finding.family, fields=tuple(fields))
 
 
 def _gains(family: Family, fitted: Readings, held: Readings, ws: Workspace) -> Field | None:

@@ -1,7 +1,7 @@
 """Where the recording contradicts the plain simulation: masks, signed strength, regions."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import (
@@ -31,6 +31,11 @@ class Region:
     points: tuple[int, int]
     size_um: float
     effect: str
+
+    def below(self, profiles: int) -> "Region":
+        """Return the region that many profiles further on."""
+        first, end = self.profiles
+        return replace(self, profiles=(first + profiles, end + profiles))
 
     def as_json(self) -> dict[str, object]:
         """Return the region for diagnosis.json."""

@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from diagnosis.noise import Field
 from diagnosis.registration import PRIOR_SD, Placement, travel_columns
+from diagnosis.uncertainty import Estimate
 from sensors.effects.pose_error import PoseError
 
 NAMES = ("yaw_deg", "roll_deg", "pitch_deg", "x_mm", "y_mm", "z_mm")
@@ -78,7 +79,7 @@ class Mounting:
     """
 
     effect: PoseError
-    intervals: dict[str, tuple[float, float, float]]
+    intervals: dict[str, Estimate]
     unsure: Field
     lies: Field
     lies_off: Field
@@ -127,7 +128,7 @@ def mounting_error(
     return Mounting(
         effect=effect,
         intervals={
-            n: (float(v), float(v - reach * s), float(v + reach * s))
+            n: Estimate(value=float(v), low=float(v - reach * s), high=float(v + reach * s))
             for n, v, s in zip(NAMES, mean, sd, strict=True)
         },
         unsure=shared,

@@ -60,8 +60,7 @@ def as_json(result: Diagnosis) -> dict[str, object]:
                 "name": e.name,
                 "statement": e.statement,
                 "parameters": {
-                    k: {"value": v, "low": low, "high": high}
-                    for k, (v, low, high) in e.parameters.items()
+                    k: estimate.as_json() for k, estimate in e.parameters.items()
                 },
                 "heldout_gain": e.heldout_gain,
                 "covariate": e.covariate,
@@ -73,18 +72,8 @@ def as_json(result: Diagnosis) -> dict[str, object]:
         "mismatch": {
             "share_of_points": result.share_of_points,
             "regions": [r.as_json() for r in result.regions],
-            "unexplained": [
-                {
-                    "channel": f.channel,
-                    "covariate": f.words,
-                    "frame": f.frame,
-                    "z": f.z,
-                    "size_sd": f.size,
-                    "detail": f.detail,
-                }
-                for f in result.left[:6]
-            ],
         },
+        "left": [r.as_json() for r in result.left],
         "heldout": {"before": result.before.as_json(rng), "after": result.after.as_json(rng)},
         "recordings": {"fitted": list(result.fitted), "held_out": list(result.held)},
         "notes": list(result.notes),

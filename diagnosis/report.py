@@ -7,6 +7,8 @@ from pathlib import Path
 from diagnosis.diagnose import Diagnosis
 from diagnosis.found import FoundEffect
 from diagnosis.pictures import covariate_picture, mismatch_map, profile_picture
+from diagnosis.residual_structure import Residual
+from diagnosis.uncertainty import Estimate
 
 VERDICTS = {
     "match": "The simulation explains the recordings.",
@@ -131,9 +133,9 @@ def _cover(coverage: tuple[float, float]) -> str:
 
 def _effect(result: Diagnosis, found: FoundEffect) -> str:
     rows = "".join(
-        f"<tr><td>{html.escape(k)}</td><td class='n'>{v:.4g}</td>"
-        f"<td class='n'>{low:.4g} to {high:.4g}</td></tr>"
-        for k, (v, low, high) in found.parameters.items()
+        f"<tr><td>{html.escape(k)}</td><td class='n'>{v.value:.4g}</td>"
+        f"<td class='n'>{_interval(v)}</td></tr>"
+        for k, v in found.parameters.items()
     )
     table = (
         f"<table><tr><th>parameter</th><th>value</th><th>95 % interval</th></tr>{rows}</table>"
@@ -156,12 +158,18 @@ def _effect(result: Diagnosis, found: FoundEffect) -> str:
     )
 
 
+def _interval(estimate: Estimate) -> str:
+    if estimate.low is None or estimate.high is None:
+        return "not estimated"
+    return f"{estimate.low:.4g} to {estimate.high:.4g}"
+
+
 def _left(result: Diagnosis) -> str:
     rows = "".join(
-        f"<tr><td>{html.escape(f.channel)}</td><td>{html.escape(f.words)}"
-        f"{': ' + html.escape(f.detail) if f.detail else ''}</td>"
-        f"<td>{html.escape(f.frame)}</td><td class='n'>{_size(f.channel, f.size)}</td></tr>"
-        for f in result.left[:6]
+        f"<tr><td>{html.escape(r.channel)}</td><td>{html.escape(r.covariate)}"
+        f"{': ' + html.escape(r.detail) if r.detail else ''}</td>"
+        f"<td>{html.escape(r.frame)}</td><td class='n'>{_size(r)}</td></tr>"
+        for r in result.left
     )
     return (
         "<h2>What is left</h2><p>Structure that no catalogued effect explains, strongest first. "
@@ -171,10 +179,10 @@ def _left(result: Diagnosis) -> str:
     )
 
 
-def _size(channel: str, size: float) -> str:
-    if channel == "mean":
-        return f"{size:.2f} of the noise"
-    return f"{100 * size:.1f} %"
+def _size(left: Residual) -> str:
+    if left.channel == "mean":
+        return f"{left.size:.2g} {left.unit}"
+    return f"{100 * left.size:.1f} %"
 
 
 def _names(names: tuple[str, ...]) -> str:

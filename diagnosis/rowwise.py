@@ -33,6 +33,7 @@ class RowFinding:
     gain: float
     coefficients: Field
     detail: str
+    period: tuple[float, str] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -201,6 +202,7 @@ class RowTests:
                 z=float(z_real[k]), size=float(amplitude * self.strength[kind]),
                 gain=0.5 * (float(p_real[k]) - 2), coefficients=np.array([rate, amplitude]),
                 detail=f"{what}, periodic at {rate:.4g} Hz, every {1 / (rate * step):.3g} profiles",
+                period=(1 / rate, "s"),
             ),
             z_null,
         )  # fmt: skip

@@ -187,7 +187,7 @@ def screen_mean(
                     channel="mean", name=f"free:{row.name}:{recording}", words=row.words,
                     frame=row.frame, z=row.z, size=row.size, gain=row.gain,
                     tolerance=TOLERANCE if row.name.endswith("_period") else ROW_TOLERANCE,
-                    coefficients=row.coefficients, detail=row.detail,
+                    coefficients=row.coefficients, detail=row.detail, period=row.period,
                 )
             )  # fmt: skip
     wave = strongest_wave(patches, states, away.picks, away.drawn)
@@ -200,6 +200,7 @@ def screen_mean(
                 tolerance=TOLERANCE, gain=wave.gain,
                 coefficients=np.array([wave.period_mm, wave.amplitude_mm]),
                 detail=f"periodic over the range, about every {1e3 * wave.period_mm:.3g} µm",
+                period=(1e3 * wave.period_mm, "µm"),
             )
         )  # fmt: skip
     column, null = _columns(away)

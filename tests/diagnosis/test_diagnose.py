@@ -42,9 +42,11 @@ def test_a_bow_is_named_measured_and_located() -> None:
     result = run("domes", recordings("domes", [{"name": "line_bow", "sag_um": 30.0}]))
     assert result.verdict == "explained"
     assert [e.name for e in result.effects] == ["line_bow"]
-    value, low, high = result.effects[0].parameters["sag_um"]
-    assert low < 30.0 < high
-    assert value == pytest.approx(30.0, rel=0.1)
+    sag = result.effects[0].parameters["sag_um"]
+    assert sag.low is not None
+    assert sag.high is not None
+    assert sag.low < 30.0 < sag.high
+    assert sag.value == pytest.approx(30.0, rel=0.1)
     assert result.effects[0].frame == "sensor"
     assert result.after.log_score < result.before.log_score
     assert result.after.rms_um < result.before.rms_um
@@ -58,8 +60,8 @@ def test_shadows_are_told_by_the_camera_side() -> None:
     result = run("steps", recordings("steps", [{"name": "camera_occlusion"}]))
     assert result.effects[0].name == "camera_occlusion"
     assert result.effects[0].effect.camera_side in (None, "+y")  # type: ignore[attr-defined]
-    value, low, high = result.effects[0].parameters["triangulation_angle_deg"]
-    assert value == pytest.approx(30.0, abs=3.0)
+    angle = result.effects[0].parameters["triangulation_angle_deg"]
+    assert angle.value == pytest.approx(30.0, abs=3.0)
     assert result.after.brier < 0.5 * result.before.brier
 
 
@@ -67,7 +69,10 @@ def test_an_effect_outside_the_catalogue_is_not_given_a_synonym() -> None:
     made = recordings("domes", [{"name": "pixel_locking", "amplitude_px": 0.2}])
     result = run("domes", made, withheld=("pixel_locking",))
     assert result.verdict in ("unexplained", "partly_explained")
-    assert result.left
+    assert [r.channel for r in result.left if r.period is not None] == ["mean"]
+    rippled = next(r for r in result.left if r.period is not None)
+    assert rippled.unit == rippled.period_unit == "µm"
+    assert rippled.size > 1.0
 
 
 @pytest.mark.slow

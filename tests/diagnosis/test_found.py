@@ -10,6 +10,7 @@ from benchmarks.strength import bench_workspace
 from diagnosis.found import at_limits, heldout_gains, plainly_found, sheet_with
 from diagnosis.heldout import judge
 from diagnosis.prediction import law_of
+from diagnosis.uncertainty import Estimate
 from diagnosis.workspace import Model
 from sensors.effects import effects_of
 from sensors.effects.edge_mixing import EdgeMixing
@@ -60,7 +61,8 @@ def test_what_was_not_found_stays_as_it_was_written() -> None:
 def test_a_number_where_the_catalogue_ends_is_said_to_be_so() -> None:
     low, high = LineBow().parameter("sag_um").low, LineBow().parameter("sag_um").high
     for value, notes in ((0.5 * high, 0), (high, 1), (low, 1), (0.0, 0)):
-        found = plainly_found(LineBow(sag_um=value), 1.0, {"sag_um": (value, low, high)})
+        sag = Estimate(value=value, low=low, high=high)
+        found = plainly_found(LineBow(sag_um=value), 1.0, {"sag_um": sag})
         said = at_limits([found])
         assert len(said) == notes
         assert all("line_bow" in note and "sag_um" in note for note in said)

@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks.relief import VIEWS, datasheet, part, record
 from diagnosis.diagnose import diagnose
+from sensors.view.covariates import COVARIATES
 
 WITHHELD = ("line_bow", "lens_distortion", "form_error", "column_offset", "pixel_locking")
 
@@ -24,7 +25,7 @@ def test_a_wave_over_the_columns_must_be_in_every_recording(everywhere: bool) ->
     result = diagnose(made, scene.vertices_mm, scene.faces, sheet, withheld=WITHHELD)
     # it is seen in the fitted ones either way
     assert any(f.name == "free:x" for f in result.found)
-    assert any(f.name == "free:x" for f in result.left) == everywhere
+    assert any(r.covariate == COVARIATES["x"].words for r in result.left) == everywhere
 
 
 def test_a_smooth_map_of_one_scan_alone_is_no_mismatch() -> None:

@@ -35,8 +35,10 @@ def test_a_shared_offset_is_the_mounting_s() -> None:
     assert found is not None
     assert np.isclose(found.effect.x_mm, 0.1, atol=1e-3)
     assert np.isclose(found.effect.z_mm, -0.2, atol=1e-3)
-    value, low, high = found.intervals["y_mm"]
-    assert low < 0 < high
+    y = found.intervals["y_mm"]
+    assert y.low is not None
+    assert y.high is not None
+    assert y.low < 0 < y.high
 
 
 def test_parts_that_lay_elsewhere_each_time_are_none() -> None:

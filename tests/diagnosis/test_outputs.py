@@ -180,6 +180,6 @@ def test_pixel_locking_is_found_and_drawn_where_no_rows_are_stated(tmp_path: Pat
     sheet = dataclasses.replace(datasheet(100), camera_rows=None)
     result = diagnose(made, scene.vertices_mm, scene.faces, sheet)
     assert [e.name for e in result.effects] == ["pixel_locking"]
-    assert result.effects[0].parameters["rows"][0] == pytest.approx(700.0, rel=2e-3)
+    assert result.effects[0].parameters["rows"].value == pytest.approx(700.0, rel=2e-3)
     write_outputs(result, tmp_path, part_name="domes")
     assert "fraction of the camera" in (tmp_path / "report.html").read_text()
