@@ -139,4 +139,4 @@ STEPPED = ("terraces", "roof", "ribs")
 
 def plate() -> Scene:
     """Return a flat reference plate."""
-    return solid(lambda x, y: np.zeros_like(x), knots(60.0, 5), knots(60.0, 5))
+    return solid(lambda x, _: np.zeros_like(x), knots(60.0, 5), knots(60.0, 5))

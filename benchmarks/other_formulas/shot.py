@@ -16,7 +16,7 @@ from sensors.casting.scene import Scene
 Floats = NDArray[np.float64]
 Draw = Callable[[tuple[int, int], np.random.Generator], Floats]
 """Sizes of outliers in mm for a shape (n, m)."""
-Firmware = Callable[["Shot", Floats, np.random.Generator], Floats]
+Firmware = Callable[[Floats, np.random.Generator], Floats]
 """What the instrument does to its readings before it delivers them."""
 
 
@@ -178,7 +178,7 @@ class Shot:
             lot = norm.cdf(field(self.clump, shape, rng))
         depth = np.where(lot < self.p_missing, np.nan, depth)
         if self.firmware is not None:
-            depth = self.firmware(self, depth, rng)
+            depth = self.firmware(depth, rng)
         with np.errstate(invalid="ignore"):
             inside = (depth >= sheet.depth_min_mm) & (depth <= sheet.depth_max_mm)
         depth = np.where(inside, depth, np.nan)

@@ -8,7 +8,8 @@ import numpy as np
 from benchmarks.other_formulas.shot import Shot
 
 Apply = Callable[[Shot, float, int], Shot]
-"""``apply(shot, size, seed)``: size 1 is an ordinary fault; the seed is that of the case."""
+"""``apply(shot, size, seed)``: size 1 is an ordinary fault; the seed is that of the case,
+`_seed` where a formula draws nothing."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -24,24 +24,24 @@ def exponential_bias(shot: Shot, size: float, seed: int) -> Shot:
     return shot.plus(0.006 * size * (np.exp(p / 0.35) - 1))
 
 
-def refracted(shot: Shot, size: float, seed: int) -> Shot:
+def refracted(shot: Shot, size: float, _seed: int) -> Shot:
     """Light from one depth under the surface, seen through it: the cosine of Snell's angle."""
     inside = np.arcsin(np.sin(shot.view.incidence) / 1.45)
     return shot.plus(0.2 * size * np.cos(inside))
 
 
-def diffusing(shot: Shot, size: float, seed: int) -> Shot:
+def diffusing(shot: Shot, size: float, _seed: int) -> Shot:
     """Diffusing light: depth by the square of the cosine (a slab lit aslant)."""
     return shot.plus(0.05 * size * np.cos(shot.view.incidence) ** 2)
 
 
-def exponential_noise(shot: Shot, size: float, seed: int) -> Shot:
+def exponential_noise(shot: Shot, size: float, _seed: int) -> Shot:
     """Noise growing exponentially with the slope's size."""
     tan = np.clip(np.tan(shot.view.incidence), 0, 2.5)
     return replace(shot, scale=shot.scale * np.exp(0.4 * size * tan))
 
 
-def quartic_noise(shot: Shot, size: float, seed: int) -> Shot:
+def quartic_noise(shot: Shot, size: float, _seed: int) -> Shot:
     """Noise flat up to a knee, then with the fourth power of the angle."""
     angle = np.minimum(shot.view.incidence, 1)
     return replace(shot, scale=shot.scale * (1 + 6.0 * size * angle**4))
@@ -62,13 +62,13 @@ def _dark(shot: Shot, lobe: Floats, size: float) -> Shot:
     return replace(shot, p_missing=np.clip(np.maximum(shot.p_missing, lost), 0, 0.99))
 
 
-def beckmann(shot: Shot, size: float, seed: int) -> Shot:
+def beckmann(shot: Shot, size: float, _seed: int) -> Shot:
     """Specular lobe of Beckmann and Spizzichino, slope 0.25."""
     a = np.minimum(half_angle(shot.view), 1.5)
     return _dark(shot, np.exp(-((np.tan(a) / 0.25) ** 2)) / np.cos(a) ** 4, size)
 
 
-def ggx(shot: Shot, size: float, seed: int) -> Shot:
+def ggx(shot: Shot, size: float, _seed: int) -> Shot:
     """Specular lobe of Trowbridge and Reitz (GGX), width 0.18: longer tails."""
     c2 = np.cos(half_angle(shot.view)) ** 2
     return _dark(shot, 1 / (c2 * (0.18**2 - 1) + 1) ** 2, size)
@@ -97,14 +97,14 @@ def facing_wall(view: View, reach_mm: float) -> tuple[Floats, Floats]:
     return distance, np.asarray(shift[..., 2] + shift[..., 1] * view.cot)
 
 
-def decaying_bounce(shot: Shot, size: float, seed: int) -> Shot:
+def decaying_bounce(shot: Shot, size: float, _seed: int) -> Shot:
     """Second bounce that decays exponentially with the distance to the facing wall."""
     far, ghost = facing_wall(shot.view, 8.0)
     weight = np.where(np.isfinite(far), np.minimum(0.15 * size, 0.8) * np.exp(-far / 2.0), 0.0)
     return shot.plus(weight * np.clip(ghost, -2, 2))
 
 
-def rational_bounce(shot: Shot, size: float, seed: int) -> Shot:
+def rational_bounce(shot: Shot, size: float, _seed: int) -> Shot:
     """Second bounce by the solid angle of a strip: 1 / (1 + (d / 1.5 mm)²)."""
     far, ghost = facing_wall(shot.view, 8.0)
     weight = np.where(np.isfinite(far), min(0.15 * size, 0.8) / (1 + (far / 1.5) ** 2), 0.0)

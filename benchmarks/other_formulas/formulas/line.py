@@ -23,7 +23,7 @@ def _footprint(shot: Shot, places: Floats, weight: Floats) -> Shot:
     return shot.plus(np.where(np.isfinite(own), np.nan_to_num(mean), 0.0))
 
 
-def disc(shot: Shot, size: float, seed: int) -> Shot:
+def disc(shot: Shot, size: float, _seed: int) -> Shot:
     """Footprint as an even disc of radius 0.25 mm times size."""
     r = np.repeat(np.sqrt([0.15, 0.5, 0.85]), 8)
     a = np.tile(np.arange(8), 3) * np.pi / 4 + np.repeat([0.0, 0.4, 0.0], 8)
@@ -31,7 +31,7 @@ def disc(shot: Shot, size: float, seed: int) -> Shot:
     return _footprint(shot, places, np.ones(24))
 
 
-def halo(shot: Shot, size: float, seed: int) -> Shot:
+def halo(shot: Shot, size: float, _seed: int) -> Shot:
     """Footprint with a halo: a double exponential, longer along the travel."""
     u = np.linspace(-2.5, 2.5, 5)
     x, y = np.meshgrid(u, u)
@@ -63,12 +63,12 @@ def _mixed(shot: Shot, eta: Floats, light: Floats) -> Shot:
     return shot.plus(np.where(shot.view.edge, np.nan_to_num(reads), 0.0))
 
 
-def flat_top_mixing(shot: Shot, size: float, seed: int) -> Shot:
+def flat_top_mixing(shot: Shot, size: float, _seed: int) -> Shot:
     """Edge mixing of a flat-topped line, 0.4 mm wide times size."""
     return _mixed(shot, 0.2 * size * np.linspace(-1, 1, 11), np.ones(11))
 
 
-def sech_mixing(shot: Shot, size: float, seed: int) -> Shot:
+def sech_mixing(shot: Shot, size: float, _seed: int) -> Shot:
     """Edge mixing of a line with wide wings, sech²."""
     u = np.linspace(-3, 3, 13)
     return _mixed(shot, 0.08 * size * u, 1 / np.cosh(u) ** 2)
@@ -121,7 +121,7 @@ def _blocked(view: View, target: Floats) -> NDArray[np.bool_]:
     return out
 
 
-def lens_shadow(shot: Shot, size: float, seed: int) -> Shot:
+def lens_shadow(shot: Shot, size: float, _seed: int) -> Shot:
     """Shadow of a lens of finite size: lost where most of five rays to its pupil are stopped."""
     view = shot.view
     base = np.array([0.0, view.camera_y_mm * min(size, 1.5), 0.0])
@@ -130,7 +130,7 @@ def lens_shadow(shot: Shot, size: float, seed: int) -> Shot:
     return replace(shot, p_missing=np.maximum(shot.p_missing, np.clip(2 * share - 0.3, 0, 0.998)))
 
 
-def horizon_shadow(shot: Shot, size: float, seed: int) -> Shot:
+def horizon_shadow(shot: Shot, size: float, _seed: int) -> Shot:
     """Shadow by the horizon of a far camera: parallel sight lines, over the delivered grid."""
     view = shot.view
     steep = abs(view.camera_y_mm) / view.instrument.sheet.working_distance_mm * min(size, 1.5)

@@ -81,14 +81,14 @@ def _exposed(shot: Shot, way_mm: Floats, weight: Floats) -> Shot:
     return replace(shot, mean=shot.mean + mean - shot.view.depth)
 
 
-def trapezoid_blur(shot: Shot, size: float, seed: int) -> Shot:
+def trapezoid_blur(shot: Shot, size: float, _seed: int) -> Shot:
     """Shutter that opens and closes: a trapezoid of light over the way, starting at the pose."""
     u = (np.arange(13) + 0.5) / 13
     weight = np.minimum(1.0, np.minimum(u, 1 - u) / 0.3)
     return _exposed(shot, 0.5 * size * u, weight)
 
 
-def decaying_blur(shot: Shot, size: float, seed: int) -> Shot:
+def decaying_blur(shot: Shot, size: float, _seed: int) -> Shot:
     """Phosphor-like chip lag: exponential over the way, the light before the pose."""
     u = (np.arange(13) + 0.5) / 13
     return _exposed(shot, -0.6 * size * u, np.exp(-2.0 * u))

@@ -12,20 +12,20 @@ from benchmarks.other_formulas.speckle import Noise, speckle_kernel, unit
 Floats = NDArray[np.float64]
 
 
-def disc_clumps(shot: Shot, size: float, seed: int) -> Shot:
+def disc_clumps(shot: Shot, size: float, _seed: int) -> Shot:
     """Lose readings in round clumps of a few readings (dust)."""
     v, u = np.mgrid[-3:4, -3:4]
     clump = unit(((u**2 + v**2) <= 6).astype(float))
     return replace(shot, clump=clump, p_missing=np.minimum(shot.p_missing + 0.02 * size, 0.9))
 
 
-def run_clumps(shot: Shot, size: float, seed: int) -> Shot:
+def run_clumps(shot: Shot, size: float, _seed: int) -> Shot:
     """Lose readings in runs along the line (a chip that misses whole stretches)."""
     clump = unit(np.exp(-0.5 * (np.arange(-6, 7) / 2.0) ** 2)[None])
     return replace(shot, clump=clump, p_missing=np.minimum(shot.p_missing + 0.02 * size, 0.9))
 
 
-def lognormal_outliers(shot: Shot, size: float, seed: int) -> Shot:
+def lognormal_outliers(shot: Shot, size: float, _seed: int) -> Shot:
     """Outliers of lognormal size and either sign: median 0.12 mm, spread factor 2."""
 
     def sizes(shape: tuple[int, int], rng: np.random.Generator) -> Floats:
@@ -34,7 +34,7 @@ def lognormal_outliers(shot: Shot, size: float, seed: int) -> Shot:
     return replace(shot, p_outlier=min(0.004 * size, 0.3), outlier=sizes)
 
 
-def uniform_outliers(shot: Shot, size: float, seed: int) -> Shot:
+def uniform_outliers(shot: Shot, size: float, _seed: int) -> Shot:
     """Outliers anywhere within ±3 mm (stray light)."""
 
     def sizes(shape: tuple[int, int], rng: np.random.Generator) -> Floats:
@@ -43,7 +43,7 @@ def uniform_outliers(shot: Shot, size: float, seed: int) -> Shot:
     return replace(shot, p_outlier=min(0.004 * size, 0.3), outlier=sizes)
 
 
-def louder(shot: Shot, size: float, seed: int) -> Shot:
+def louder(shot: Shot, size: float, _seed: int) -> Shot:
     """Speckle louder while the independent share stays: its variance times (1 + size / 2)."""
     more = shot.noise.share * 0.5 * size
     share = (shot.noise.share + more) / (1 + more)

@@ -13,11 +13,11 @@ from benchmarks.other_formulas.shot import Shot
 Floats = NDArray[np.float64]
 
 
-def median(shot: Shot, size: float, seed: int) -> Shot:
+def median(shot: Shot, size: float, _seed: int) -> Shot:
     """Firmware that takes a median of 3 x 3 or more readings."""
     width = 3 if size < 1.5 else 5
 
-    def smooth(shot: Shot, depth: Floats, rng: np.random.Generator) -> Floats:
+    def smooth(depth: Floats, _rng: np.random.Generator) -> Floats:
         padded = np.pad(depth, width // 2, mode="edge")
         windows = np.lib.stride_tricks.sliding_window_view(padded, (width, width))
         out, seen = depth.copy(), np.isfinite(depth)
@@ -27,11 +27,11 @@ def median(shot: Shot, size: float, seed: int) -> Shot:
     return replace(shot, firmware=smooth)
 
 
-def lag(shot: Shot, size: float, seed: int) -> Shot:
+def lag(shot: Shot, size: float, _seed: int) -> Shot:
     """Readout whose electronics lag along the line: first order, one-sided."""
     keep = min(0.4 * size, 0.9)
 
-    def smear(shot: Shot, depth: Floats, rng: np.random.Generator) -> Floats:
+    def smear(depth: Floats, _rng: np.random.Generator) -> Floats:
         out = depth.copy()
         for j in range(1, depth.shape[1]):
             last = np.where(np.isfinite(out[:, j - 1]), out[:, j - 1], depth[:, j])
@@ -41,10 +41,10 @@ def lag(shot: Shot, size: float, seed: int) -> Shot:
     return replace(shot, firmware=smear)
 
 
-def repeats(shot: Shot, size: float, seed: int) -> Shot:
+def repeats(shot: Shot, size: float, _seed: int) -> Shot:
     """Lost frames: a profile that is delivered twice, a few in a hundred."""
 
-    def repeat(shot: Shot, depth: Floats, rng: np.random.Generator) -> Floats:
+    def repeat(depth: Floats, rng: np.random.Generator) -> Floats:
         out = depth.copy()
         for i in np.flatnonzero(rng.random(len(depth) - 1) < 0.06 * size) + 1:
             out[i] = out[i - 1]
@@ -88,7 +88,7 @@ def window(shot: Shot, size: float, seed: int) -> Shot:
     )  # fmt: skip
 
 
-def ghost(shot: Shot, size: float, seed: int) -> Shot:
+def ghost(shot: Shot, size: float, _seed: int) -> Shot:
     """Second reflection of the window: a share of readings, on one side of the line, 0.8 mm off."""
     u = np.linspace(0, 1, shot.view.shape[1])
 
@@ -120,7 +120,7 @@ def sticking_bit(shot: Shot, size: float, seed: int) -> Shot:
     """Bit of the counter that sticks at one in a share of the readings."""
     step = float(shared(seed).uniform(0.3, 0.6))
 
-    def stick(shot: Shot, depth: Floats, rng: np.random.Generator) -> Floats:
+    def stick(depth: Floats, rng: np.random.Generator) -> Floats:
         zero = np.mod(np.floor(np.nan_to_num(depth) / step), 2) == 0
         stuck = rng.random(depth.shape) < 0.03 * size
         return np.where(zero & stuck, depth + step, depth)
