@@ -3,7 +3,7 @@
 Recordings come from the plain simulator plus effects, so that this shows errors of the inference,
 not of the physics. strength.py says what a strength is.
 
-    python -m benchmarks.diagnose --out docs/diagnosis-bench.md [--nulls 60] [--minutes 30]
+    python -m benchmarks.diagnose --out docs/diagnosis-bench-catalogue.md [--nulls 60] [--minutes 30]
 """
 
 import argparse
@@ -141,7 +141,7 @@ def gain_share(result: Diagnosis, effect: Entry) -> float | None:
 def main() -> None:
     """Run the bench within its minutes and write the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("docs/diagnosis-bench.md"))
+    parser.add_argument("--out", type=Path, default=Path("docs/diagnosis-bench-catalogue.md"))
     parser.add_argument("--nulls", type=int, default=60)
     parser.add_argument("--minutes", type=float, default=120.0)
     parser.add_argument("--seed", type=int, default=1)
