@@ -3,7 +3,7 @@
 Recordings come from the plain simulator plus effects, so that this shows errors of the inference,
 not of the physics. strength.py says what a strength is.
 
-    python -m benchmarks.diagnose --out docs/diagnosis-bench-catalogue.md [--nulls 60] [--minutes 30]
+    python -m benchmarks.diagnose [--nulls 60] [--minutes 30]
 """
 
 import argparse
