@@ -39,7 +39,7 @@ def shards_of(recipe_path: Path, out: Path, work: str) -> Iterator[int]:
     hidden = out / ".flawforge"
     hidden.mkdir(parents=True)
     wanted, _ = find_wanted(recipe)
-    parts, _, _ = prepare(recipe, wanted, hidden / "parts", Backend(), lambda name, facts: None)
+    parts, _, _ = prepare(recipe, wanted, hidden / "parts", Backend())
     place = Workplace(recipe=recipe, out=out, attributes={})
     for shard in make_plan(recipe, parts).shards:
         yield make_shard(place, shard)[1]
