@@ -39,6 +39,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--first", type=int, help="so many cases only: all kinds in proportion")
+    parser.add_argument(
+        "--laws", action="store_true", help="run: the catalogue's own laws, for intervals"
+    )
     parser.add_argument("--minutes", type=float, default=1e9, help="stop after these")
     parser.add_argument("--write", type=Path, metavar="FILE.md")
     args = parser.parse_args()
@@ -48,7 +51,8 @@ def main() -> None:
             parser.error(f"--seed {args.seed}: only calibration cases may be opened (0 to 99)")
         make(args.out, args.seed, args.first)
     elif args.step == "run":
-        run(args.out / f"seed-{args.seed}", args.seed, args.first, args.minutes)
+        run(args.out / f"seed-{args.seed}", args.seed, args.first, args.minutes,
+            laws=args.laws)
     else:
         for folder in sorted(args.out.glob("seed-*")):
             answers = load(folder)

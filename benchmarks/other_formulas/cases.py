@@ -9,8 +9,9 @@ import numpy as np
 import trimesh
 import yaml
 
-from benchmarks.other_formulas.formulas import BY_NAME, CATALOGUED, OUTSIDE
+from benchmarks.other_formulas.formulas import BY_NAME, CATALOGUED, LAWS, OUTSIDE
 from benchmarks.other_formulas.formulas.base import Formula
+from benchmarks.other_formulas.formulas.laws import true_parameters
 from benchmarks.other_formulas.instrument import SPECKLE_SHARE, Instrument, Scan, draw_instrument
 from benchmarks.other_formulas.parts import PARTS, plate
 from benchmarks.other_formulas.shot import Shot, View, wobble
@@ -23,7 +24,7 @@ POPULATIONS = {"calibration": range(0, 100), "validation": range(100, 200), "tes
 """Seeds of each population. Calibration may be opened by anybody; test is judged in aggregate."""
 STRENGTHS = ((6, True), (12, True), (24, False))
 """Whitened signal to noise, and whether baseline recordings are given."""
-NULLS, PAIRS, OUTSIDE_EACH = 100, 16, 2
+NULLS, PAIRS, OUTSIDE_EACH, LAWS_EACH = 100, 16, 2, 30
 RECORDINGS, MOUNTED, BASELINES = 3, 5, 3
 _CLOSE, _ALLOWED = 0.05, 0.4
 """Aimed at and allowed departure from the wanted signal to noise: few flipped readings at edges
@@ -37,7 +38,7 @@ class Case:
     Attributes
     ----------
     name : of its folder
-    kind : null, one, pair or outside
+    kind : null, one, pair, outside or law
     formulas : by name
     wanted : whitened signal to noise of each; 0 where the size is given
     baselines : whether recordings of the good instrument are given
@@ -62,6 +63,21 @@ def plan(seed: int) -> list[Case]:
         [("outside", (f,), 24, True) for f in OUTSIDE for _ in range(OUTSIDE_EACH)],
         [("pair", _pair(rng), 12, True) for _ in range(PAIRS)],
     ]
+    return _drawn(groups, rng)
+
+
+def plan_of_laws(seed: int) -> list[Case]:
+    """List cases made by the catalogue's own laws, 300 of them, for the coverage of intervals."""
+    laws: list[tuple[str, tuple[Formula, ...], int, bool]] = [
+        ("law", (f,), 24, True) for _ in range(LAWS_EACH) for f in LAWS
+    ]
+    return _drawn([laws], np.random.default_rng([seed, 37]))
+
+
+def _drawn(
+    groups: list[list[tuple[str, tuple[Formula, ...], int, bool]]], rng: np.random.Generator
+) -> list[Case]:
+    """Mix the groups evenly and draw each case's part and seed."""
     places, cases = [], []
     for group in groups:
         order = rng.permutation(len(group))
@@ -214,6 +230,11 @@ def write(staged: Staged, folder: Path) -> dict[str, Any]:
         "effects": [f.effect for f in chosen if f.effect],
         "also": [list(f.also) for f in chosen if f.effect],
         "sizes": list(staged.sizes),
+        "parameters": {
+            f.effect: true_parameters(f.name, size, case.seed)
+            for f, size in zip(chosen, staged.sizes, strict=True)
+            if f in LAWS
+        },
         "reached": staged.reached,
         "left_out": list(staged.instrument.left_out),
         "noise_um": 1e3 * staged.instrument.noise_mm,

@@ -35,6 +35,7 @@ class Answer:
     sure: tuple[float | None, ...]
     chances: tuple[tuple[str, float], ...]
     none_of_these: float | None
+    parameters: tuple[tuple[str, dict[str, Any]], ...] = ()
 
     @property
     def known(self) -> tuple[set[str], ...]:
@@ -69,6 +70,7 @@ def _answer(truth: dict[str, Any], run: dict[str, Any], said: dict[str, Any] | N
         truth=truth, run=run, verdict=None if said is None else str(said["verdict"]),
         sets=tuple(sets), sure=tuple(e.get("probability") for e in effects),
         chances=tuple(chances), none_of_these=None if said is None else said.get("none_of_these"),
+        parameters=tuple((e["name"], e.get("parameters", {})) for e in effects),
     )  # fmt: skip
 
 
@@ -147,6 +149,20 @@ def calibration_error(curve: Sequence[tuple[float, float, int]]) -> float | None
     return sum(n * abs(p - share) for p, share, n in curve) / total if total else None
 
 
+def coverage(answers: Sequence[Answer]) -> tuple[int, int]:
+    """Count 95 % intervals that hold the true parameter, of laws that were named, and all."""
+    hits, of = 0, 0
+    for a in answers:
+        true = a.truth.get("parameters", {})
+        for name, stated in a.parameters:
+            for key, value in true.get(name, {}).items():
+                low, high = (stated.get(key, {}).get(end) for end in ("low", "high"))
+                if low is not None and high is not None:
+                    hits += low <= value <= high
+                    of += 1
+    return hits, of
+
+
 def share(figure: tuple[float, int]) -> str:
     """Write a share with its count and interval."""
     hits, of = figure
@@ -195,6 +211,8 @@ def figures(answers: Sequence[Answer]) -> list[tuple[str, str, str]]:
         ("precision of sets on pairs", share(precision(pairs)), "-"),
         ("outside the catalogue, flagged", share(flagged(outside)), "0.90"),
         (f"outside, a name with probability above {CONFIDENT}", share(wrongly_sure(outside)), "0"),
+        ("laws found", share(recall(some("law"))), "-"),
+        ("coverage of 95 % intervals", share(coverage(answers)), "0.92 to 0.98"),
         ("names in a set, mean", f"{np.mean(sizes):.2f} ({len(sizes)})" if sizes else "-", "-"),
         ("expected calibration error", "no probabilities" if error is None else
          f"{error:.3f} ({sum(n for _, _, n in curve)} names)", "0.05"),

@@ -1,10 +1,11 @@
 """All formulas of the bench, by what they are about."""
 
-from benchmarks.other_formulas.formulas import light, line, motion, noise, outside, sensor
+from benchmarks.other_formulas.formulas import laws, light, line, motion, noise, outside, sensor
 from benchmarks.other_formulas.formulas.base import Formula
 
 CATALOGUED: tuple[Formula, ...] = (
     *sensor.FORMULAS, *motion.FORMULAS, *line.FORMULAS, *light.FORMULAS, *noise.FORMULAS,
 )  # fmt: skip
 OUTSIDE: tuple[Formula, ...] = outside.FORMULAS
-BY_NAME: dict[str, Formula] = {f.name: f for f in (*CATALOGUED, *OUTSIDE)}
+LAWS: tuple[Formula, ...] = laws.FORMULAS
+BY_NAME: dict[str, Formula] = {f.name: f for f in (*CATALOGUED, *OUTSIDE, *LAWS)}

@@ -5,7 +5,8 @@ import pytest
 import yaml
 
 from benchmarks.other_formulas.cases import POPULATIONS, Case, nominal_shot, plan, stage, write
-from benchmarks.other_formulas.formulas import BY_NAME, CATALOGUED, OUTSIDE
+from benchmarks.other_formulas.formulas import BY_NAME, CATALOGUED, LAWS, OUTSIDE
+from benchmarks.other_formulas.formulas.laws import true_parameters
 from benchmarks.other_formulas.instrument import OPTIONAL
 from sensors.effects import CATALOGUE
 from sensors.recording import Recording
@@ -78,3 +79,11 @@ def test_a_formula_changes_a_recording_and_a_size_of_almost_nothing_hardly(name)
         little = np.abs(np.nan_to_num(drawn(1e-7) - plain))
         assert np.quantile(little, 0.98) <= made.instrument.sheet.step_mm * 1.01
     assert bright == (formula.effect == "reflectance_edge")
+
+
+@pytest.mark.parametrize("formula", LAWS, ids=lambda f: f.effect)
+def test_a_law_states_its_true_parameters_and_reaches_its_strength(formula):
+    made = stage(case((formula.name,), "freeform", kind="law", wanted=24))
+    assert made.reached == pytest.approx(24, rel=0.1)
+    true = true_parameters(formula.name, made.sizes[0], made.case.seed)
+    assert set(true) <= {p.name for p in CATALOGUE[formula.effect].parameters()}

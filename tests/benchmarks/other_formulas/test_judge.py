@@ -1,10 +1,13 @@
 """The judge on answers whose figures are known beforehand."""
 
+from dataclasses import replace
+
 import pytest
 
 from benchmarks.other_formulas.judge import (
     Answer,
     calibration_error,
+    coverage,
     first_names,
     flagged,
     interval,
@@ -62,3 +65,11 @@ def test_interval_of_none_of_a_hundred():
     low, high = interval(0, 100)
     assert low == 0.0
     assert high == pytest.approx(1 - 0.025 ** (1 / 100))
+
+
+def test_coverage_counts_intervals_of_laws_that_were_named():
+    true = {"effects": ["a"], "also": [[]], "parameters": {"a": {"x": 1.0, "y": 2.0, "z": 0.0}}}
+    stated = {"x": {"low": 0.5, "high": 1.5}, "y": {"low": 0.0, "high": 1.0}, "z": {"value": 0.0}}
+    base = answer(["a"], [("a",)])
+    named = replace(base, truth=true, parameters=(("a", stated), ("b", stated)))
+    assert coverage([named]) == (1, 2)
