@@ -9,7 +9,7 @@ PEERS  := $(VENV)/.installed-bench
 .PHONY: demo test test-all lint bench effects flaws paper pictures diagnose-bench proof proof-small payoff clean
 
 demo: $(STAMP)
-	$(BIN)/flawforge generate manifests/quickstart.yaml --out out/quickstart
+	$(BIN)/flawforge generate quickstart --out out/quickstart
 	$(BIN)/flawforge verify out/quickstart
 	$(BIN)/flawforge preview out/quickstart --out out/quickstart.png
 

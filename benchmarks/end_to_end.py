@@ -334,7 +334,7 @@ def dask_seconds(recipe: Path) -> float | None:
 
 def batches(folder: Path) -> dict[str, Path]:
     """Write the recipes of the datasets that are timed; by name."""
-    quick = (HOME / "manifests" / "quickstart.yaml").read_text()
+    quick = (HOME / "pipeline" / "recipes" / "quickstart.yaml").read_text()
     found = {"quickstart, 12 specimens, 24 scans of 240 × 512": quick}
     larger = quick
     for old, new in (

@@ -21,7 +21,7 @@ COMMANDS: Final = {
 }
 EXAMPLES: Final = """\
 examples:
-  flawforge generate manifests/quickstart.yaml --out out/quickstart --jobs 2
+  flawforge generate quickstart --out out/quickstart --jobs 2
   flawforge preview out/quickstart --out scan.png
   flawforge diagnose a.h5 b.h5 c.h5 --part part.stl --sensor sensor.yaml --out diagnosis
   flawforge COMMAND --help      what a command does, with its options

@@ -192,6 +192,80 @@ class Dataset:
             raise KeyError(f"no split {name!r}; there are {', '.join(self.splits) or 'none'}")
         return self._some(self.manifest[self.manifest["split"] == name])
 
+    def filter(
+        self,
+        *,
+        split: str | None = None,
+        part: str | None = None,
+        kind: str | None = None,
+        seen: bool | None = None,
+        visible: bool | None = None,
+    ) -> "Dataset":
+        """Return the dataset of the scans that meet all conditions given.
+
+        Parameters
+        ----------
+        split, part : str
+            Columns of the manifest.
+        kind : str
+            A flaw of this kind is labelled in the scan.
+        seen, visible : bool
+            Whether any flaw (of `kind`, where given) is labelled, or exceeds the noise.
+        """
+        keep = pd.Series(True, index=self.manifest.index)
+        for column, value in (("split", split), ("part", part)):
+            if value is not None:
+                keep &= self.manifest[column].eq(value)
+        flaws = self.flaws if kind is None else self.flaws[self.flaws["kind"].eq(kind)]
+        if kind is not None and seen is None and visible is None:
+            seen = True
+        for column, wanted in (("pixels", seen), ("pixels_visible", visible)):
+            if wanted is not None:
+                ids = {*flaws.loc[flaws[column] > 0, "scan_id"]} if len(flaws) else set()
+                keep &= self.manifest["scan_id"].isin(ids) == wanted
+        return self._some(self.manifest[keep])
+
+    def show(self, which: int | str) -> Any:
+        """Draw a scan: reading, labels, a cut, the cloud. Needs flawforge itself installed.
+
+        Returns
+        -------
+        PIL.Image.Image
+            Which a notebook displays.
+        """
+        import importlib
+        import io
+
+        # by name: this module is of use without the rest of the project
+        pictures = importlib.import_module("pipeline.preview.scan_picture")
+        image = importlib.import_module("PIL.Image")
+        buffer = io.BytesIO()
+        scan_id = str(self.manifest["scan_id"].iloc[self._position(which)])
+        pictures.scan_figure(self.folder, scan_id).savefig(buffer, dpi=pictures.DPI)
+        return image.open(buffer)
+
+    def _repr_html_(self) -> str:
+        """Say in a notebook what the dataset holds."""
+        import html
+
+        kinds: dict[Any, Any] = {}
+        if {"kind", "pixels"} <= {*self.flaws.columns}:
+            kinds = dict(self.flaws.loc[self.flaws["pixels"] > 0, "kind"].value_counts())
+        facts = {
+            "scans": len(self),
+            "splits": ", ".join(f"{name} {count}" for name, count in self.splits.items()),
+            "parts": ", ".join(map(str, self.manifest["part"].unique()))
+            if "part" in self.manifest
+            else "",
+            "flaws seen": ", ".join(f"{kind} {count}" for kind, count in kinds.items()),
+        }
+        rows = "".join(
+            f"<tr><th>{html.escape(key)}</th><td>{html.escape(str(value))}</td></tr>"
+            for key, value in facts.items()
+        )
+        title = html.escape(str(self.info.get("name", self.folder.name)))
+        return f"<table><caption>{title}</caption>{rows}</table>"
+
     def flaws_of(self, which: int | str) -> pd.DataFrame:
         """Return the rows of `flaws` that belong to one scan."""
         scan_id = self.manifest["scan_id"].iloc[self._position(which)]

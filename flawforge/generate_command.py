@@ -9,19 +9,22 @@ from flawforge.progress import shown
 
 MOST_LINES = 10  # of a kind, in the summary
 EPILOG = """\
-The recipe is a YAML file: see manifests/quickstart.yaml and the README. The same recipe and seed
-give the same bytes for any --jobs. Started again after it was stopped, the command goes on where
-it was. Exit code: 0 all made, 1 some parts or scans failed (see dataset.json), 2 bad recipe.
+The recipe is a YAML file: docs/recipe.md has every key, flawforge init writes one. The same recipe
+and seed give the same bytes for any --jobs. Started again after it was stopped, the command goes on
+where it was. Exit code: 0 all made, 1 some parts or scans failed (see dataset.json), 2 bad recipe.
 
 example:
-  flawforge generate manifests/quickstart.yaml --out out/quickstart --jobs 2
+  flawforge generate quickstart --out out/quickstart --jobs 2
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's words."""
     parser.epilog = EPILOG
-    parser.add_argument("recipe", type=Path, metavar="RECIPE", help="the recipe's YAML file")
+    parser.add_argument(
+        "recipe", metavar="RECIPE", help="the recipe's YAML file, or 'quickstart'"
+    )
+    add_overrides(parser)
     parser.add_argument(
         "--out", type=Path, required=True, metavar="DIR", help="folder of the dataset"
     )
@@ -50,6 +53,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_overrides(parser: argparse.ArgumentParser) -> None:
+    """Declare the words that put other values in place of a recipe's."""
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", dest="sets",
+        help="a value in place of the recipe's, like motion.yaw_deg=5",
+    )  # fmt: skip
+    parser.add_argument("--seed", type=int, metavar="N", help="a seed in place of the recipe's")
+
+
 def _jobs(text: str) -> int:
     if not text.isdecimal():
         raise argparse.ArgumentTypeError(f"should be a whole number, 0 or more, got '{text}'")
@@ -70,7 +82,12 @@ def run(arguments: argparse.Namespace) -> int:
 
         if (arguments.backend == "dask") != (arguments.scheduler is not None):
             raise RecipeError("--scheduler and --backend dask go together")
-        recipe = Recipe.load(arguments.recipe, roots=tuple(arguments.parts))
+        recipe = Recipe.load(
+            arguments.recipe,
+            roots=tuple(arguments.parts),
+            sets=arguments.sets,
+            seed=arguments.seed,
+        )
         with shown("flawforge.generate", json_lines=arguments.log_json):
             dataset = generate(recipe, arguments.out, backend=backend)
     if not arguments.log_json:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 EPILOG = """\
 examples:
-  flawforge preview manifests/quickstart.yaml --out setup.png    part, flaws, sensor fan and path
+  flawforge preview quickstart --out setup.png    part, flaws, sensor fan and path
   flawforge preview out/quickstart --out scan.png                the scan whose flaw shows best
   flawforge preview out/quickstart --scan car_door-0001-0000
 """

@@ -1,7 +1,7 @@
 """The recipe: what a user asks for, read from YAML and checked before anything is made."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -14,12 +14,13 @@ from pipeline.injection.flawplan import FlawPlan
 from pipeline.motion.limits import Motion
 from pipeline.motion.trajectory import follow, frame, rate_of
 from pipeline.parts.builtin import FACET_UM
+from pipeline.recipe_source import read_source
 from quantity import declared, quantity
 from sensors.datasheet import Datasheet
 from sensors.model import SensorModel
 from sensors.surface.reflectance import ReflectanceMap
 from sensors.surface.surface import Surface
-from sensors.typed_yaml import Document, RecipeError, load_yaml, parse, plain, record
+from sensors.typed_yaml import Document, RecipeError, parse, plain, record
 
 MOST_COUNT = 1_000_000
 MOST_POINTS, MOST_SCANS = 100_000_000, 10_000_000  # in a scan; of an entry of `parts:`
@@ -81,6 +82,10 @@ class RecipeFile:
         "specimens of each part, each with flaws of its own",
         low=1, high=MOST_COUNT, whole=True, default=1,
     )
+    good_specimens: int = quantity(
+        "further specimens of each part, without flaws",
+        low=0, high=MOST_COUNT, whole=True, default=0,
+    )
     scans: int = quantity(
         "scans of each specimen, each on a path of its own",
         low=1, high=MOST_COUNT, whole=True, default=1,
@@ -113,7 +118,8 @@ class RecipeFile:
                 f"splits: the shares must add up to 1, not {sum(self.splits.values()):g}"
             )
         for entry in self.parts:
-            scans = (entry.specimens or self.specimens) * (entry.scans or self.scans)
+            specimens = (entry.specimens or self.specimens) + self.good_specimens
+            scans = specimens * (entry.scans or self.scans)
             if scans > MOST_SCANS:
                 raise ValueError(f"scans: {scans} of one part, must be {MOST_SCANS} at most")
 
@@ -146,27 +152,36 @@ class Recipe:
     reflectance: ReflectanceMap | None = None
 
     @classmethod
-    def load(cls, path: str | Path, *, roots: tuple[Path, ...] = ()) -> "Recipe":
+    def load(
+        cls,
+        source: str | Path | Mapping[str, Any],
+        *,
+        roots: tuple[Path, ...] = (),
+        sets: Sequence[str] = (),
+        seed: int | None = None,
+    ) -> "Recipe":
         """Read a recipe and the sensor and surfaces that it names.
 
         Parameters
         ----------
-        path
-            The YAML file.
+        source
+            The YAML file, the name of a recipe that flawforge brings, or a mapping.
         roots
             Further folders that the recipe may read from; without them, its own alone.
+        sets, seed
+            Values in place of the recipe's, see `pipeline.recipe_source`.
 
         Raises
         ------
         RecipeError
             For the first thing that is wrong, with its line.
         """
-        document = load_yaml(path)
+        document, own = read_source(source, sets, seed)
         file = parse(RecipeFile, document)
         for root in roots:
             if not root.is_dir():
                 raise RecipeError("no such folder", where="--parts", value=str(root))
-        folders = (Path(path).resolve().parent, *(root.resolve() for root in roots))
+        folders = (*own, *(root.resolve() for root in roots))
         sensor = _named(SensorModel.load, file.sensor, folders, document.where(("sensor",)))
         datasheet = sensor.datasheet
         points = file.points or datasheet.points_per_profile
@@ -218,8 +233,14 @@ class Recipe:
         """Points in a profile."""
         return self.file.points or self.datasheet.points_per_profile
 
-    def flaws_of(self, entry: PartEntry) -> FlawPlan:
-        """Return the flaws wanted in a part: its own entry's, else the recipe's."""
+    def specimens_of(self, entry: PartEntry) -> int:
+        """Return the number of specimens of a part, good ones among them."""
+        return (entry.specimens or self.file.specimens) + self.file.good_specimens
+
+    def flaws_of(self, entry: PartEntry, specimen: int = 0) -> FlawPlan:
+        """Return the flaws wanted in a specimen: its part's, else the recipe's; good ones last."""
+        if specimen >= (entry.specimens or self.file.specimens):
+            return NO_FLAWS
         return entry.flaws or self.file.flaws or NO_FLAWS
 
     def ready(self) -> "Recipe":

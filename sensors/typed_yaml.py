@@ -91,17 +91,23 @@ def record(cls: type[T]) -> type[T]:
 
 @dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
 class Document:
-    """A YAML file as plain data, with the line at which each key path stands."""
+    """A YAML file as plain data, with the line at which each key path stands.
+
+    `places` says where those stand that are from elsewhere: another file, the command line.
+    """
 
     path: Path
     data: Any
     lines: Mapping[KeyPath, int]
+    places: Mapping[KeyPath, str] = dataclasses.field(default_factory=dict)
 
     def where(self, key_path: Sequence[str | int]) -> str:
         """Return 'file:line' of the deepest part of `key_path` that the file holds."""
         path = tuple(key_path)
-        while path and path not in self.lines:
+        while path and path not in self.lines and path not in self.places:
             path = path[:-1]
+        if path not in self.lines and path in self.places:
+            return self.places[path]
         line = self.lines.get(path)
         return f"{self.path}:{line}" if line is not None else str(self.path)
 
@@ -133,6 +139,20 @@ def load_yaml(path: str | Path) -> Document:
     lines: dict[KeyPath, int] = {}
     _note_lines(node, (), lines, path)
     return Document(path=path, data=data, lines=lines)
+
+
+def parse_text(text: str, *, where: str) -> Any:
+    """Read a value as it stands in a YAML file.
+
+    Raises
+    ------
+    RecipeError
+        Where it isn't YAML.
+    """
+    try:
+        return yaml.load(text, Loader=Loader)  # noqa: S506  # a SafeLoader
+    except (yaml.YAMLError, ValueError, RecursionError):
+        raise RecipeError("isn't a value", where=where, value=text, allowed="as in YAML") from None
 
 
 def _note_lines(node: Any, at: KeyPath, lines: dict[KeyPath, int], path: Path) -> None:

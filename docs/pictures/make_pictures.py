@@ -98,7 +98,7 @@ def main() -> None:
     """Make all pictures."""
     save("parts.png", part_pictures(), 3)
     save("flaws.png", flaw_pictures(), 3)
-    draw_recipe(RECIPES / "quickstart.yaml", HERE / "setup.png")
+    draw_recipe("quickstart", HERE / "setup.png")
     with tempfile.TemporaryDirectory() as folder:
         generate(Recipe.load(RECIPES / "paper-figure6.yaml"), Path(folder) / "figure6")
         draw_scan(Path(folder) / "figure6", HERE / "full-scan.png")

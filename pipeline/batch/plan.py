@@ -77,7 +77,7 @@ def make_plan(recipe: Recipe, parts: Sequence[PlannedPart]) -> Plan:
     than a shard.
     """
     file = recipe.file
-    counts = {part.name: part.entry.specimens or file.specimens for part in parts}
+    counts = {part.name: recipe.specimens_of(part.entry) for part in parts}
     split_by = file.split_by or ("part" if len(parts) >= len(file.splits) else "specimen")
     wanted = {
         (part.name, number): _wanted(recipe, part, number)
@@ -125,7 +125,7 @@ def make_plan(recipe: Recipe, parts: Sequence[PlannedPart]) -> Plan:
 def _wanted(recipe: Recipe, part: PlannedPart, number: int) -> dict[str, int]:
     """How many flaws of each kind a specimen is to have, as its injection will draw them."""
     rng_of = streams(recipe.file.seed, part.name, number, "flaws")
-    return recipe.flaws_of(part.entry).numbers(rng_of)
+    return recipe.flaws_of(part.entry, number).numbers(rng_of)
 
 
 def _splits(

@@ -159,7 +159,7 @@ def make_specimen(
     def cut() -> FlawedPart:
         return inject(
             part,
-            recipe.flaws_of(planned.entry),
+            recipe.flaws_of(planned.entry, number),
             visible_faces=outlook.facing,
             visible_at=outlook.free,
             surface=skin,

@@ -56,6 +56,12 @@ def draw_scan(folder: str | Path, path: str | Path, *, scan_id: str | None = Non
     RecipeError
         Where there is no dataset, or no such scan in it.
     """
+    scan_figure(folder, scan_id).savefig(path, dpi=DPI)
+    return Path(path)
+
+
+def scan_figure(folder: str | Path, scan_id: str | None = None) -> "Figure":
+    """Return the picture of a scan as a figure."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -89,8 +95,7 @@ def draw_scan(folder: str | Path, path: str | Path, *, scan_id: str | None = Non
     _label_image(label_axes, chart, scan, kinds)
     draw_cut(cut_axes, chart, scan, kinds)
     draw_cloud(cloud_axes, scan, kinds, limits)
-    figure.savefig(path, dpi=DPI)
-    return Path(path)
+    return figure
 
 
 def most_visible(manifest: "pd.DataFrame", flaws: "pd.DataFrame") -> str:

@@ -1,0 +1,127 @@
+"""Where a recipe comes from: a file, one that flawforge brings, or a mapping; with overrides."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from importlib import resources
+from pathlib import Path
+from typing import Any, Final
+
+from sensors.typed_yaml import Document, RecipeError, load_yaml, parse_text
+
+SECTIONS: Final = ("flaws", "motion")  # taken over key by key; everything else as a whole
+MOST_BASES: Final = 10
+
+
+def read_source(
+    source: str | Path | Mapping[str, Any], sets: Sequence[str] = (), seed: int | None = None
+) -> tuple[Document, tuple[Path, ...]]:
+    """Return a recipe's plain data, and the folders that it may read from.
+
+    Parameters
+    ----------
+    source
+        A YAML file, the name of a recipe that flawforge brings, or a mapping (read in the
+        working folder).
+    sets
+        Values in place of the recipe's, as ``motion.yaw_deg=5``.
+    seed
+        In place of the recipe's.
+
+    Raises
+    ------
+    RecipeError
+        Where a file can't be read, or an override isn't one.
+    """
+    if isinstance(source, Mapping):
+        document = Document(path=Path("recipe"), data=dict(source), lines={})
+        folders: tuple[Path, ...] = (Path.cwd(),)
+    else:
+        path = recipe_path(source)
+        document, folders = load_yaml(path), (path.resolve().parent,)
+    document, folders = _extended(document, folders)
+    changes = [*sets, *([f"seed={seed}"] if seed is not None else [])]
+    for change in changes:
+        document = _changed(document, change)
+    return document, folders
+
+
+def recipe_path(source: str | Path) -> Path:
+    """Return the file of a recipe: a path, or the name of one that flawforge brings."""
+    path = Path(source)
+    if path.suffix in (".yaml", ".yml") or path.exists():
+        return path
+    brought = resources.files("pipeline") / "recipes"
+    names = {Path(str(p)).stem: Path(str(p)) for p in brought.iterdir() if p.name.endswith(".yaml")}
+    if str(source) not in names:
+        raise RecipeError(
+            "no such recipe",
+            value=str(source),
+            allowed="a .yaml file or one of " + ", ".join(sorted(names)),
+        )
+    return names[str(source)]
+
+
+def _extended(
+    document: Document, folders: tuple[Path, ...]
+) -> tuple[Document, tuple[Path, ...]]:
+    """Put what a recipe extends below it; the file of its own folder, or a recipe brought."""
+    for _ in range(MOST_BASES):
+        if "extends" not in document.data:
+            return document, folders
+        where = document.where(("extends",))
+        name = document.data["extends"]
+        if not isinstance(name, str):
+            raise RecipeError("'extends' isn't right", where=where, value=name, allowed="a text")
+        path = Path(name)
+        if path.suffix in (".yaml", ".yml"):
+            path = folders[-1] / path
+            if not path.resolve().is_relative_to(folders[0]):
+                raise RecipeError(
+                    "the path leads outside the recipe's folder", where=where, value=name,
+                    allowed=f"paths below {folders[0]}",
+                )  # fmt: skip
+        base = load_yaml(recipe_path(path))
+        folders = (*folders, base.path.resolve().parent)
+        document = _merged(base, document)
+    raise RecipeError(f"more than {MOST_BASES} recipes extend each other", where=document.path)
+
+
+def _merged(base: Document, top: Document) -> Document:
+    own = {key: value for key, value in top.data.items() if key != "extends"}
+    data = {**base.data, **own}
+    for section in SECTIONS:
+        below, above = base.data.get(section), own.get(section)
+        if isinstance(below, Mapping) and isinstance(above, Mapping):
+            data[section] = {**below, **above}
+    places = {path: f"{base.path}:{line}" for path, line in base.lines.items()}
+    return replace(top, data=data, places={**places, **base.places, **top.places})
+
+
+def _changed(document: Document, change: str) -> Document:
+    """Set one value by its dotted key."""
+    key, equals, text = change.partition("=")
+    path = tuple(int(word) if word.isdecimal() else word for word in key.strip().split("."))
+    if not equals or "" in path:
+        raise RecipeError("isn't an override", where="--set", value=change, allowed="KEY=VALUE")
+    where = f"--set {key}"
+    data = _with(document.data, path, parse_text(text, where=where), where)
+    lines = {at: line for at, line in document.lines.items() if at[: len(path)] != path}
+    return replace(document, data=data, lines=lines, places={**document.places, path: where})
+
+
+def _with(data: Any, path: tuple[str | int, ...], value: Any, where: str) -> Any:
+    """Return a copy of plain data with one value set; mappings on the way are made."""
+    if not path:
+        return value
+    head, rest = path[0], path[1:]
+    if isinstance(data, Sequence) and not isinstance(data, str):
+        if not isinstance(head, int) or head >= len(data):
+            raise RecipeError(
+                "no such entry", where=where, value=head, allowed=f"0 to {len(data) - 1}"
+            )
+        return [_with(v, rest, value, where) if k == head else v for k, v in enumerate(data)]
+    if data is not None and not isinstance(data, Mapping):
+        raise RecipeError("has no keys below it", where=where, value=data)
+    known = dict(data or {})
+    known[str(head)] = _with(known.get(str(head)), rest, value, where)
+    return known

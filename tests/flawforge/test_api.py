@@ -1,0 +1,67 @@
+"""The Python API does what the commands do, and costs nothing until it is called."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flawforge
+import flawforge.dataset
+
+
+def test_importing_loads_no_library() -> None:
+    code = "import sys, flawforge; print('numpy' in sys.modules, 'pipeline' in sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.split() == ["False", "False"]
+
+
+def test_a_dataset_from_a_mapping_to_an_export(tmp_path: Path) -> None:
+    recipe = {
+        "name": "plates", "seed": 1, "sensor": "KEYENCE-LJ-X8200", "surface": "car_door",
+        "profiles": 12, "points": 40, "parts": [{"builtin": "steel_plate"}],
+        "flaws": {"dent": {"length_mm": 9, "depth_mm": 0.5}}, "motion": {"length_mm": 20},
+    }  # fmt: skip
+    scans = flawforge.generate(
+        recipe, tmp_path / "data", sets={"scans": 3, "motion.yaw_deg": {"uniform": [-5, 5]}}, seed=2
+    )
+    assert len(scans) == 3
+    assert scans.info["seed"] == 2
+    assert scans.info["recipe"]["motion"]["yaw_deg"] == {"uniform": [-5, 5]}
+    assert flawforge.open(tmp_path / "data", fields=("depth",))[0].keys() == {"depth"}
+    written = flawforge.export(scans[1:], tmp_path / "png", "png", mask="visible")
+    assert len([path for path in written if path.parent.name == "mask"]) == 2
+
+
+def test_filters_choose_scans(small_dataset: Path) -> None:
+    scans = flawforge.open(small_dataset)
+    for kind in ("dent", "pit"):
+        for scan in (chosen := scans.filter(kind=kind)):
+            labels = {scans.classes[int(c)] for c in np.unique(scan["mask"])}
+            assert kind in labels
+        assert len(chosen) + len(scans.filter(kind=kind, seen=False)) == len(scans)
+    assert len(scans.filter(split="test")) == scans.splits["test"]
+    assert len(scans.filter(part="nobody")) == 0
+    for scan in scans.filter(visible=True):
+        assert scan["mask_visible"].any()
+    for scan in scans.filter(visible=False):
+        assert not scan["mask_visible"].any()
+
+
+def test_a_notebook_shows_datasets_and_scans(small_dataset: Path) -> None:
+    scans = flawforge.open(small_dataset)
+    page = scans._repr_html_()
+    assert "<th>scans</th><td>4</td>" in page
+    assert "plate" in page
+    scans.info["name"] = "<script>"
+    assert "<script>" not in scans._repr_html_()
+    image = scans.show(1)
+    assert image.format == "PNG"
+    assert min(image.size) > 500
+
+
+def test_a_wrong_recipe_is_a_value_error_of_one_line(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="^recipe: key 'name' is missing") as said:
+        flawforge.generate({}, tmp_path / "x")
+    assert "\n" not in str(said.value)
