@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from challenge.cases.case import RECORDINGS
 from challenge.cases.truth import levelled
+from challenge.populations import VALIDATION, needs_aggregate
 from challenge.regions import Mask, drawn_again
 from challenge.score import Score, judge_case
 from challenge.sealed import commitment
 from challenge.shuffle import SHUFFLED
 
 
-def judge(out: Path, *, partial: bool = False) -> dict[str, Any]:
+def judge(out: Path, *, partial: bool = False, aggregate: bool = False) -> dict[str, Any]:
     """Score a set.
 
     Parameters
@@ -26,6 +27,8 @@ def judge(out: Path, *, partial: bool = False) -> dict[str, Any]:
     partial
         Score the cases answered so far. They are a random draw: cases are sealed, and answered,
         in a random order.
+    aggregate
+        Keep no case: nothing but the caller's figures leaves the set.
 
     Returns
     -------
@@ -36,9 +39,13 @@ def judge(out: Path, *, partial: bool = False) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        When a seal is broken or the set is not complete.
+        When a seal is broken or the set is not complete, or where a set of a test population is
+        to be judged case by case.
     """
     public = json.loads((out / "commitments.json").read_text())
+    population = str(public.get("population", VALIDATION.name))
+    if needs_aggregate(population) and not aggregate:
+        raise ValueError(f"{out} is a test set: it is judged with --aggregate only")
     cases: dict[str, Any] = {}
     again = drawn_again(out)
     for name, listed in sorted(public["cases"].items()):
@@ -63,7 +70,8 @@ def judge(out: Path, *, partial: bool = False) -> dict[str, Any]:
         "seed": master["seed"], "protocol": public["protocol"], "sealed": len(public["cases"]),
         "cases": cases,
     }  # fmt: skip
-    (out / "scores.json").write_text(json.dumps(result, indent=1))
+    if not aggregate:
+        (out / "scores.json").write_text(json.dumps(result, indent=1))
     return result
 
 

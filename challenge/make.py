@@ -15,13 +15,16 @@ from challenge.cases.case import Secret, stage, write
 from challenge.cases.nulls import check_null
 from challenge.cases.seeds import child
 from challenge.cases.truth import facts
+from challenge.populations import VALIDATION, needs_aggregate
 from challenge.processes import in_processes
 from challenge.sealed import FULL, PROTOCOL, SMALL, draw, entropy, seal, write_whole
 
 _TRIES = 5
 
 
-def make(out: Path, *, seed: int | None, small: bool, jobs: int) -> int:
+def make(
+    out: Path, *, seed: int | None, small: bool, jobs: int, population: str = VALIDATION.name
+) -> int:
     """Make a sealed set in a folder.
 
     Parameters
@@ -30,12 +33,15 @@ def make(out: Path, *, seed: int | None, small: bool, jobs: int) -> int:
         Gets ``cases/`` for the diagnosis, ``keys/`` for the judge, ``commitments.json``.
     seed
         Master seed; by default the operating system's entropy.
+    population
+        Whose rule the set falls under, see `populations`.
 
     Returns
     -------
     int
         Exit code.
     """
+    needs_aggregate(population)
     (out / "cases").mkdir(parents=True, exist_ok=True)
     (out / "keys").mkdir(exist_ok=True)
     master_file = out / "keys" / "master.json"
@@ -62,7 +68,7 @@ def make(out: Path, *, seed: int | None, small: bool, jobs: int) -> int:
     for name in names:
         kept = json.loads((out / "keys" / f"{name}.seal.json").read_text())
         listed[name] = {"commitment": kept["commitment"], "files": _digests(out / "cases" / name)}
-    public = {"protocol": PROTOCOL, "cases": listed}
+    public = {"protocol": PROTOCOL, "population": population, "cases": listed}
     write_whole(out / "commitments.json", json.dumps(public, indent=1).encode())
     print(f"commitments: {out / 'commitments.json'}", file=sys.stderr)
     return 0

@@ -21,6 +21,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     make.add_argument("--small", action="store_true", help="a dozen cases instead of 160")
     make.add_argument("--jobs", type=int, default=1, help="processes (default 1)")
+    make.add_argument(
+        "--population", default="validation", metavar="NAME",
+        help="calibration, validation or test; a test set is judged in aggregate only",
+    )  # fmt: skip
     calibrate = steps.add_parser(
         "calibrate", help="make the opened population that may set a diagnosis's scales"
     )
@@ -56,6 +60,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--partial", action="store_true",
         help="score the cases answered so far, where the run was stopped by the clock",
     )  # fmt: skip
+    judge.add_argument(
+        "--aggregate", action="store_true", help="print and keep no case, only the scoreboard"
+    )
+    judge.add_argument(
+        "--record", type=Path, metavar="FILE.md", help="with --aggregate: enter the run there"
+    )
+    judge.add_argument("--reason", default="", help="with --record: why the test was run")
     judge.add_argument("--write", type=Path, metavar="FILE.md", help="write the page with pictures")
     payoff = steps.add_parser(
         "payoff", help="train a flaw segmenter on plain and diagnosed simulation, test it sealed"
@@ -89,8 +100,9 @@ def _step(arguments: argparse.Namespace) -> int:
         from challenge.make import make
 
         return make(
-            arguments.out, seed=arguments.seed, small=arguments.small, jobs=arguments.jobs
-        )
+            arguments.out, seed=arguments.seed, small=arguments.small, jobs=arguments.jobs,
+            population=arguments.population,
+        )  # fmt: skip
     if arguments.step == "calibrate":
         from challenge.calibration_population import calibrate
 
@@ -113,9 +125,17 @@ def _step(arguments: argparse.Namespace) -> int:
     from challenge.judge import judge
     from challenge.proof import scoreboard, write_page
 
-    scored = judge(arguments.set, partial=arguments.partial)
-    for line in scoreboard(scored):
+    if arguments.aggregate and arguments.write is not None:
+        raise ValueError("--write shows cases; with --aggregate use --record")
+    scored = judge(arguments.set, partial=arguments.partial, aggregate=arguments.aggregate)
+    lines = scoreboard(scored)
+    for line in lines:
         print(line)
+    if arguments.record is not None:
+        from challenge.record_of_tests import commit, enter
+
+        root = Path(__file__).parents[1]
+        enter(arguments.record, reason=arguments.reason, commit=commit(root), lines=lines)
     if arguments.write is not None:
         write_page(scored, arguments.set, arguments.write)
     return 0
