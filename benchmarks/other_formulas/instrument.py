@@ -22,7 +22,7 @@ OPTIONAL = (
 """Keys that real makers' files often leave out; each case's leaves out half of them."""
 SPECKLE_SHARE = 0.85
 """Share of the noise's variance that is speckle; the rest is independent."""
-MISSING_SHARE = 0.002
+MISSING_SHARE = 5e-4
 """Readings that go missing for no reason, in good instruments too."""
 
 

