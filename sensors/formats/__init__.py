@@ -11,13 +11,16 @@ from sensors.formats.ply import read_ply
 from sensors.formats.sick import read_sick
 from sensors.formats.spreadsheets import read_xlsx
 from sensors.formats.sur import read_sur
-from sensors.formats.tables import read_csv
+from sensors.formats.text.tables import read_csv
 from sensors.formats.x3p import read_x3p
 from sensors.typed_yaml import RecipeError
 
 READERS: Final[Mapping[str, Callable[[Path, str | None], HeightMap]]] = {
     ".csv": read_csv,
     ".txt": read_csv,
+    ".asc": read_csv,
+    ".xyz": read_csv,
+    ".dat": read_csv,
     ".npy": read_npy,
     ".tif": read_tiff,
     ".tiff": read_tiff,

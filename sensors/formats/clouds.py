@@ -54,8 +54,10 @@ def _organised(cloud: Cloud, shape: tuple[int, int], path: Path) -> HeightMap:
     bright = None if cloud.intensity is None else cloud.intensity.reshape(shape)
     missing = ~np.isfinite(grid).all(axis=2)
     zero = (grid == 0.0).all(axis=2)
+    words: tuple[str, ...] = ()
     if zero.sum() > 1:  # the other way to mark a missing point
         missing |= zero
+        words = (f"{int(zero.sum())} points at the origin are missing ones",)
     if missing.all():
         raise RecipeError("holds no point: all are missing", where=path)
     grid[missing] = np.nan
@@ -70,6 +72,7 @@ def _organised(cloud: Cloud, shape: tuple[int, int], path: Path) -> HeightMap:
         y_mm=_shared(y, 1, "row", path),
         intensity=bright,
         note=cloud.note,
+        decisions=words,
     )
 
 
@@ -112,6 +115,11 @@ def _shared(values: Floats, axis: int, noun: str, path: Path) -> Floats:
 
 def _lattice(cloud: Cloud, path: Path) -> HeightMap:
     keep = np.isfinite(cloud.points_mm).all(axis=1)
+    zero = (cloud.points_mm == 0.0).all(axis=1)
+    words: tuple[str, ...] = ()
+    if zero.sum() > 1:  # the other way to mark a missing point
+        keep &= ~zero
+        words = (f"{int(zero.sum())} points at the origin are missing ones",)
     points = cloud.points_mm[keep]
     if len(points) < 4:
         raise RecipeError("holds no grid of points", where=path, value=len(points))
@@ -140,6 +148,7 @@ def _lattice(cloud: Cloud, path: Path) -> HeightMap:
         y_mm=y_mm,
         intensity=None if cloud.intensity is None else bright.reshape(shape),
         note=cloud.note,
+        decisions=words,
     )
 
 

@@ -5,12 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sensors.formats.units import LENGTHS_MM, UNITS_MM
 from sensors.typed_yaml import RecipeError
 
 Floats = NDArray[np.float64]
-
-UNITS_MM = {"m": 1e3, "cm": 10.0, "mm": 1.0, "um": 1e-3, "µm": 1e-3, "nm": 1e-6, "in": 25.4}
-
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class HeightMap:
@@ -32,6 +30,16 @@ class HeightMap:
         What the file says of itself: instrument, frame number.
     unit_mm : float
         mm in one of the file's own numbers, where it is a bare table or image.
+    slope_x : (n_points,) float64 or None
+        Rays of an unrectified instrument: reading j lies at x_mm[j] + slope_x[j] * reading.
+    time_s : (n_profiles,) float64 or None
+        When each profile was taken, seconds.
+    row_counts : bool
+        Whether `y_mm` are counts of an encoder, whose length no one states.
+    unit_stated : bool
+        Whether the file itself states the unit of its heights.
+    decisions : tuple of str
+        What was recognised, taken or left out, in words for the user.
     """
 
     readings_mm: Floats
@@ -41,6 +49,11 @@ class HeightMap:
     step_mm: float | None = None
     note: str = ""
     unit_mm: float = 1.0
+    slope_x: Floats | None = None
+    time_s: Floats | None = None
+    row_counts: bool = False
+    unit_stated: bool = False
+    decisions: tuple[str, ...] = ()
 
 
 def scale_mm(unit: str | None, held: str | None = None) -> float:
@@ -52,7 +65,15 @@ def scale_mm(unit: str | None, held: str | None = None) -> float:
         Where the unit is unknown.
     """
     name = unit or held or "mm"
-    name = {"μm": "µm", "micrometer": "um", "micron": "um", '"': "in", "inch": "in"}.get(name, name)
-    if name not in UNITS_MM:
+    if name.lower() not in LENGTHS_MM:
         raise RecipeError("unknown unit", value=name, allowed=", ".join(UNITS_MM))
-    return UNITS_MM[name]
+    return LENGTHS_MM[name.lower()]
+
+
+def unit_decision(unit: str | None, held: str | None) -> tuple[str, ...]:
+    """Return what to tell the user of the heights' unit: contradicted, or obeyed."""
+    if held is None:
+        return ()
+    if unit is not None and scale_mm(unit) != scale_mm(held):
+        return (f"the file says that heights are in {held}; taken as {unit}, as given",)
+    return (f"heights are in {held}, as the file says",) if unit is None else ()

@@ -11,7 +11,8 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from sensors.formats.height_map import HeightMap
-from sensors.formats.tables import Rows, from_rows
+from sensors.formats.text.cells import Rows
+from sensors.formats.text.tables import from_rows
 from sensors.typed_yaml import RecipeError
 
 MAIN = "{http://schemas.openxmlformats.org/spreadsheetml/2006/main}"

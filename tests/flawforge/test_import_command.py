@@ -115,7 +115,7 @@ def test_bad_targets_and_files(
         ([str(scan), "--as", str(tmp_path / "folder.h5"), *PITCH], "is a folder"),
         ([str(sick), "--as", target], "isn't JSON, or cut short"),
         ([str(sick), "--as", target, "--missing", "0"], "is for bare numbers"),
-        ([str(tmp_path / "scan.dat"), "--as", target], "unknown format"),
+        ([str(tmp_path / "scan.foo"), "--as", target], "unknown format"),
         ([str(scan), str(scan), "--as", target, *PITCH], "isn't a single profile"),
     ):
         assert main(["import", *words]) == 2, words

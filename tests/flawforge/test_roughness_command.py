@@ -130,7 +130,7 @@ def test_figures_in_a_yaml_are_solved(
         ("a.csv", b"", PITCH, "is empty"),
         ("a.csv", b"1,2,3\n4,5\n", PITCH, "different lengths"),
         ("a.tiff", b"II*\0", PITCH, "isn't a TIFF"),
-        ("a.xyz", b"1", PITCH, "allowed: .h5"),
+        ("a.foo", b"1", PITCH, "allowed: .h5"),
         ("a.h5", b"1", PITCH, "can't be read"),
     ],
 )

@@ -414,7 +414,7 @@ def test_excel_table(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
-        ("a.xyz", b"", "unknown format"),
+        ("a.foo", b"", "unknown format"),
         ("a.csv", b"", "is empty"),
         ("a.csv", b"alpha,beta\ngamma,delta\n", "no numbers"),
         ("a.csv", b"1,2,3\n4,x,6\n", r"a\.csv:2: isn't a row of numbers"),
