@@ -181,9 +181,8 @@ def repeats(recordings: Sequence[Recording], notes: list[str]) -> list[Finding]:
 
 def laser_of(datasheet: Datasheet, recording: Recording) -> Laser:
     """Return the rays of a recording's columns."""
-    points = recording.depth_mm.shape[1]
     try:
-        return Laser.from_datasheet(datasheet, points=points, x_mm=recording.x_mm)
+        return Laser.of_recording(datasheet, recording)
     except RecipeError as error:
         raise RecipeError(str(error), where=recording.name) from None
 

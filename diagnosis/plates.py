@@ -31,7 +31,7 @@ def plate_residual(recording: Recording, datasheet: Datasheet) -> Plate:
     """
     depth = in_range(recording.depth_mm, datasheet)
     depth[repeated_rows(recording.depth_mm)] = np.nan
-    laser = Laser.from_datasheet(datasheet, points=depth.shape[1], x_mm=recording.x_mm)
+    laser = Laser.of_recording(datasheet, recording)
     poses = recording.poses
     local = laser.points_mm(depth)
     points = np.einsum("nij,nmj->nmi", poses[:, :3, :3], local) + poses[:, None, :3, 3]

@@ -50,13 +50,32 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     with stoppable():
         try:
-            return _main(list(sys.argv[1:] if argv is None else argv))
+            return _main(_joined(sys.argv[1:] if argv is None else argv))
         except BaseException:
             stop = heard()
             if stop is None:
                 raise
             print(f"flawforge: {STOPPED[stop.name]}; {GO_ON}", file=sys.stderr)
             return 128 + stop
+
+
+def _joined(words: Sequence[str]) -> list[str]:
+    """Join `--option -1e5` to `--option=-1e5`; argparse takes such numbers for options."""
+    joined: list[str] = []
+    for word in words:
+        before = joined[-1] if joined else ""
+        if _is_negative(word) and before.startswith("--") and "=" not in before:
+            joined[-1] = f"{before}={word}"
+        else:
+            joined.append(word)
+    return joined
+
+
+def _is_negative(word: str) -> bool:
+    try:
+        return word.startswith("-") and float(word) <= 0.0
+    except ValueError:
+        return False
 
 
 def _main(words: Sequence[str]) -> int:

@@ -9,12 +9,17 @@ if TYPE_CHECKING:
 
 EPILOG = """\
 formats, by suffix:
-  .csv .txt     a matrix (a profile in each row); columns x,z (names such as x_mm,z_um give the
-                units); points x,y,z on a grid; a Dektak's export
-  .npy .tif     an array or an image of heights, integer or float
+  .csv .txt .asc .xyz .dat
+                a matrix (a profile in each row), with axes or without; columns x,z (names such as
+                x_mm,z_um give the units); points x,y,z on a grid, or in profiles with an x of
+                their own; exports of Gocator, Gwyddion, Dektak
+  .npy .tif .png
+                an array or an image of heights, integer or float; a TIFF's second page is
+                brightness, its three channels are x, y, z
   .ply .pcd     point clouds whose points stand in rows and columns along x and y
   .json         SICK height maps (heights, reflectance, encoder)
-  .x3p .sur     topographies with their units inside
+  .x3p .sur .sdf .bcr
+                topographies with their units inside
   .xlsx         a table, or a Mitutoyo SurfTest report
 
 Readings stay on the instrument's own grid: nothing is resampled, averaged or filled. Heights
@@ -24,6 +29,10 @@ CAD part in that frame before you diagnose. A working distance or rate that no o
 assumed, and said so. Rows that repeat the one before while the travel goes on are no measurements
 and are dropped.
 
+Units, pitches and sentinels are taken from the file where it states them; what was recognised is
+printed. Where readings can't be what they seem (one number that stands apart and repeats, heights
+that don't go with the width) the import stops and names the option that settles it.
+
 Beside the recording a sensor.yaml is written that fits it: what the file doesn't tell (angle,
 line width, exposure ...) is null; put in what you know.
 
@@ -31,11 +40,13 @@ examples:
   flawforge import image_9.json --as strip.h5
   flawforge import scan.npy --as scan.h5 --unit um --pitch-x-mm 0.1 --pitch-y-mm 0.2
   flawforge import z.tif --as z.h5 --z-step-mm 0.002 --missing 0 --pitch-x-mm 0.1 --pitch-y-mm 0.1
+  flawforge import z.npy --as z.h5 --pitch-x-mm 0.1 --pitch-y-mm 0.1 --missing -32768 --missing 0
+  flawforge import scan.csv --as scan.h5 --poses robot.csv --picture scan.png
   flawforge import p1.csv p2.csv p3.csv --as lines.h5 --pitch-y-mm 0.5     a profile in each file
   flawforge diagnose strip.h5 --part strip.stl --sensor strip-sensor.yaml --out diagnosis
 """
-LENGTHS = ("pitch_x_mm", "pitch_y_mm", "working_distance_mm", "z_step_mm", "rate_hz")
-BARE = (".csv", ".txt", ".npy", ".tif", ".tiff")
+POSITIVE = ("pitch_x_mm", "pitch_y_mm", "working_distance_mm", "z_step_mm", "rate_hz")
+BARE = (".csv", ".txt", ".asc", ".xyz", ".dat", ".npy", ".tif", ".tiff", ".png")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -56,7 +67,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--z-step-mm", type=float, metavar="MM", help="height of one count of an integer file"
     )
     parser.add_argument(
-        "--missing", type=float, metavar="NUMBER", help="number that stands for a missing point"
+        "--z-offset-mm",
+        type=float,
+        default=0.0,
+        metavar="MM",
+        help="added to every height, mm",
+    )
+    parser.add_argument(
+        "--missing",
+        type=float,
+        action="append",
+        default=[],
+        metavar="NUMBER",
+        help="number that stands for a missing point, in the file's own numbers; may be repeated",
+    )
+    parser.add_argument(
+        "--columns",
+        metavar="x=NAME,z=NAME",
+        help="names of a table's columns: x, y, z, intensity, time, encoder (others are left out)",
     )
     parser.add_argument(
         "--pitch-x-mm", type=float, metavar="MM", help="distance of the columns, mm"
@@ -64,7 +92,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--pitch-y-mm", type=float, metavar="MM", help="distance of the rows, mm")
     sign = parser.add_mutually_exclusive_group()
     sign.add_argument(
-        "--height", dest="depth", action="store_false", help="readings are heights (default)"
+        "--height",
+        "--height-up",
+        dest="depth",
+        action="store_false",
+        help="readings are heights, growing towards the sensor (default)",
     )
     sign.add_argument(
         "--depth", dest="depth", action="store_true", help="readings are distances from the sensor"
@@ -81,6 +113,38 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="axis along which the rows follow each other; -y for images with y pointing up",
     )
     parser.add_argument(
+        "--flip-x", action="store_true", help="the columns follow each other along -x"
+    )
+    parser.add_argument(
+        "--poses",
+        type=Path,
+        metavar="CSV",
+        help="pose of each row, sensor to part: x,y,z,qw,qx,qy,qz or another convention",
+    )
+    parser.add_argument(
+        "--pose-convention",
+        choices=("quaternion", "matrix", "wpr", "abc", "rotvec"),
+        help="how --poses states rotations (default: by its columns' names)",
+    )
+    parser.add_argument(
+        "--rows", type=Path, metavar="CSV", help="place (y_mm), encoder count or time of each row"
+    )
+    parser.add_argument(
+        "--start-time-s",
+        type=float,
+        metavar="S",
+        help="start of the recording on a clock common to all recordings, s",
+    )
+    parser.add_argument(
+        "--no-check",
+        dest="checked",
+        action="store_false",
+        help="take readings as they are, however odd",
+    )
+    parser.add_argument(
+        "--picture", type=Path, metavar="PNG", help="draw what was read, to see whether it is right"
+    )
+    parser.add_argument(
         "--keep-repeated", action="store_true", help="keep rows that repeat the one before"
     )
     parser.add_argument("--name", help="name of the recording (default: the file's)")
@@ -93,11 +157,14 @@ def run(arguments: argparse.Namespace) -> int:
     """Import; say what was made."""
     from sensors.formats import read_height_map
     from sensors.formats.conversion import Setup, convert, stack
+    from sensors.formats.motion import read_poses, read_rows
     from sensors.typed_yaml import RecipeError
 
     files, target = arguments.files, arguments.target
     _check(arguments)
-    maps = [read_height_map(path, arguments.unit) for path in files]
+    roles = _roles(arguments.columns)
+    maps = [read_height_map(path, arguments.unit, columns=roles) for path in files]
+    poses = arguments.poses and read_poses(arguments.poses, arguments.pose_convention)
     setup = Setup(
         name=arguments.name or files[0].stem,
         pitch_x_mm=arguments.pitch_x_mm,
@@ -105,7 +172,15 @@ def run(arguments: argparse.Namespace) -> int:
         working_distance_mm=arguments.working_distance_mm,
         rate_hz=arguments.rate_hz,
         z_step_mm=arguments.z_step_mm,
-        missing=arguments.missing,
+        z_offset_mm=arguments.z_offset_mm,
+        missing=tuple(arguments.missing),
+        flip_x=arguments.flip_x,
+        start_time_s=arguments.start_time_s,
+        poses=poses,
+        rows=None if arguments.rows is None else read_rows(arguments.rows),
+        checked=arguments.checked,
+        unit_given=arguments.unit is not None or arguments.z_step_mm is not None,
+        options=_options(arguments),
         depth=arguments.depth,
         backwards=arguments.travel == "-y",
         keep_repeated=arguments.keep_repeated,
@@ -123,14 +198,48 @@ def run(arguments: argparse.Namespace) -> int:
             reason = error.strerror or str(error)
             raise RecipeError(f"can't be written ({reason})", where=path) from None
     _report(done, arguments.keep_repeated)
+    if arguments.picture is not None:
+        _draw(done, arguments.picture)
+        print(f"drew {arguments.picture}")
     print(f"wrote {target} and {sensor}")
     return 0
+
+
+def _roles(columns: str | None) -> dict[str, str]:
+    """Read `x=NAME,z=NAME`: the role of each named column."""
+    from sensors.typed_yaml import RecipeError
+
+    roles: dict[str, str] = {}
+    for pair in columns.split(",") if columns else []:
+        role, equals, name = pair.partition("=")
+        if not equals or role.strip() not in ("x", "y", "z", "intensity", "time", "encoder"):
+            raise RecipeError(
+                "--columns isn't a list of ROLE=NAME", value=pair,
+                allowed="x, y, z, intensity, time, encoder",
+            )  # fmt: skip
+        roles[name.strip()] = role.strip()
+    return roles
+
+
+def _options(arguments: argparse.Namespace) -> str:
+    """Return what was asked for as JSON, files by their names, to be kept in the recording."""
+    import json
+
+    left = ("run", "target", "sensor_out", "picture", "debug", "command")
+    kept = {}
+    for key, value in sorted(vars(arguments).items()):
+        if key.startswith("_") or key in left or callable(value) or value in (None, [], False):
+            continue
+        if isinstance(value, list):
+            value = [one.name if isinstance(one, Path) else one for one in value]
+        kept[key] = value.name if isinstance(value, Path) else value
+    return json.dumps(kept, ensure_ascii=False)
 
 
 def _check(arguments: argparse.Namespace) -> None:
     from sensors.typed_yaml import RecipeError
 
-    for key in LENGTHS:
+    for key in POSITIVE:
         value = getattr(arguments, key)
         if value is not None and not 0.0 < value < float("inf"):
             word = f"--{key.replace('_', '-')}"
@@ -140,10 +249,16 @@ def _check(arguments: argparse.Namespace) -> None:
     if arguments.target.is_dir():
         raise RecipeError("is a folder; --as should name a file", where=arguments.target)
     bare = all(path.suffix.lower() in BARE for path in arguments.files)
-    for key in ("z_step_mm", "missing"):
-        if getattr(arguments, key) is not None and not bare:
-            word = f"--{key.replace('_', '-')}"
-            raise RecipeError(f"{word} is for bare numbers", allowed=", ".join(BARE))
+    if arguments.z_step_mm is not None and not bare:
+        raise RecipeError("--z-step-mm is for bare numbers", allowed=", ".join(BARE))
+    for key in ("z_offset_mm", "start_time_s"):
+        value = getattr(arguments, key)
+        if value is not None and not abs(value) < float("inf"):
+            raise RecipeError(f"--{key.replace('_', '-')} isn't a number", value=value)
+    if arguments.pose_convention is not None and arguments.poses is None:
+        raise RecipeError("--pose-convention goes with --poses")
+    if arguments.poses is not None and arguments.rows is not None:
+        raise RecipeError("--poses and --rows both tell where the rows are; give one")
     if arguments.z_step_mm is not None and arguments.unit is not None:
         raise RecipeError("--unit and --z-step-mm both tell the height of one count; give one")
 
@@ -155,6 +270,8 @@ def _report(done: "Imported", kept: bool) -> None:
 
     recording, sensor = done.recording, done.sensor
     depth, x_mm = recording.depth_mm, recording.x_mm
+    if recording.ray_x_mm is not None and recording.ray_slope is not None:
+        x_mm = recording.ray_x_mm + sensor.working_distance_mm * recording.ray_slope
     assert x_mm is not None
     pitch_x = float(np.median(np.abs(np.diff(x_mm))))
     pitch = f"{pitch_x:.6g} mm"
@@ -173,5 +290,46 @@ def _report(done: "Imported", kept: bool) -> None:
         f"depth {float(np.nanmin(depth)):.6g} to {float(np.nanmax(depth)):.6g} mm, resolution"
         f" {sensor.z_resolution_um:g} µm"
     )
+    for words in done.decisions:
+        print(f"read: {words}")
     for words in done.assumed:
         print(f"assumed: {words}")
+
+
+def _draw(done: "Imported", path: Path) -> None:
+    """Draw heights (and brightness) with their axes in mm, and one profile in the middle."""
+    import numpy as np
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    from sensors.typed_yaml import RecipeError
+
+    recording = done.recording
+    heights = done.sensor.working_distance_mm - recording.depth_mm
+    x_mm = recording.x_mm
+    if recording.ray_x_mm is not None and recording.ray_slope is not None:
+        x_mm = recording.ray_x_mm + done.sensor.working_distance_mm * recording.ray_slope
+    assert x_mm is not None
+    way = np.linalg.norm(np.diff(recording.poses[:, :3, 3], axis=0), axis=1)
+    y_mm = np.concatenate([[0.0], np.cumsum(way)])
+    panels = 1 + (recording.intensity is not None)
+    figure = Figure(figsize=(5.2 * panels, 6.4), dpi=100, layout="constrained")
+    FigureCanvasAgg(figure)
+    grid = figure.subplots(2, panels, squeeze=False, height_ratios=[2.2, 1.0])
+    images = [("height, mm", heights, "viridis")]
+    if recording.intensity is not None:
+        images.append(("brightness", recording.intensity, "gray"))
+    extent = (x_mm[0], x_mm[-1], y_mm[-1], y_mm[0] if y_mm[-1] > 0 else -1.0)
+    for axes, (title, image, colours) in zip(grid[0], images, strict=True):
+        shown = axes.imshow(image, extent=extent, aspect="auto", cmap=colours)
+        figure.colorbar(shown, ax=axes)
+        axes.set(title=title, xlabel="x, mm", ylabel="way of the rows, mm")
+    middle = len(heights) // 2
+    for axes, (title, image, _) in zip(grid[1], images, strict=True):
+        axes.plot(x_mm, image[middle], linewidth=0.8)
+        axes.set(title=f"profile {middle}", xlabel="x, mm", ylabel=title)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path)
+    except (OSError, ValueError) as error:
+        raise RecipeError(f"can't be written ({error})", where=path) from None

@@ -36,6 +36,10 @@ class Recording:
         Columns' x with `columns: even_x`, mm.
     start_time_s : float or None
         Start on a clock common to all recordings, seconds.
+    ray_x_mm, ray_slope : (n_points,) float64 or None
+        Rays of an instrument that doesn't rectify: column j sees x = ray_x + ray_slope * depth.
+    import_options : str
+        How the recording was made of an instrument's file (JSON), so that it can be repeated.
     """
 
     name: str
@@ -46,6 +50,9 @@ class Recording:
     x_mm: NDArray[np.float64] | None = None
     comment: str = ""
     start_time_s: float | None = None
+    ray_x_mm: NDArray[np.float64] | None = None
+    ray_slope: NDArray[np.float64] | None = None
+    import_options: str = ""
 
     def __post_init__(self) -> None:
         _check(self)
@@ -77,7 +84,7 @@ class Recording:
                     raise RecipeError(f"has no /{missing[0]}", where=path)
                 arrays = {
                     key: _numbers(file[key], key, path)
-                    for key in ("depth", "pose", "time", "intensity", "x")
+                    for key in ("depth", "pose", "time", "intensity", "x", "ray_x", "ray_slope")
                     if key in file
                 }
                 start = file.attrs.get("start_time_s")
@@ -90,6 +97,9 @@ class Recording:
                     x_mm=arrays.get("x"),
                     comment=_text(file.attrs.get("comment")),
                     start_time_s=None if start is None else float(start),
+                    ray_x_mm=arrays.get("ray_x"),
+                    ray_slope=arrays.get("ray_slope"),
+                    import_options=_text(file.attrs.get("import_options")),
                 )
         except OSError as error:
             reason = error.strerror or "not an HDF5 file, or damaged"
@@ -119,6 +129,11 @@ class Recording:
             file.create_dataset("time", data=self.time_s)
             if self.x_mm is not None:
                 file.create_dataset("x", data=self.x_mm)
+            if self.ray_x_mm is not None and self.ray_slope is not None:
+                file.create_dataset("ray_x", data=self.ray_x_mm)
+                file.create_dataset("ray_slope", data=self.ray_slope)
+            if self.import_options:
+                file.attrs["import_options"] = self.import_options
 
 
 def repeated_rows(depth_mm: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -150,6 +165,8 @@ def _check(recording: Recording) -> None:
         ("time", recording.time_s, (count,)),
         ("intensity", recording.intensity, (count, points)),
         ("x", recording.x_mm, (points,)),
+        ("ray_x", recording.ray_x_mm, (points,)),
+        ("ray_slope", recording.ray_slope, (points,)),
     ):
         if array is not None and array.shape != shape:
             raise RecipeError(
@@ -161,6 +178,11 @@ def _check(recording: Recording) -> None:
         step = np.diff(recording.x_mm)
         if not np.isfinite(recording.x_mm).all() or not ((step > 0).all() or (step < 0).all()):
             raise RecipeError("/x must be finite and strictly monotone")
+    rays = (recording.ray_x_mm, recording.ray_slope)
+    if (rays[0] is None) != (rays[1] is None):
+        raise RecipeError("/ray_x and /ray_slope go together")
+    if any(ray is not None and not np.isfinite(ray).all() for ray in rays):
+        raise RecipeError("/ray_x and /ray_slope must be finite")
     if recording.start_time_s is not None and not np.isfinite(recording.start_time_s):
         raise RecipeError("start_time_s isn't a number", value=recording.start_time_s)
     _check_rigid(recording.poses)

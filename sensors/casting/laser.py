@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.datasheet import Datasheet
+from sensors.recording import Recording
 from sensors.typed_yaml import RecipeError
 
 
@@ -59,6 +60,14 @@ class Laser:
         if not np.isfinite(x_mm).all() or not ((step > 0).all() or (step < 0).all()):
             raise RecipeError("column positions /x must be finite and strictly monotone")
         return cls(x_mm=x_mm, slope_x=np.zeros(x_mm.size))
+
+    @classmethod
+    def of_recording(cls, datasheet: Datasheet, recording: Recording) -> "Laser":
+        """Return the rays of a recording: its own where it states them, else the datasheet's."""
+        if recording.ray_x_mm is not None and recording.ray_slope is not None:
+            return cls(x_mm=recording.ray_x_mm, slope_x=recording.ray_slope)
+        points = recording.depth_mm.shape[1]
+        return cls.from_datasheet(datasheet, points=points, x_mm=recording.x_mm)
 
     def points_mm(self, depth_mm: NDArray[np.float64]) -> NDArray[np.float64]:
         """Turn depths (..., m) into points (..., m, 3) in the sensor frame, mm."""

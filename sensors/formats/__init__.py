@@ -4,10 +4,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
-from sensors.formats.arrays import read_npy, read_tiff
+from sensors.formats.arrays import read_npy
+from sensors.formats.bcr import read_bcr
 from sensors.formats.height_map import HeightMap
+from sensors.formats.images import read_png, read_tiff
 from sensors.formats.pcd import read_pcd
 from sensors.formats.ply import read_ply
+from sensors.formats.sdf import read_sdf
 from sensors.formats.sick import read_sick
 from sensors.formats.spreadsheets import read_xlsx
 from sensors.formats.sur import read_sur
@@ -24,16 +27,22 @@ READERS: Final[Mapping[str, Callable[[Path, str | None], HeightMap]]] = {
     ".npy": read_npy,
     ".tif": read_tiff,
     ".tiff": read_tiff,
+    ".png": read_png,
     ".ply": read_ply,
     ".pcd": read_pcd,
     ".json": read_sick,
     ".x3p": read_x3p,
     ".sur": read_sur,
     ".xlsx": read_xlsx,
+    ".sdf": read_sdf,
+    ".bcr": read_bcr,
+    ".bcrf": read_bcr,
 }
 
 
-def read_height_map(path: str | Path, unit: str | None = None) -> HeightMap:
+def read_height_map(
+    path: str | Path, unit: str | None = None, *, columns: Mapping[str, str] | None = None
+) -> HeightMap:
     """Read an instrument's file as it stands: no reading is moved, averaged or filled.
 
     Parameters
@@ -43,6 +52,9 @@ def read_height_map(path: str | Path, unit: str | None = None) -> HeightMap:
     unit : str, optional
         Unit of the readings (of x, y and z in a point cloud); where it isn't given, the file's
         own, else mm.
+    columns : mapping, optional
+        What the named columns of a table of text hold (x, y, z, intensity, time, encoder);
+        others are left out.
 
     Raises
     ------
@@ -54,7 +66,11 @@ def read_height_map(path: str | Path, unit: str | None = None) -> HeightMap:
         raise RecipeError("unknown format", where=path, allowed=", ".join(READERS))
     if not path.is_file():
         raise RecipeError("no such file", where=path)
+    if columns and READERS[path.suffix.lower()] is not read_csv:
+        raise RecipeError("has no named columns", where=path, allowed="tables of text")
     try:
+        if columns:
+            return read_csv(path, unit, columns)
         return READERS[path.suffix.lower()](path, unit)
     except OSError as error:
         raise RecipeError(f"can't be read ({error.strerror or error})", where=path) from None

@@ -1,4 +1,4 @@
-"""Height maps in NPY arrays and TIFF images: a grid of numbers, with no word about its pitch."""
+"""Height maps in NPY arrays: a grid of numbers that states no pitch."""
 
 from pathlib import Path
 
@@ -17,25 +17,11 @@ def read_npy(path: Path, unit: str | None) -> HeightMap:
         raise RecipeError(f"isn't an array of numbers ({error})", where=path) from None
     if not isinstance(array, np.ndarray):
         raise RecipeError("holds several arrays; save the heights alone", where=path)
-    return _from_array(array, unit, path)
+    return from_array(array, unit, path)
 
 
-def read_tiff(path: Path, unit: str | None) -> HeightMap:
-    """Read an image of heights with one channel, 8 to 32 bit or float; rows are profiles."""
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with Image.open(path) as image:
-            pages = getattr(image, "n_frames", 1)
-            array = np.array(image)
-    except (OSError, UnidentifiedImageError, SyntaxError, ValueError) as error:
-        raise RecipeError(f"isn't a TIFF image of heights ({error})", where=path) from None
-    if pages != 1:
-        raise RecipeError("holds several images", where=path, value=pages, allowed="one")
-    return _from_array(array, unit, path)
-
-
-def _from_array(array: NDArray[np.generic], unit: str | None, path: Path) -> HeightMap:
+def from_array(array: NDArray[np.generic], unit: str | None, path: Path) -> HeightMap:
+    """Return a grid of numbers, a profile a row, as a height map; integers are counts."""
     if array.ndim == 1:  # one profile
         array = array[None]
     if array.dtype.kind not in "fiu" or array.ndim != 2:

@@ -27,10 +27,21 @@ def read_x3p(path: Path, unit: str | None) -> HeightMap:
         raise RecipeError("is in metres by its standard", where=path, value=unit, allowed="m")
     try:
         with zipfile.ZipFile(path) as archive:
-            root = ElementTree.fromstring(archive.read("main.xml"))
+            root = ElementTree.fromstring(_member(archive, "main.xml"))
             return _read(_Record(root), archive, path)
     except (zipfile.BadZipFile, zlib.error, ElementTree.ParseError, KeyError, OSError) as error:
         raise RecipeError(f"isn't an X3P file, or damaged ({error})", where=path) from None
+
+
+def _member(archive: zipfile.ZipFile, name: str) -> bytes:
+    """Read a member of the archive by its name, wherever its folder was packed."""
+    names = archive.namelist()
+    if name not in names:
+        wanted = "/" + name.replace("\\", "/").lstrip("/").lower()
+        ends = [one for one in names if ("/" + one.replace("\\", "/").lower()).endswith(wanted)]
+        if len(ends) == 1:
+            name = ends[0]
+    return archive.read(name)
 
 
 class _Record:
@@ -70,7 +81,7 @@ def _read(record: _Record, archive: zipfile.ZipFile, path: Path) -> HeightMap:
     readings = raw * step + record.number("Record1/Axes/CZ/Offset", 0.0, path)
     link = record.text("Record3/DataLink/ValidPointsLink")
     if link:
-        bits = np.unpackbits(np.frombuffer(archive.read(link), np.uint8), bitorder="little")
+        bits = np.unpackbits(np.frombuffer(_member(archive, link), np.uint8), bitorder="little")
         if bits.size < readings.size:
             raise RecipeError("has too few bits in its list of valid points", where=path)
         readings[bits[: readings.size].reshape(readings.shape) == 0] = np.nan
@@ -105,7 +116,7 @@ def _points(
         return values.reshape(shape)
     if kind not in TYPES:
         raise RecipeError("has heights of an unknown type", where=path, value=kind, allowed="ILFD")
-    blob = archive.read(link)
+    blob = _member(archive, link)
     wanted = shape[0] * shape[1] * np.dtype(TYPES[kind]).itemsize
     if len(blob) != wanted:
         raise RecipeError(

@@ -120,7 +120,9 @@ def _recording_pitch(
     recording: Recording, sensor: Datasheet | None
 ) -> tuple[float | None, float | None]:
     x_mm = recording.x_mm
-    if x_mm is None and sensor is not None:
+    if recording.ray_x_mm is not None and recording.ray_slope is not None:
+        x_mm = recording.ray_x_mm + np.nanmedian(recording.depth_mm) * recording.ray_slope
+    elif x_mm is None and sensor is not None:
         points = recording.depth_mm.shape[1]
         half = sensor.fov_rad / 2.0
         if sensor.columns == "even_angle":

@@ -114,7 +114,7 @@ def test_bad_targets_and_files(
         ([str(scan), "--as", str(tmp_path / "r.npy"), *PITCH], "isn't a .h5 file"),
         ([str(scan), "--as", str(tmp_path / "folder.h5"), *PITCH], "is a folder"),
         ([str(sick), "--as", target], "isn't JSON, or cut short"),
-        ([str(sick), "--as", target, "--missing", "0"], "is for bare numbers"),
+        ([str(sick), "--as", target, "--z-step-mm", "1"], "is for bare numbers"),
         ([str(tmp_path / "scan.foo"), "--as", target], "unknown format"),
         ([str(scan), str(scan), "--as", target, *PITCH], "isn't a single profile"),
     ):

@@ -1,7 +1,7 @@
 """Height maps in tables of text: a matrix, columns of position and heights, or points x, y, z."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from sensors.formats.units import LENGTHS_MM, length_in, time_in
 from sensors.typed_yaml import RecipeError
 
 MIN_PROFILE = 16  # rows from which two rising columns are a profile and no matrix
+MIN_POINTS = 64  # rows from which three columns are points and no matrix
 SIDE = ("counter", "quality", "time", "encoder", "brightness")
 
 
@@ -48,7 +49,9 @@ class Table:
     decisions: tuple[str, ...]
 
 
-def read_csv(path: Path, unit: str | None) -> HeightMap:
+def read_csv(
+    path: Path, unit: str | None, columns: Mapping[str, str] | None = None
+) -> HeightMap:
     """Read a table; words may stand before its numbers (a report, names of columns, units).
 
     A matrix has a profile in each row; axes in its first row and column are recognised. Where the
@@ -56,7 +59,8 @@ def read_csv(path: Path, unit: str | None) -> HeightMap:
     first rises, the other columns are profiles. Names `x,y,z`, or three columns that run through
     a grid, are points; points in rows of one y with an x of their own are unrectified profiles.
     Columns that count, time or flag the rows are no readings. `unit` is that of heights, and with
-    `x,y,z` of all three; without it the header's units hold (`z_um`, `Lateral um`).
+    `x,y,z` of all three; without it the header's units hold (`z_um`, `Lateral um`). `columns` gives
+    the named columns' roles; others are left out.
     """
     lines = decoded(path.read_bytes()).splitlines()
     if not any(line.strip() for line in lines):
@@ -64,7 +68,7 @@ def read_csv(path: Path, unit: str | None) -> HeightMap:
     if is_gocator(lines):
         return read_gocator(lines, unit, path)
     cells = split(lines)
-    found = from_rows(cells.rows, unit, path, lines)
+    found = from_rows(cells.rows, unit, path, lines, columns)
     if not cells.trailing:
         return found
     words = ("each row ends in a separator, which is no column",)
@@ -72,15 +76,29 @@ def read_csv(path: Path, unit: str | None) -> HeightMap:
 
 
 def from_rows(
-    rows: Rows, unit: str | None, path: Path, lines: list[str] | None = None
+    rows: Rows,
+    unit: str | None,
+    path: Path,
+    lines: list[str] | None = None,
+    columns: Mapping[str, str] | None = None,
 ) -> HeightMap:
     """Read a table of cells as a height map; empty rows between are skipped."""
     table = _table(rows, path, lines)
     roles = [role_of(name) for name in table.names]
-    if table.names and any(roles):
-        return _named(table, roles, unit, path)
+    if columns:
+        unknown = [name for name in columns if name not in table.names]
+        if unknown:
+            raise RecipeError(
+                f"has no column {unknown[0]!r}", where=path,
+                value=", ".join(table.names) or "no names",
+            )  # fmt: skip
+        given = {"intensity": "brightness"}
+        roles = [given.get(columns[name], columns[name]) if name in columns else "quality"
+                 for name in table.names]  # fmt: skip
     if table.names and CORNER.match(table.names[0]):
         return _corner(table, unit)
+    if table.names and any(roles):
+        return _named(table, roles, unit, path)
     return _unnamed(table, unit, path)
 
 
@@ -100,7 +118,7 @@ def _table(rows: Rows, path: Path, lines: list[str] | None) -> Table:
     for k, row in enumerate(rows[:start]):
         numbers = [number(cell) for cell in row]
         known = sum(value is not None for value in numbers)
-        axis = bool(row) and (CORNER.match(row[0]) is not None or not row[0])
+        axis = bool(row) and numbers[0] is None and _rises(numbers[1:])
         if known > len(row) / 2 and len(row) == width > 2 and known < width and not axis:
             raise RecipeError("isn't a row of numbers", where=f"{path}:{k + 1}")
     values, texts = _numbers(rows, start, width, path)
@@ -244,7 +262,8 @@ def _unnamed(table: Table, unit: str | None, path: Path) -> HeightMap:
         pair: list[str | None] = [*units, None, None][:2]
         found = _profiles(plain, [0, 1], pair, unit, path)
         return replace(found, decisions=(*words, *found.decisions))
-    if values.shape[1] in (3, 4) and len(values) >= MIN_PROFILE and _are_points(values):
+    long = values.shape[1] == 3 and len(values) >= MIN_POINTS  # no scan has three columns
+    if values.shape[1] in (3, 4) and (long or _are_points(values)):
         triple: list[str | None] = [*units, None, None, None][:3]
         bright = values[:, 3] if values.shape[1] == 4 else None
         return _points(values[:, :3], triple, unit, path, bright)
@@ -372,6 +391,12 @@ def _are_points(table: Floats) -> bool:
     runs = 1 + int((np.diff(at[:, 1]) != 0).sum())
     profiles = runs == rows and len(at) >= 8 * rows
     return min(columns, rows) > 1 and (lattice or profiles)
+
+
+def _rises(numbers: list[float | None]) -> bool:
+    """Return whether a row's numbers run one way, as an axis does."""
+    steps = np.diff([np.nan if value is None else value for value in numbers])
+    return bool((steps > 0).all() or (steps < 0).all())
 
 
 def _counts(values: Floats) -> bool:

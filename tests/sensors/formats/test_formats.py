@@ -515,7 +515,7 @@ def test_repeated_rows_are_dropped_with_their_poses(converted: Callable[..., Imp
 def test_counts_and_missing_numbers(converted: Callable[..., Imported]) -> None:
     raw = np.random.default_rng(8).integers(1, 60000, (5, 16)).astype(np.uint16)
     raw[3, 3] = 0
-    done = converted(raw, z_step_mm=0.002, missing=0.0, working_distance_mm=500.0)
+    done = converted(raw, z_step_mm=0.002, missing=(0.0,), working_distance_mm=500.0)
     same(done.recording.depth_mm, 500.0 - np.where(raw == 0, np.nan, raw * 0.002))
     assert done.sensor.z_resolution_um == 2.0
 
@@ -542,8 +542,11 @@ def test_profiles_stack(tmp_path: Path) -> None:
     single = convert(maps[0], Setup(name="p"))
     assert single.recording.depth_mm.shape == (1, 20)
     np.savetxt(tmp_path / "3.csv", table + [0.01, 0.0], "%.17g", ",", header="x_mm,z_mm")
-    with pytest.raises(RecipeError, match="other places"):
-        stack([maps[0], read_height_map(tmp_path / "3.csv")])
+    wider = stack([maps[0], read_height_map(tmp_path / "3.csv")])
+    assert wider.readings_mm.shape == (2, 40)
+    same(wider.readings_mm[0, ::2], heights()[3])
+    assert np.isnan(wider.readings_mm[0, 1::2]).all()
+    same(wider.x_mm[1::2], np.arange(20) * 0.1 + 0.01)
 
 
 @pytest.mark.parametrize(
