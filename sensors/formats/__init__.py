@@ -6,6 +6,7 @@ from typing import Final
 
 from sensors.formats.arrays import read_npy
 from sensors.formats.bcr import read_bcr
+from sensors.formats.geodata import read_e57, read_las
 from sensors.formats.height_map import HeightMap
 from sensors.formats.images import read_png, read_tiff
 from sensors.formats.pcd import read_pcd
@@ -14,16 +15,26 @@ from sensors.formats.sdf import read_sdf
 from sensors.formats.sick import read_sick
 from sensors.formats.spreadsheets import read_xlsx
 from sensors.formats.sur import read_sur
+from sensors.formats.surface_topography import SUFFIXES, read_topography
+from sensors.formats.text.decode import is_text
 from sensors.formats.text.tables import read_csv
 from sensors.formats.x3p import read_x3p
 from sensors.typed_yaml import RecipeError
+
+
+def read_dat(path: Path, unit: str | None) -> HeightMap:
+    """Read a table of text, or a binary file that SurfaceTopography knows (MetroPro)."""
+    with path.open("rb") as file:
+        head = file.read(4096)
+    return read_csv(path, unit) if is_text(head) else read_topography(path, unit)
+
 
 READERS: Final[Mapping[str, Callable[[Path, str | None], HeightMap]]] = {
     ".csv": read_csv,
     ".txt": read_csv,
     ".asc": read_csv,
     ".xyz": read_csv,
-    ".dat": read_csv,
+    ".dat": read_dat,
     ".npy": read_npy,
     ".tif": read_tiff,
     ".tiff": read_tiff,
@@ -37,6 +48,10 @@ READERS: Final[Mapping[str, Callable[[Path, str | None], HeightMap]]] = {
     ".sdf": read_sdf,
     ".bcr": read_bcr,
     ".bcrf": read_bcr,
+    ".las": read_las,
+    ".laz": read_las,
+    ".e57": read_e57,
+    **dict.fromkeys(SUFFIXES, read_topography),
 }
 
 

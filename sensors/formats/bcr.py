@@ -13,7 +13,7 @@ VOID = {"i2": 32767.0, "f4": 1e38}  # floats from there on are missing
 
 
 def read_bcr(path: Path, unit: str | None) -> HeightMap:
-    """Read heights; lengths are nm unless the header names units, `unit` overrides the heights'."""
+    """Read heights; they are nm unless the header names a unit, `unit` overrides that."""
     blob = path.read_bytes()
     text = blob[:4096].decode("utf-16-le", "ignore")
     if "fileformat" not in text:
@@ -23,7 +23,8 @@ def read_bcr(path: Path, unit: str | None) -> HeightMap:
     kind = words.get("fileformat", "").lower()
     if kind not in HEADERS:
         raise RecipeError("isn't a BCR file", where=path, value=kind, allowed=", ".join(HEADERS))
-    start = int(_real(words, "headersize", path, HEADERS[kind]))
+    # A header in UTF-16 has two bytes for each of its 2048 signs.
+    start = HEADERS[kind] if "unicode" in kind else int(_real(words, "headersize", path, 2048))
     columns, rows = (int(_real(words, key, path)) for key in ("xpixels", "ypixels"))
     form = "f4" if kind.startswith("bcrf") else "i2"
     order = "<" if int(_real(words, "intelmode", path, 1)) else ">"

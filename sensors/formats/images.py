@@ -9,8 +9,11 @@ from numpy.typing import NDArray
 from sensors.formats.arrays import from_array
 from sensors.formats.clouds import Cloud, brightness, to_height_map
 from sensors.formats.height_map import HeightMap, scale_mm
+from sensors.formats.surface_topography import read_topography
 from sensors.typed_yaml import RecipeError
 
+PARK_TAG = 50434
+"""Magic tag of Park Systems' TIFF."""
 Page = NDArray[np.generic]
 
 
@@ -24,9 +27,12 @@ def read_tiff(path: Path, unit: str | None) -> HeightMap:
 
     try:
         with tifffile.TiffFile(path) as file:
-            pages = [page.asarray() for page in file.pages]
+            park = PARK_TAG in getattr(file.pages[0], "tags", ())
+            pages = [] if park else [page.asarray() for page in file.pages]
     except Exception as error:  # whatever a damaged file makes of the library
         raise RecipeError(f"isn't a TIFF image of heights ({error})", where=path) from None
+    if park:  # the picture is a thumbnail, the heights stand in a tag
+        return read_topography(path, unit)
     if not pages:
         raise RecipeError("holds no image", where=path)
     if pages[0].ndim == 3 and pages[0].shape[2] == 3 and pages[0].dtype.kind == "f":

@@ -39,10 +39,11 @@ def read_xlsx(path: Path, unit: str | None) -> HeightMap:
 def _mitutoyo(rows: Rows, unit: str | None, path: Path) -> HeightMap:
     heights = re.search(r"[\d.]\s*([munµ]?m)\b", rows[0][0])
     cutoff = re.search(r"CUT\s*[\d.]+\s*([munµ]?m)\b", rows[0][1] if len(rows[0]) > 1 else "")
-    if heights is None or cutoff is None:
-        raise RecipeError("isn't a Mitutoyo report: no Ra and cut-off in its first row", where=path)
+    if heights is None:
+        raise RecipeError("isn't a Mitutoyo report: no Ra in its first row", where=path)
     profile = [row[4:6] for row in rows if len(row) >= 6 and row[4] and row[5]]
-    names = [f"x_{cutoff.group(1)}", f"z_{heights.group(1)}"]
+    along = "mm" if cutoff is None else cutoff.group(1)  # Mitutoyo's own where none is stated
+    names = [f"x_{along}", f"z_{heights.group(1)}"]
     return from_rows([names, *profile], unit, path)
 
 

@@ -11,6 +11,12 @@ MARKS = (
 )
 
 
+def is_text(head: bytes) -> bool:
+    """Return whether a file's first bytes are text: no control bytes once they are decoded."""
+    text = decoded(head)
+    return not any(ord(sign) < 9 or 13 < ord(sign) < 32 for sign in text)
+
+
 def decoded(blob: bytes) -> str:
     """Return the text of a file that may be UTF-8, UTF-16, UTF-32 or Latin-1."""
     for mark, encoding in MARKS:

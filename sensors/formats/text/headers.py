@@ -21,6 +21,9 @@ _AXES = {
     "y": re.compile(rf"(?i)^(?:y[\s_-]*{_PITCH}|{_PITCH}[\s_-]*y|d[\s_-]?y|delta[\s_-]?y)\b"),
 }
 
+_BOTH = re.compile(r"(?i)^(?:pixel[\s_-]*(?:size|pitch)|pixel[\s_-]*spacing|lateral[\s_-]*pitch)$")
+_FACTOR = re.compile(r"(?i)^(?:height|z|data)[\s_-]*(?:conversion)?[\s_-]*(?:factor|scale)\b")
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Header:
@@ -34,6 +37,8 @@ class Header:
         Distance of the columns and of the rows.
     unit
         Unit of the heights.
+    factor_mm
+        mm in one of the table's numbers ("height conversion factor (-> m)").
     column_units
         Units of the columns, where a line holds nothing but units.
     """
@@ -43,6 +48,7 @@ class Header:
     pitch_x_mm: float | None = None
     pitch_y_mm: float | None = None
     unit: str | None = None
+    factor_mm: float | None = None
     column_units: tuple[str, ...] = ()
 
 
@@ -64,12 +70,17 @@ def read_header(lines: list[str]) -> Header:
             unit = value.lower().strip("[]() ")
             continue
         length = _length_mm(key, value)
+        if _FACTOR.match(key) and length is not None:
+            found["factor_mm"] = length
+            continue
         if length is None:
             continue
         if key.lower() in _WIDTH:
             found["width_mm"] = length
         elif key.lower() in _HEIGHT:
             found["height_mm"] = length
+        if _BOTH.match(key):
+            found["pitch_x_mm"] = found["pitch_y_mm"] = length
         for axis, pattern in _AXES.items():
             if pattern.match(key):
                 found[f"pitch_{axis}_mm"] = length
@@ -82,7 +93,9 @@ def _length_mm(key: str, value: str) -> float | None:
     if number is None:
         return None
     rest = value[number.end() :].strip(" []()")
-    unit = rest.lower() if rest.lower() in LENGTHS_MM else length_in(key)
+    arrow = re.search(r"->\s*([A-Za-zµμ]+)\s*\)", key)
+    named = arrow.group(1) if arrow is not None else length_in(key)
+    unit = rest.lower() if rest.lower() in LENGTHS_MM else named
     if unit is None and rest:
         return None
     length = float(number.group(0).replace(",", ".")) * scale_mm(unit)

@@ -19,7 +19,8 @@ from sensors.formats.text.names import role_of
 from sensors.formats.units import LENGTHS_MM, length_in, time_in
 from sensors.typed_yaml import RecipeError
 
-MIN_PROFILE = 16  # rows from which two rising columns are a profile and no matrix
+MIN_PROFILE = 3  # rows from which two columns, the first rising, are a profile and no matrix
+LEAST_POINTS = 9  # points of a lattice
 MIN_POINTS = 64  # rows from which three columns are points and no matrix
 SIDE = ("counter", "quality", "time", "encoder", "brightness")
 
@@ -269,14 +270,18 @@ def _unnamed(table: Table, unit: str | None, path: Path) -> HeightMap:
         return _points(values[:, :3], triple, unit, path, bright)
     held = _held(table.header, units[:1])
     scale = scale_mm(unit, held)
+    factor = table.header.factor_mm
+    if factor is not None and unit is None:
+        scale, held = factor, None
+        words = (*words, f"one count is {factor:.6g} mm, as the file says")
     axes = without_axes(values)
     found = HeightMap(
         readings_mm=axes.table * scale,
         x_mm=None if axes.x is None else axes.x * scale,
         y_mm=None if axes.y is None else axes.y * scale,
         unit_mm=scale,
-        unit_stated=held is not None,
-        decisions=(*axes.dropped, *unit_decision(unit, held)),
+        unit_stated=held is not None or factor is not None,
+        decisions=(*words, *axes.dropped, *unit_decision(unit, held)),
     )
     return _with_pitch(found, table.header)
 
@@ -383,11 +388,12 @@ def _points(
 def _are_points(table: Floats) -> bool:
     """Return whether columns run through a lattice, or stand in rows of one y."""
     at = table[:, :2]
-    at = at[np.isfinite(at).all(axis=1) & (at != 0.0).any(axis=1)]
-    if len(at) < MIN_PROFILE:
+    origin = (at == 0.0).all(axis=1)
+    at = at[np.isfinite(at).all(axis=1) & ~(origin & (origin.sum() > 1))]
+    if len(at) < LEAST_POINTS:
         return False
     columns, rows = np.unique(at[:, 0]).size, np.unique(at[:, 1]).size
-    lattice = columns * rows <= 4 * len(at)
+    lattice = columns * rows <= (4 if len(at) >= MIN_POINTS else 1) * len(at)
     runs = 1 + int((np.diff(at[:, 1]) != 0).sum())
     profiles = runs == rows and len(at) >= 8 * rows
     return min(columns, rows) > 1 and (lattice or profiles)
