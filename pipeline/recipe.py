@@ -238,8 +238,11 @@ class Recipe:
         return (entry.specimens or self.file.specimens) + self.file.good_specimens
 
     def flaws_of(self, entry: PartEntry, specimen: int = 0) -> FlawPlan:
-        """Return the flaws wanted in a specimen: its part's, else the recipe's; good ones last."""
-        if specimen >= (entry.specimens or self.file.specimens):
+        """Return the flaws wanted in a specimen: its part's, else the recipe's; good ones last.
+
+        Numbers beyond the last specimen begin anew, with flawed ones.
+        """
+        if specimen % self.specimens_of(entry) >= (entry.specimens or self.file.specimens):
             return NO_FLAWS
         return entry.flaws or self.file.flaws or NO_FLAWS
 

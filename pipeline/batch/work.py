@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.batch.plan import PlannedScans, PlannedShard
+from pipeline.batch.plan import PlannedPart, PlannedScans, PlannedShard
 from pipeline.dataset.folder import write_whole
 from pipeline.dataset.shards import ShardWriter, file_sha256
 from pipeline.injection.inject import Flaw
 from pipeline.injection.specimen import Specimen, make_specimen
+from pipeline.motion.trajectory import Trajectory
 from pipeline.parts.part_error import PartError
 from pipeline.recipe import Recipe
 from pipeline.scan.labelled_scan import Scan, take_scan
@@ -129,14 +130,20 @@ def _specimen(place: Workplace, part: str, number: int, work: PlannedScans) -> S
     return specimen
 
 
-def _scan(
-    recipe: Recipe, work: PlannedScans, specimen: Specimen, number: int
-) -> tuple[Scan, Tally, dict[str, Any]]:
+def simulate(
+    recipe: Recipe, part: PlannedPart, specimen: Specimen, names: tuple[int, int]
+) -> tuple[Scan, Trajectory, int]:
+    """Simulate a scan by its names, the specimen's number and its own.
+
+    Returns
+    -------
+    Scan, Trajectory, int
+        The scan, its path, and how many paths were drawn.
+    """
     file = recipe.file
-    names = (work.part.name, work.specimen, "scan", number)
-    rng_of = streams(file.seed, *names)
+    rng_of = streams(file.seed, part.name, names[0], "scan", names[1])
     path, drawn = specimen.aimer.path(rng_of)
-    surface_name = work.part.entry.surface or file.surface
+    surface_name = surface_of(recipe, part)
     scan = take_scan(
         flawed=specimen.flawed,
         scenes=specimen.scenes,
@@ -148,13 +155,27 @@ def _scan(
         visible_at=file.visible_at,
         rng_of=rng_of,
     )
+    return scan, path, drawn
+
+
+def surface_of(recipe: Recipe, part: PlannedPart) -> str | None:
+    """Return the name of a part's surface."""
+    return part.entry.surface or recipe.file.surface
+
+
+def _scan(
+    recipe: Recipe, work: PlannedScans, specimen: Specimen, number: int
+) -> tuple[Scan, Tally, dict[str, Any]]:
+    file = recipe.file
+    names = (work.part.name, work.specimen, "scan", number)
+    scan, path, drawn = simulate(recipe, work.part, specimen, (work.specimen, number))
     seen = scan.tally(len(specimen.flawed.flaws))
     seed = "".join(f"{word:08x}" for word in seed_of(file.seed, *names).generate_state(4))
     start = path.poses[0, :3, 3]
     facts: dict[str, Any] = {
         "seed": seed,
         "sensor": recipe.datasheet.name,
-        "surface": surface_name,
+        "surface": surface_of(recipe, work.part),
         "flaws": len(specimen.flawed.flaws),
         "flaws_seen": int((seen.pixels > 0).sum()),
         "flaws_visible": int((seen.visible > 0).sum()),
