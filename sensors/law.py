@@ -105,17 +105,22 @@ class Law:
             outlier_sd_mm=_middle([law.outlier_sd_mm for law in laws], square=True),
         )
 
-    def speckle_sd_mm(self, view: View) -> float:
-        """Return the standard deviation of the speckle before its gain, on the scan's grid, mm."""
+    def speckle_moments_mm(self, view: View) -> tuple[float, float]:
+        """Return mean and standard deviation of the speckle before its gain, on the grid, mm."""
         if self.speckle is None:
-            return 0.0
+            return 0.0, 0.0
         if self.speckle.heights is not None:
             nodes, weights = np.polynomial.hermite_e.hermegauss(60)
             heights = self.speckle.amplitude_mm * self.speckle.heights(nodes)
             weights = weights / weights.sum()
-            return float(np.sqrt(weights @ (heights - weights @ heights) ** 2))
+            mean = weights @ heights
+            return float(mean), float(np.sqrt(weights @ (heights - mean) ** 2))
         pitch_x, pitch_y = grid_pitch(view.column_x_mm), grid_pitch(view.travel_mm)
-        return self.speckle.amplitude_mm * self.speckle.sd(pitch_x, pitch_y)
+        return 0.0, self.speckle.amplitude_mm * self.speckle.sd(pitch_x, pitch_y)
+
+    def speckle_sd_mm(self, view: View) -> float:
+        """Return the standard deviation of the speckle before its gain, on the scan's grid, mm."""
+        return self.speckle_moments_mm(view)[1]
 
     def sd_mm(self, view: View) -> Floats:
         """Return the standard deviation before rounding, outliers apart, (n, m) mm."""

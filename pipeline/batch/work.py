@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from pipeline.injection.specimen import Specimen, make_specimen
 from pipeline.motion.trajectory import Trajectory
 from pipeline.parts.part_error import PartError
 from pipeline.recipe import Recipe
+from pipeline.scan.detectability import Evidence
 from pipeline.scan.labelled_scan import Scan, take_scan
 from pipeline.scan.labels import Tally
 from pipeline.seeds import seed_of, streams
@@ -99,8 +101,10 @@ def make_shard(place: Workplace, shard: PlannedShard) -> tuple[str, int]:
                     "checksum": writer.add(scan_id, scan),
                     **facts,
                 }
+                found = _flaw_rows(row, scan, seen, specimen, recipe.file.detectable_at)
+                row["flaws_detectable"] = sum(flaw["detectable"] for flaw in found)
                 scans.append(row)
-                flaws.extend(_flaw_rows(scan_id, work.part.name, seen, specimen))
+                flaws.extend(found)
     journal = {
         "shard": shard.name,
         "sha256": file_sha256(place.out / shard.name),
@@ -192,7 +196,7 @@ def _scan(
 
 
 def _flaw_rows(
-    scan_id: str, part: str, seen: Tally, specimen: Specimen
+    row: Mapping[str, Any], scan: Scan, seen: Tally, specimen: Specimen, detectable_at: float
 ) -> list[dict[str, Any]]:
     """One row for each flaw of the specimen, seen in this scan or not."""
     rows = []
@@ -201,16 +205,32 @@ def _flaw_rows(
         pixels, ratio = int(seen.pixels[number]), float(seen.deviation_over_noise[number])
         rows.append(
             {
-                "scan_id": scan_id,
-                "part": part,
+                **{key: row[key] for key in ("scan_id", "part", "specimen", "split")},
                 **_facts(flaw),
                 "pixels": pixels,
                 "pixels_visible": int(seen.visible[number]),
                 "share_hidden": int(seen.hidden[number]) / pixels if pixels else None,
                 "deviation_over_noise": None if math.isnan(ratio) else ratio,
+                **_shown(scan.evidence[number], detectable_at),
             }
         )
     return rows
+
+
+def _shown(evidence: Evidence | None, detectable_at: float) -> dict[str, Any]:
+    """Say whether a flaw can be detected, and where it lies in the scan."""
+    if evidence is None:
+        return {"snr": 0.0, "detectable": False}
+    return {
+        "snr": evidence.snr,
+        "response": evidence.response,
+        "detectable": evidence.snr >= detectable_at,
+        "deviation_max_mm": evidence.deviation_max_mm,
+        "bbox_profile_first": evidence.rows[0],
+        "bbox_profile_end": evidence.rows[1],
+        "bbox_point_first": evidence.columns[0],
+        "bbox_point_end": evidence.columns[1],
+    }
 
 
 def _facts(flaw: Flaw) -> dict[str, Any]:
@@ -223,6 +243,7 @@ def _facts(flaw: Flaw) -> dict[str, Any]:
         "class_id": flaw.class_id,
         "tier": flaw.tier,
         "parameters": json.dumps(flaw.parameters),
+        **{f"size_{name}": value for name, value in flaw.parameters.items()},
         "seed": str(flaw.seed),
         **{f"position_{axis}_mm": value for axis, value in position.items()},
         **{f"normal_{axis}": value for axis, value in normal.items()},

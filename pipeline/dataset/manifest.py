@@ -18,6 +18,7 @@ from typing import Any, Final, Self
 
 import numpy as np
 
+from defects import KINDS
 from pipeline.dataset.folder import write_whole
 from pipeline.dataset.shards import sync
 from pipeline.scan.labelled_scan import CLASS_NAMES
@@ -36,8 +37,9 @@ LIBRARIES: Final = (
 SCAN_COLUMNS: Final = {
     "scan_id": str, "part": str, "specimen": str, "split": str, "split_by": str, "shard": str,
     "row": int, "seed": str, "sensor": str, "surface": str, "flaws": int, "flaws_seen": int,
-    "flaws_visible": int, "share_valid": float, "share_flaw": float, "depth_mean_mm": float,
-    "length_mm": float, "speed_mm_s": float, "profile_rate_hz": float, "direction": float,
+    "flaws_visible": int, "flaws_detectable": int, "share_valid": float, "share_flaw": float,
+    "depth_mean_mm": float, "length_mm": float, "speed_mm_s": float, "profile_rate_hz": float,
+    "direction": float,
     "standoff_mm": float, "roll_deg": float, "pitch_deg": float, "yaw_deg": float,
     "start_x_mm": float, "start_y_mm": float, "start_z_mm": float, "aimed_at_flaw": float,
     "aimed_at_instance": int, "paths_drawn": int, "checksum": str,
@@ -48,6 +50,10 @@ FLAW_COLUMNS: Final = {
     "position_z_mm": float, "normal_x": float, "normal_y": float, "normal_z": float,
     "removed_mm3": float, "added_mm3": float, "opening_mm2": float, "depth_mm": float,
     "pixels": int, "pixels_visible": int, "share_hidden": float, "deviation_over_noise": float,
+    "specimen": str, "split": str, "snr": float, "response": float, "detectable": bool,
+    "deviation_max_mm": float, "bbox_profile_first": int, "bbox_profile_end": int,
+    "bbox_point_first": int, "bbox_point_end": int,
+    **{f"size_{size.name}": float for kind in KINDS.values() for size in kind.sizes()},
 }  # fmt: skip
 ROWS_AT_ONCE: Final = 20_000
 
@@ -132,6 +138,7 @@ def _count_flaw(counts: Counter[str], row: Mapping[str, Any]) -> None:
     counts["rows"] += 1
     counts["seen"] += row["pixels"] > 0
     counts["visible"] += row["pixels_visible"] > 0
+    counts["detectable"] += row["detectable"]
     counts["pixels"] += row["pixels"]
     counts["pixels_visible"] += row["pixels_visible"]
 
@@ -143,7 +150,7 @@ class _Table:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        kinds = {str: pa.string(), int: pa.int64(), float: pa.float64()}
+        kinds = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
         self._schema = pa.schema([(name, kinds[kind]) for name, kind in columns.items()])
         self._stem, self._columns = stem, columns
         aside = uuid.uuid4().hex
@@ -207,6 +214,8 @@ def _column(values: list[Any], kind: Any) -> Any:
         texts = [b"" if value is None else value.encode() for value in values]
         ends = np.cumsum([0, *(len(text) for text in texts)], dtype=np.int32)
         buffers = [pa.py_buffer(ends), pa.py_buffer(b"".join(texts))]
+    elif kind == pa.bool_():
+        buffers = [pa.py_buffer(np.packbits([bool(v) for v in values], bitorder="little"))]
     else:
         numbers = np.array([0 if value is None else value for value in values])
         buffers = [pa.py_buffer(numbers.astype(kind.to_pandas_dtype()))]

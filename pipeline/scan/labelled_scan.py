@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from defects import KINDS
 from pipeline.injection.inject import FlawedPart
 from pipeline.motion.trajectory import Trajectory
+from pipeline.scan.detectability import Evidence, evidence_of
 from pipeline.scan.labels import Tally, cross_boxes, faces_hit, stand_out, tally
 from pipeline.seeds import RngOf
 from sensors.casting.laser import Laser
@@ -50,6 +51,8 @@ class Scan:
         Commanded and true poses, sensor -> part.
     time_s : (n,) float64
     laser : Laser
+    evidence : tuple
+        What the scan shows of each flaw by its instance, see `pipeline.scan.detectability`.
     """
 
     depth_mm: Floats
@@ -64,6 +67,7 @@ class Scan:
     poses_true: Floats
     time_s: Floats
     laser: Laser
+    evidence: tuple[Evidence | None, ...]
 
     def points_part_mm(self) -> Floats:
         """Return the readings as points (n, m, 3) in the part frame by the commanded poses, mm."""
@@ -136,6 +140,11 @@ def take_scan(
     mask, mask_visible = stand_out(
         instance, flawed.classes, depth, view.depth_mm, clean.depth_mm, noise, visible_at
     )
+    gone = np.isnan(view.depth_mm) != np.isnan(clean.depth_mm)
+    evidence = evidence_of(
+        len(flawed.flaws), instance, gone | (reason == HIDDEN_BY_FLAW), law, view, depth,
+        clean.depth_mm,
+    )  # fmt: skip
     return Scan(
         depth_mm=depth,
         depth_ideal_mm=view.depth_mm,
@@ -149,6 +158,7 @@ def take_scan(
         poses_true=view.poses,
         time_s=trajectory.time_s,
         laser=laser,
+        evidence=evidence,
     )
 
 

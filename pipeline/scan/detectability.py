@@ -1,0 +1,148 @@
+"""Detectability of each flaw in a scan: a filter matched to its deviation against the real noise.
+
+The filter weighs each reading of the flaw's footprint by its deviation over its variance. Its
+output's mean over its own standard deviation, correlation of the noise included, is the
+signal-to-noise ratio (Turin, IRE Trans. Inf. Theory 6 (1960) 311, for white noise the best there
+is; correlated noise isn't whitened, since a detector would have to know its spectrum).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import find_objects
+from scipy.signal import oaconvolve
+
+from sensors.law import Law
+from sensors.noise.correlation import speckle_kernel
+from sensors.noise.perlin import grid_pitch
+from sensors.view.view import Reason, View
+
+Floats = NDArray[np.float64]
+LEAST_SD_MM = 1e-9  # noise of a sensor without any; as in `pipeline.scan.labels`
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Evidence:
+    """What one scan shows of one flaw.
+
+    Attributes
+    ----------
+    snr : float
+        Mean output of the matched filter over its standard deviation. Returns that the flaw took
+        or gave count by the log likelihood of their loss on the unflawed surface.
+    response : float
+        The same filter's output on these readings: normal about `snr` with standard deviation 1.
+    deviation_max_mm : float
+        Largest deviation of the noise-free depth from the unflawed part's, mm; 0 where no point
+        returns on both.
+    rows, columns : (first, last)
+        Profiles and points that the flaw covers, half-open.
+    """
+
+    snr: float
+    response: float
+    deviation_max_mm: float
+    rows: tuple[int, int]
+    columns: tuple[int, int]
+
+
+class MatchedFilter:
+    """The noise of one scan, ready to weigh the deviation of each flaw.
+
+    Parameters
+    ----------
+    law, view
+        Predicted readings of the flawed part, and the scan they belong to.
+    reading_mm, clean_mm : (n, m)
+        What was read, and the noise-free depth of the unflawed part; NaN = missing.
+    """
+
+    def __init__(self, law: Law, view: View, reading_mm: Floats, clean_mm: Floats) -> None:
+        speckle_mean, speckle_sd = law.speckle_moments_mm(view)
+        self._offset_mm = np.broadcast_to(speckle_mean * np.asarray(law.speckle_gain), law.shape)
+        self._speckle_mm = np.broadcast_to(speckle_sd * np.asarray(law.speckle_gain), law.shape)
+        white = np.square(law.white_sd_mm) + law.step_mm**2 / 12  # rounding: uniform over a step
+        white = white + np.asarray(law.p_outlier) * np.square(law.outlier_sd_mm)
+        self._white_mm2 = np.broadcast_to(np.maximum(white, LEAST_SD_MM**2), law.shape)
+        self._kernel: Floats | None = None
+        if law.speckle is not None:
+            self._kernel = speckle_kernel(
+                law.speckle,
+                grid_pitch(view.column_x_mm),
+                grid_pitch(view.travel_mm),
+                lay_ratio=law.lay_ratio,
+                lay_angle_rad=law.lay_angle_rad,
+            )
+        self._off_mm = reading_mm - clean_mm
+        # Laplace's rule of succession for a loss where geometry sees the point
+        seen = law.reason == Reason.VALID
+        lost = int(np.count_nonzero(seen & np.isnan(reading_mm)))
+        self._loss_nats = -math.log((lost + 1) / (int(np.count_nonzero(seen)) + 2))
+
+    def weigh(
+        self, box: tuple[slice, slice], deviation_mm: Floats, gone: int
+    ) -> tuple[float, float]:
+        """Return signal-to-noise ratio and response.
+
+        Parameters
+        ----------
+        box
+            Profiles and points of the flaw.
+        deviation_mm
+            Noise-free deviation there, NaN outside the flaw or where one part doesn't return.
+        gone
+            Points where one part returns and the other doesn't.
+        """
+        off = self._off_mm[box]
+        used = np.isfinite(deviation_mm) & np.isfinite(off)
+        deviation = np.where(used, deviation_mm, 0.0)
+        weight = deviation / (self._white_mm2[box] + self._speckle_mm[box] ** 2)
+        power = float(np.sum(weight**2 * self._white_mm2[box]))
+        if self._kernel is not None:
+            sent = weight * self._speckle_mm[box]
+            power += float(np.sum(sent * oaconvolve(sent, self._kernel, mode="same")))
+        snr = response = 0.0
+        if power > 0:
+            read = np.where(used, off - self._offset_mm[box], 0.0)
+            snr = float(np.sum(weight * deviation)) / math.sqrt(power)
+            response = float(np.sum(weight * read)) / math.sqrt(power)
+        if gone == 0:
+            return snr, response
+        returns = math.sqrt(2 * gone * self._loss_nats)
+        return math.hypot(snr, returns), math.hypot(max(response, 0.0), returns)
+
+
+def evidence_of(
+    flaws: int,
+    instance: NDArray[np.uint16],
+    gone: NDArray[np.bool_],
+    law: Law,
+    view: View,
+    reading_mm: Floats,
+    clean_mm: Floats,
+) -> tuple[Evidence | None, ...]:
+    """Weigh each flaw of a scan; None for those that it doesn't show, and for 0, no flaw."""
+    boxes = find_objects(instance, max_label=flaws)
+    found: list[Evidence | None] = [None]
+    matched: MatchedFilter | None = None
+    for number, box in enumerate(boxes, start=1):
+        if box is None:
+            found.append(None)
+            continue
+        matched = matched or MatchedFilter(law, view, reading_mm, clean_mm)
+        mine = instance[box] == number
+        deviation = np.where(mine, view.depth_mm[box] - clean_mm[box], np.nan)
+        both = np.abs(deviation[np.isfinite(deviation)])
+        snr, response = matched.weigh(box, deviation, int(np.count_nonzero(mine & gone[box])))
+        found.append(
+            Evidence(
+                snr=snr,
+                response=response,
+                deviation_max_mm=float(both.max()) if both.size else 0.0,
+                rows=(box[0].start, box[0].stop),
+                columns=(box[1].start, box[1].stop),
+            )
+        )
+    return tuple(found)
