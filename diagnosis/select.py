@@ -45,7 +45,10 @@ SUSPECT_GAIN = 0.01
 """Nats per reading that an effect must gain where findings are within their tolerance."""
 SEARCHED_READINGS = 80_000
 SCREENED_READINGS = 180_000
-NOT_SEARCHED = {"pose_error", "empirical", "roughness_level", "anisotropic_lay"}
+NOT_SEARCHED = {
+    "pose_error", "empirical", "roughness_level", "anisotropic_lay",
+    "onboard_filter", "row_repeat", "axis_quantisation",
+}  # fmt: skip
 LAST_RESORT = {"form_error", "column_offset"}
 """Flexible shapes: chosen only where no more specific effect does nearly as well."""
 KIN = (

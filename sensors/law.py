@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.noise.perlin import PerlinField, grid_pitch
-from sensors.noise.uncertainty import sigma_mm
+from sensors.noise.uncertainty import quantise, sigma_mm
 from sensors.sampling import sample
 from sensors.surface.surface import Surface
 from sensors.view.view import Reason, View
@@ -49,6 +49,9 @@ class Law:
         Weight and width of a second Gaussian.
     step_mm : float
         ΔZ, readings are rounded to its multiples; 0: they aren't.
+    delivery : Delivery or None
+        Law of what was measured and what the firmware makes of it, where that isn't delivered as
+        it is. The attributes above are the moments of what is delivered.
     """
 
     mean_mm: Floats
@@ -63,6 +66,7 @@ class Law:
     p_outlier: Floats | float = 0.0
     outlier_sd_mm: Floats | float = 0.0
     step_mm: float = 0.0
+    delivery: "Delivery | None" = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -133,8 +137,8 @@ class Law:
         Parameters
         ----------
         rng_of : function
-            Gives the generator of a named stream: "speckle", "uncertainty", "outliers" and
-            "dropout" are asked for, each only where the law needs it.
+            Gives the generator of a named stream: "speckle", "uncertainty", "outliers", "dropout"
+            and those of the delivery are asked for, each only where the law needs it.
         view : View
             The scan that the law belongs to; its columns and travel place the speckle.
 
@@ -145,7 +149,28 @@ class Law:
         reason : (n, m) uint8
             Why they are missing.
         """
+        if self.delivery is not None:
+            depth_mm, reason = self.delivery.measured.sample(rng_of, view)
+            depth_mm, reason = self.delivery.deliver(depth_mm, reason, rng_of)
+            return quantise(depth_mm, self.step_mm), reason
         return sample(self, rng_of, view)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Delivery:
+    """Readings as measured, and what the firmware makes of them.
+
+    Attributes
+    ----------
+    measured : Law
+    deliver : function
+        Turns depths (n, m), mm, and reasons into those delivered.
+    """
+
+    measured: Law
+    deliver: Callable[
+        [Floats, NDArray[np.uint8], RngOf], tuple[Floats, NDArray[np.uint8]]
+    ]
 
 
 def _middle(values: Sequence[Floats | float], *, square: bool = False) -> Floats | float:

@@ -8,6 +8,7 @@ from typing import Self
 from sensors.datasheet import Datasheet
 from sensors.effects import effects_of
 from sensors.effects.base import Effect, MotionEffect
+from sensors.effects.delivery import DeliveryEffect
 from sensors.law import Law, RngOf, geometric_law
 from sensors.line.beam import Beam
 from sensors.noise.perlin import PerlinField
@@ -88,7 +89,7 @@ def scan_with(
     effects: Sequence[Effect],
     rng_of: RngOf | None = None,
 ) -> tuple[View, Law]:
-    """Return true view and law with `effects`: those that move the sensor first, then the others.
+    """Return true view and law with `effects`: what moves the sensor, the others, the firmware.
 
     See `SensorModel.scan`.
     """
@@ -110,7 +111,10 @@ def draw_effects(effects: Sequence[Effect], rng_of: RngOf | None) -> tuple[Effec
 
 
 def as_moved(view: View, effects: Sequence[Effect]) -> tuple[View, list[Effect]]:
-    """Apply what moves the sensor, where it is known by how much; return the rest in order."""
+    """Apply what moves the sensor, where it is known by how much; return the rest in order.
+
+    What the firmware does comes last.
+    """
     others: list[Effect] = []
     for effect in effects:
         if isinstance(effect, MotionEffect) and not effect.undrawn(view):
@@ -120,7 +124,7 @@ def as_moved(view: View, effects: Sequence[Effect]) -> tuple[View, list[Effect]]
                 view = effect.moved(view)
         else:
             others.append(effect)
-    return view, others
+    return view, sorted(others, key=lambda effect: isinstance(effect, DeliveryEffect))
 
 
 def beam_of(effects: Sequence[Effect]) -> Beam:

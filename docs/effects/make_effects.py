@@ -52,6 +52,8 @@ SHOWN: dict[str, dict[str, Any]] = {
     "outlier_spikes": {"share": 0.02},
     "random_dropout": {"share": 0.05, "patch_mm": 2.0},
     "empirical": {"knots": (185.0, 200.0, 205.0), "values": (0.0, 50.0, -50.0)},
+    "axis_quantisation": {"step_um": 40.0},
+    "lateral_error": {"scale_um": 200.0},
     "column_offset": {"rms_um": 4.0, "values_um": (0.0, 8.0, -4.0, 6.0, 0.0)},
 }
 PLOTTED = {  # covariates that tell more on this part than the effect's own
@@ -63,11 +65,14 @@ PLOTTED = {  # covariates that tell more on this part than the effect's own
     "form_error": "part_y",
     "pose_error": "x",
     "travel_ripple": "travel",
+    "row_repeat": "slope_y",
 }
+CLIPPED = {"lateral_error", "row_repeat"}  # edges would dwarf what slopes show
+TURNED_DEG = {"lateral_error": 35.0}  # the part has slopes along the travel alone
 
 
-def demonstration() -> View:
-    """Scan a tile with a groove, a round bar, a block, a ramp and stripes of print."""
+def demonstration(turned_deg: float = 0.0) -> View:
+    """Scan a tile with a groove, a round bar, a block, a ramp and stripes of print; turned."""
     tile = trimesh.creation.box((70.0, 70.0, 20.0))
     tile.apply_translation((0.0, 0.0, -10.0))
     groove = trimesh.creation.box((80.0, 9.0, 9.0))
@@ -88,6 +93,8 @@ def demonstration() -> View:
     poses[:, :3, :3] = np.diag([-1.0, 1.0, -1.0])
     poses[:, 1, 3] = np.linspace(-32.0, 32.0, n) + 0.013
     poses[:, 2, 3] = 200.0
+    turn = trimesh.transformations.rotation_matrix(math.radians(turned_deg), (0, 0, 1))
+    solid.apply_transform(turn)
     bright = ReflectanceMap(
         base=0.8,
         stripes=(Stripes(value=0.2, period_mm=16.0, across="x", duty=0.25),),
@@ -113,7 +120,8 @@ def draw(name: str, view: View) -> None:
     bare = geometric_law(view, SPECKLE)
     law = shown(name).apply(bare, view)
     change = 1e3 * (law.mean_mm - bare.mean_mm)
-    only_mean = "mean" in CATALOGUE[name].channels and np.nanmax(np.abs(change)) > 0
+    moved = "mean" in CATALOGUE[name].channels and np.nanmax(np.abs(change)) > 0
+    only_mean = moved and law.delivery is None
     figure, (left, right) = plt.subplots(
         1, 2, figsize=(8.2, 2.9), width_ratios=(1, 1.35), layout="constrained"
     )
@@ -145,7 +153,7 @@ def draw(name: str, view: View) -> None:
 
 
 def _plot(axes: Any, name: str, view: View, bare: Law, law: Law) -> None:
-    if name in ("anisotropic_lay", "outlier_spikes"):
+    if name in ("anisotropic_lay", "onboard_filter", "outlier_spikes"):
         one, two = (1e3 * (each.sample(_streams, view)[0] - view.depth_mm) for each in (bare, law))
         if name == "outlier_spikes":
             bins = np.linspace(-800, 800, 161)
@@ -154,7 +162,7 @@ def _plot(axes: Any, name: str, view: View, bare: Law, law: Law) -> None:
             axes.set_xlabel("reading - geometry (µm)")
             axes.set_ylabel("readings")
         else:
-            rows, columns = slice(150, 180), slice(100, 170)  # flat: no gaps
+            rows, columns = slice(2, 28), slice(100, 170)  # flat: no gaps, no edges
             for values, label, style in ((one, "without", "--"), (two, "with", "-")):
                 for axis, way in ((1, "along x"), (0, "along y")):
                     lags = np.arange(12)
@@ -175,14 +183,18 @@ def _plot(axes: Any, name: str, view: View, bare: Law, law: Law) -> None:
         step = max(1, known.sum() // 6000)
         axes.plot(scale * values[known][::step], change[known][::step], ".", ms=2)
         axes.set_ylabel("change of mean (µm)")
+        if name in CLIPPED:
+            top = 1.3 * float(np.percentile(np.abs(change[known]), 99))
+            axes.set_ylim(-top, top)
         return
     if "missing" in CATALOGUE[name].channels:
         quantity = np.where(np.isnan(law.mean_mm), 1.0, law.p_missing)
         axes.set_ylabel("probability of no return")
     else:
-        quantity = 1e3 * law.sd_mm(view)
+        quantity, reference = (
+            1e3 * np.hypot(each.sd_mm(view), each.step_mm / math.sqrt(12)) for each in (law, bare)
+        )
         axes.set_ylabel("standard deviation (µm)")
-        reference = 1e3 * bare.sd_mm(view)
         known = view.valid & np.isfinite(values)
         order = np.argsort(values[known])[:: max(1, known.sum() // 500)]
         x = scale * values[known][order]
@@ -225,8 +237,10 @@ def text() -> str:
         "  frequency_hz: 31.0",
         "```",
         "",
-        "Effects that move the sensor (`pose_error`, `travel_ripple`) act first, wherever they",
-        "stand, since shadows and edges go with them; the others act in the order of the list.",
+        "Effects that move the sensor or its rays (`pose_error`, `travel_ripple`, `lateral_error`)",
+        "act first, wherever they stand, since shadows and edges go with them. What the firmware",
+        "does (`onboard_filter`, `row_repeat`) comes last, on whole profiles of readings. The",
+        "others act in the order of the list.",
         "`finite_spot`, `edge_mixing`, `reflectance_edge` and `motion_blur` are one operator",
         "(`sensors/line/line_operator.py`): the part is scanned again at sub-lines of the laser's",
         "width",
@@ -313,7 +327,8 @@ def main() -> None:
     if not wanted.text:
         view = demonstration()
         for name in wanted.names or CATALOGUE:
-            draw(name, view)
+            turned = TURNED_DEG.get(name)
+            draw(name, view if turned is None else demonstration(turned))
 
 
 if __name__ == "__main__":

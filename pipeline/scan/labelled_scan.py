@@ -127,7 +127,9 @@ def take_scan(
         reflectance=reflectance,
     )
     view, law = sensor.scan(commanded, surface, rng_of)
-    clean = View(clean_scene, sensor, view.poses, view.time_s, laser=laser, reflectance=reflectance)
+    clean = View(
+        clean_scene, sensor, view.poses, view.time_s, laser=view.laser, reflectance=reflectance
+    )
     depth, reason = law.sample(rng_of, view)
     instance, moved = faces_hit(
         view.triangle, flawed.instance, view.depth_mm, clean.depth_mm, SAME_MM

@@ -5,10 +5,12 @@ from typing import Any
 
 from sensors.datasheet import Datasheet
 from sensors.effects.anisotropic_lay import AnisotropicLay
+from sensors.effects.axis_quantisation import AxisQuantisation
 from sensors.effects.base import AdditiveEffect, Effect, MotionEffect
 from sensors.effects.basis import Basis
 from sensors.effects.camera_occlusion import CameraOcclusion
 from sensors.effects.column_offset import ColumnOffset
+from sensors.effects.delivery import DeliveryEffect
 from sensors.effects.edge_mixing import EdgeMixing
 from sensors.effects.empirical import Empirical
 from sensors.effects.finite_spot import FiniteSpot
@@ -16,9 +18,12 @@ from sensors.effects.form_error import FormError
 from sensors.effects.incidence_bias import IncidenceBias
 from sensors.effects.incidence_noise import IncidenceNoise
 from sensors.effects.interreflection import Interreflection
+from sensors.effects.lateral_error import LateralError
 from sensors.effects.lens_distortion import LensDistortion
+from sensors.effects.light_falloff import LightFalloff
 from sensors.effects.line_bow import LineBow
 from sensors.effects.motion_blur import MotionBlur
+from sensors.effects.onboard_filter import OnboardFilter
 from sensors.effects.outlier_spikes import OutlierSpikes
 from sensors.effects.parameter import Parameter
 from sensors.effects.pixel_locking import PixelLocking
@@ -27,6 +32,7 @@ from sensors.effects.random_dropout import RandomDropout
 from sensors.effects.range_scale import RangeScale
 from sensors.effects.reflectance_edge import ReflectanceEdge
 from sensors.effects.roughness_level import RoughnessLevel
+from sensors.effects.row_repeat import RowRepeat
 from sensors.effects.specular_dropout import SpecularDropout
 from sensors.effects.stage_vibration import StageVibration
 from sensors.effects.thermal_drift import ThermalDrift
@@ -38,6 +44,7 @@ __all__ = [
     "CATALOGUE",
     "AdditiveEffect",
     "Basis",
+    "DeliveryEffect",
     "Effect",
     "MotionEffect",
     "Parameter",
@@ -53,11 +60,13 @@ _EFFECTS: tuple[type[Effect], ...] = (
     IncidenceNoise,
     IncidenceBias,
     SpecularDropout,
+    LightFalloff,
     Interreflection,
     VolumeScattering,
     PixelLocking,
     ColumnOffset,
     LensDistortion,
+    LateralError,
     LineBow,
     RangeScale,
     PoseError,
@@ -70,6 +79,9 @@ _EFFECTS: tuple[type[Effect], ...] = (
     AnisotropicLay,
     RoughnessLevel,
     FormError,
+    AxisQuantisation,
+    OnboardFilter,
+    RowRepeat,
     Empirical,
 )
 CATALOGUE: dict[str, type[Effect]] = {effect.name: effect for effect in _EFFECTS}

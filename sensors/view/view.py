@@ -350,6 +350,10 @@ class View:
         """Return the view from other poses (n, 4, 4), all else equal."""
         return self._like(poses, self.time_s, self.intensity)
 
+    def along(self, laser: Laser) -> "View":
+        """Return the view along other rays, as many, all else equal."""
+        return self._like(self.poses, self.time_s, self.intensity, laser=laser)
+
     def rows(self, part: slice) -> "View":
         """Return the view of some of the profiles."""
         cast: Hits | None = self.__dict__.get("hits")
@@ -358,14 +362,19 @@ class View:
         return self._like(self.poses[part], self.time_s[part], intensity, hits)
 
     def _like(
-        self, poses: ArrayLike, time_s: Floats, intensity: Floats | None, hits: Hits | None = None
+        self,
+        poses: ArrayLike,
+        time_s: Floats,
+        intensity: Floats | None,
+        hits: Hits | None = None,
+        laser: Laser | None = None,
     ) -> "View":
         return View(
             self.scene,
             self.sensor,
             poses,
             time_s,
-            laser=self.laser,
+            laser=self.laser if laser is None else laser,
             hits=hits,
             reflectance=self.reflectance,
             intensity=intensity,

@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 from scipy.special import erf, ndtr
 
+from sensors.effects.axis_quantisation import AxisQuantisation
 from sensors.effects.column_offset import ColumnOffset
 from sensors.effects.incidence_bias import IncidenceBias
 from sensors.effects.interreflection import Interreflection
+from sensors.effects.lateral_error import LateralError
 from sensors.effects.lens_distortion import LensDistortion
+from sensors.effects.light_falloff import LightFalloff
 from sensors.effects.line_bow import LineBow
 from sensors.effects.motion_blur import MotionBlur
 from sensors.effects.pixel_locking import PixelLocking
@@ -334,3 +337,65 @@ def test_thick_basis_is_the_effect(view_of):
     assert np.allclose(basis.fields[0] * 80.0, effect.signature(view))
     twice = effect.with_coefficients(np.array([160.0]))
     assert dataclasses.replace(effect, depth_um=160.0) == twice
+
+
+@pytest.mark.parametrize("columns", ["even_x", "even_angle"])
+@pytest.mark.parametrize("height_mm", [180.0, 200.0, 225.0])
+def test_error_of_x_is_depth_on_a_slope(view_of, columns, height_mm):
+    """δz = δx p / (1 - p s): the ray, of slope s, is beside its own by δx at the depth it reads."""
+    view = view_of(
+        "plate", solid={"tilt_x_deg": 20.0}, sheet={"columns": columns}, height_mm=height_mm
+    )
+    effect = LateralError(offset_um=30.0, scale_um=50.0, shear_um=-40.0)
+    change, seen = effect.signature(view), view.valid
+    u = view.column_x_mm / 30.0
+    w = (view.depth_mm - 200.0) / 50.0
+    lateral = 0.030 + 0.050 * u - 0.040 * u * w
+    expected = lateral * view.slope_x / (1 - view.slope_x * view.laser.slope_x)
+    assert np.abs(change[seen]).max() > 0.005
+    assert np.allclose(change[seen], expected[seen], atol=5e-5)
+
+
+def test_error_of_x_is_nothing_on_slopes_of_the_travel(view_of):
+    change = LateralError(scale_um=500.0).signature(view_of("plate", solid={"tilt_y_deg": 30.0}))
+    assert np.nanmax(np.abs(change)) < 1e-9
+
+
+def test_error_of_x_displaces_an_edge_whole(view_of):
+    """A step 10 mm high at x = 15 mm: readings between stated and true edge change their level."""
+    view = view_of("step", sheet={"points_per_profile": 1201})
+    change = LateralError(offset_um=400.0, scale_um=0.0, shear_um=0.0).signature(view)
+    row = np.abs(view.poses[:, 1, 3]).argmin()
+    moved = np.flatnonzero(np.abs(change[row]) > 5.0)
+    at_mm = np.abs(view.column_x_mm[moved])
+    assert np.all((at_mm > 14.59) & (at_mm < 15.41))
+    assert np.isclose(moved.size, 2 * 0.4 / 0.05, atol=2)
+
+
+def test_light_falls_off_as_a_gaussian_of_x(view_of):
+    """Middle and ends of the line; half of the share is missing where S is the threshold."""
+    view = view_of("plate", sheet={"points_per_profile": 121})
+    effect = LightFalloff(ends=0.25, share=0.8, threshold=0.25, softness=0.1)
+    bare = geometric_law(view, None)
+    law = effect.apply(bare, view)
+    assert np.allclose(law.p_missing[:, [0, -1]], 0.4)
+    assert np.all(law.p_missing[:, 60] < 1e-5)
+    gain = law.sd_mm(view) / bare.sd_mm(view)
+    assert np.allclose(gain[:, [0, -1]], 2.0)  # a quarter of the photons
+    assert np.allclose(gain[:, 60], 1.0)
+    assert np.allclose(gain[:, 30], 0.25 ** (-0.5 * 0.25))  # half way, a quarter of the exponent
+    shifted = effect.with_parameters(middle_mm=15.0).apply(bare, view)
+    assert np.isclose(shifted.sd_mm(view)[0, 90], bare.sd_mm(view)[0, 90])
+    assert np.all(shifted.p_missing[:, 0] > 0.79)
+
+
+@pytest.mark.parametrize("step_um", [0.5, 20.0, 100.0])
+def test_depths_are_multiples_of_the_coarser_step(view_of, rng_of, step_um):
+    view = view_of("plate", solid={"tilt_y_deg": 5.0})  # its own ΔZ is 2 µm
+    law = AxisQuantisation(step_um=step_um).apply(geometric_law(view, None), view)
+    depth, _ = law.sample(rng_of, view)
+    step_mm = 1e-3 * max(step_um, 2.0)
+    assert np.allclose(depth / step_mm, np.rint(depth / step_mm), atol=1e-6)
+    error = depth - view.depth_mm
+    expected = np.hypot(law.sd_mm(view)[0, 0], step_mm / math.sqrt(12))
+    assert np.isclose(error.std(), expected, rtol=0.05)

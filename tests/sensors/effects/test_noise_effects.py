@@ -35,7 +35,7 @@ def drawn(law, view, draws=DRAWS):
 def test_realised_law_is_the_claimed_one(view_of, name):
     """Mean, deviation and missing share of many draws, against the law's, point by point."""
     y = np.linspace(-24.7, 24.6, 30)
-    view = view_of("bench", sheet={"points_per_profile": 40, "z_resolution_um": 20.0}, y_mm=y)
+    view = view_of("bench", sheet={"points_per_profile": 40, "z_resolution_um": 10.0}, y_mm=y)
     law = CATALOGUE[name].example().apply(geometric_law(view, FIELD), view)
     depths = drawn(law, view)
     seen = np.isfinite(law.mean_mm)

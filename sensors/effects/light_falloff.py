@@ -1,0 +1,110 @@
+"""The laser line is weaker towards its ends: noisier readings there, and fewer."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit
+
+from sensors.effects.base import Effect
+from sensors.effects.parameter import parameter
+from sensors.law import Law
+from sensors.view.view import View
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LightFalloff(Effect):
+    """A Gaussian of the place along the line, as the signal that noise and dropout follow."""
+
+    name: ClassVar = "light_falloff"
+    summary: ClassVar = (
+        "The line's light falls off from its middle to its ends: noise grows there and readings "
+        "are missing."
+    )
+    equation: ClassVar = (
+        "ln S = ln(ends) ((x - middle) / (x_fov/2))²; noise × S^(-noise_exponent); "
+        "p = share · logistic((ln threshold - ln S) / softness)"
+    )
+    source: ClassVar = (
+        "Gaussian beam spread by a cylindrical lens, Siegman, Lasers (1986), ch. 17, and cos⁴ of "
+        "the imaging lens, which is a Gaussian to lowest order; deviation of a peak's place over "
+        "the root of its photons: Winick, J. Opt. Soc. Am. A 3 (1986) 1809"
+    )
+    statement: ClassVar = (
+        "The laser line has {ends:.0%} of its light at the ends: readings there are noisier and "
+        "up to {share:.0%} of them are missing."
+    )
+    channels: ClassVar = ("missing", "variance")
+    frame: ClassVar = "sensor"
+    covariate: ClassVar = "x"
+    rivals: ClassVar = ("random_dropout", "specular_dropout", "incidence_noise")
+    separating: ClassVar = (
+        "shift the part along the line: what is missing or noisy by the line's light stays at the "
+        "ends of the line"
+    )
+
+    ends: float = parameter(
+        "signal at the ends of the line at the working distance, over that at its middle",
+        low=0.001,
+        high=1.0,
+        typical=0.3,
+        null=1.0,
+        grid=(0.05, 0.3),
+    )
+    middle_mm: float = parameter(
+        "x at which the line is brightest",
+        unit="mm",
+        low=-1000.0,
+        high=1000.0,
+        typical=0.0,
+    )
+    noise_exponent: float = parameter(
+        "power of the signal by which the noise grows: 0.5 where photons limit it, 1 where the "
+        "camera's own noise does, 0 where neither is seen",
+        low=0.0,
+        high=1.0,
+        typical=0.5,
+        fixed=True,
+    )
+    share: float = parameter(
+        "largest probability of a missing return",
+        low=0.0,
+        high=1.0,
+        typical=0.9,
+    )
+    threshold: float = parameter(
+        "signal at which half of `share` is missing",
+        low=0.0001,
+        high=1.0,
+        typical=0.3,
+        grid=(0.1, 0.5),
+    )
+    softness: float = parameter(
+        "width of the transition in the logarithm of the signal",
+        low=0.01,
+        high=3.0,
+        typical=0.3,
+        fixed=True,
+    )
+
+    def changed(self, law: Law, view: View) -> Law:
+        """Scale the noise by the signal's power, add the probability of a missing return."""
+        log_signal = self.log_signal(view)
+        gain = np.exp(-self.noise_exponent * log_signal)
+        missing = self.share * expit((math.log(self.threshold) - log_signal) / self.softness)
+        return replace(
+            law,
+            white_sd_mm=law.white_sd_mm * gain,
+            speckle_gain=law.speckle_gain * gain,
+            p_missing=np.asarray(1.0 - (1.0 - law.p_missing) * (1.0 - missing)),
+        )
+
+    def log_signal(self, view: View) -> Floats:
+        """Logarithm of the light over that at the brightest place, (n, m); 0 without a return."""
+        half_mm = view.datasheet.x_fov_mm / 2
+        away = np.where(view.valid, view.x_mm - self.middle_mm, 0.0) / half_mm
+        return np.asarray(math.log(self.ends) * np.square(away))
