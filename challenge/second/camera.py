@@ -1,0 +1,152 @@
+"""An upright telecentric camera with two-dimensional distortion, and its chip and finders."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+FINDERS = ("strongest", "first", "last", "gaussian")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Camera:
+    """Telecentric camera: every sight line runs along its axis.
+
+    Attributes
+    ----------
+    theta_rad : between the sheet and the camera's axis
+    side : +1 with the camera on +y of the sheet
+    rows, row_pitch_mm : of the chip, as seen on the part
+    columns, x_fov_mm : pixels along the line, and what they span
+    blur_rows, blur_columns : standard deviation of the lens's spread, pixels
+    bend_rows, shear_rows, barrel : distortion over the field, see `row_of` and `columns_mm`
+    electrons : of a pixel for unit light
+    full_well, read_noise_e, bits : chip
+    """
+
+    theta_rad: float
+    side: int
+    rows: int
+    row_pitch_mm: float
+    columns: int
+    x_fov_mm: float
+    blur_rows: float = 0.9
+    blur_columns: float = 0.5
+    bend_rows: float = 0.0
+    shear_rows: float = 0.0
+    barrel: float = 0.0
+    electrons: float = 90000.0
+    full_well: float = 15000.0
+    read_noise_e: float = 12.0
+    bits: int = 12
+
+    @property
+    def even_mm(self) -> Floats:
+        """Even places along the line that a rectified profile is delivered at, mm."""
+        return np.linspace(-self.x_fov_mm / 2, self.x_fov_mm / 2, self.columns)
+
+    @property
+    def columns_mm(self) -> Floats:
+        """Where the chip's columns look, barrel included, mm."""
+        u = np.linspace(-1, 1, self.columns)
+        return np.asarray(self.even_mm * (1 + self.barrel * (1 - u**2)))
+
+    def row_of(self, x_mm: Floats, y_mm: Floats, z_mm: Floats) -> Floats:
+        """Row in which a point of the sensor frame, z from the middle of the range, is seen.
+
+        A telecentric lens projects on the axis across its sight lines, in the y-z plane:
+        v = y cos θ + κ z sin θ.
+        """
+        v = y_mm * np.cos(self.theta_rad) + self.side * z_mm * np.sin(self.theta_rad)
+        u = 2 * x_mm / self.x_fov_mm
+        half = self.rows / 2
+        row = half + v / self.row_pitch_mm
+        w = (row - half) / half
+        return np.asarray(row + self.bend_rows * u**2 + self.shear_rows * u * w)
+
+
+def taps(sd: float) -> Floats:
+    """Weights of a Gaussian spread over pixels, sum 1."""
+    reach = max(1, int(np.ceil(3 * sd)))
+    k = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(sd, 1e-3)) ** 2)
+    return np.asarray(k / k.sum())
+
+
+@njit(cache=True)
+def find_row(level: Floats, kind: int, threshold: float) -> float:
+    """Row of the line in one column of counts, NaN without one.
+
+    strongest: parabola through the brightest pixel and its neighbours; first, last: the same at
+    the first or last local peak above the threshold; gaussian: parabola of the logarithms.
+    """
+    rows, at = level.size, -1
+    for r in range(1, rows - 1):
+        if level[r] < threshold or level[r] < level[r - 1] or level[r] <= level[r + 1]:
+            continue
+        if at < 0 or kind == 2 or (kind in (0, 3) and level[r] > level[at]):
+            at = r
+    if at < 1:
+        return np.nan
+    a, b, c = level[at - 1], level[at], level[at + 1]
+    if kind == 3:
+        a, b, c = np.log(max(a, 0.5)), np.log(max(b, 0.5)), np.log(max(c, 0.5))
+    bend = a - 2 * b + c
+    return at + 0.5 * (a - c) / bend if bend < 0 else float(at)
+
+
+@njit(cache=True)
+def expose(
+    light: Floats, row: Floats, row_taps: Floats, column_taps: Floats,
+    electrons: float, full_well: float, read_noise: float, ambient: float, top: float,
+    kind: int, threshold: float, normal: Floats,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Image one profile's light and find its rows.
+
+    Parameters
+    ----------
+    light, row : (k, columns)
+        Power of each lit cell, and the row in which it is seen.
+    normal : (columns, rows)
+        Standard normal numbers for shot and read noise.
+
+    Returns
+    -------
+    found : (columns,) row, NaN without a line
+    peak : (columns,) brightest count over the converter's top
+    """
+    cells, columns = light.shape
+    rows = normal.shape[1]
+    sharp = np.zeros((columns, rows))
+    for i in range(cells):
+        for j in range(columns):
+            v = row[i, j]
+            if not (0.0 <= v < rows - 1.0):
+                continue
+            low = int(v)
+            sharp[j, low] += light[i, j] * (low + 1 - v)
+            sharp[j, low + 1] += light[i, j] * (v - low)
+    half_r, half_c = row_taps.size // 2, column_taps.size // 2
+    blurred = np.zeros((columns, rows))
+    for j in range(columns):
+        for r in range(rows):
+            if sharp[j, r] != 0.0:
+                for t in range(row_taps.size):
+                    q = r + t - half_r
+                    if 0 <= q < rows:
+                        blurred[j, q] += sharp[j, r] * row_taps[t]
+    found, peak = np.full(columns, np.nan), np.zeros(columns)
+    level = np.empty(rows)
+    for j in range(columns):
+        for r in range(rows):
+            total = 0.0
+            for t in range(column_taps.size):
+                q = min(max(j + t - half_c, 0), columns - 1)
+                total += blurred[q, r] * column_taps[t]
+            mean = electrons * total + ambient
+            charge = mean + np.sqrt(mean + read_noise**2) * normal[j, r]
+            level[r] = np.floor(min(max(charge, 0.0), full_well) / full_well * top + 0.5)
+        found[j] = find_row(level, kind, threshold * top)
+        peak[j] = level.max() / top
+    return found, peak

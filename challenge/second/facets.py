@@ -1,0 +1,84 @@
+"""A surface of micro-facets with a lay: how bright it is towards the camera, and its speckle."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Facets:
+    """Anisotropic Trowbridge-Reitz facets over a matt base (Heitz, JCGT 3(2), 2014).
+
+    Attributes
+    ----------
+    albedo
+        Of the matt base.
+    mirror
+        Reflectance of the facets.
+    slope_along, slope_across
+        Facets' slope along and across the lay.
+    lay_rad
+        Direction of the lay in the part's x-y plane.
+    modes
+        Independent speckle patterns that a cell averages: contrast is modes^-1/2.
+    print_ratio, print_period_mm, print_rad
+        Printed stripes: their brightness against the ground, 1 for none.
+    """
+
+    albedo: float = 0.5
+    mirror: float = 0.05
+    slope_along: float = 0.25
+    slope_across: float = 0.35
+    lay_rad: float = 0.0
+    modes: float = 12.0
+    print_ratio: float = 1.0
+    print_period_mm: float = 4.0
+    print_rad: float = 0.0
+
+    def density(self, half: Floats, along: Floats, across: Floats) -> Floats:
+        """Density of facets whose normal is the half vector, per steradian.
+
+        Parameters
+        ----------
+        half, along, across : (...)
+            Components of the half vector: along the normal, along the lay, across it.
+        """
+        a, b = self.slope_along, self.slope_across
+        inside = (along / a) ** 2 + (across / b) ** 2 + half**2
+        return np.asarray(1 / (np.pi * a * b * inside**2))
+
+    def towards(
+        self, normal: Floats, lay: Floats, to_laser: Floats, to_camera: Floats
+    ) -> Floats:
+        """Radiance towards the camera of points lit with unit irradiance across the sheet.
+
+        Parameters
+        ----------
+        normal, lay : (..., 3)
+            Unit normals, and unit directions of the lay in the surface.
+        to_laser, to_camera : (3,)
+            Unit vectors from the surface.
+        """
+        lit = np.maximum(normal @ to_laser, 0.0)
+        seen = normal @ to_camera
+        half = to_laser + to_camera
+        half = half / np.linalg.norm(half)
+        along = lay @ half
+        across = np.cross(normal, lay) @ half
+        gloss = self.mirror * self.density(normal @ half, along, across)
+        gloss = gloss / (4 * np.maximum(seen * lit, 0.05)) * lit
+        return np.where(seen > 0.02, self.albedo / np.pi * lit + gloss, 0.0)
+
+    def printed(self, points_mm: Floats) -> Floats:
+        """Relative brightness of points (..., 3) in the part frame."""
+        if self.print_ratio == 1.0:
+            return np.ones(points_mm.shape[:-1])
+        u = points_mm[..., 0] * np.cos(self.print_rad) + points_mm[..., 1] * np.sin(self.print_rad)
+        return np.where(np.mod(u / self.print_period_mm, 1.0) < 0.5, self.print_ratio, 1.0)
+
+    def speckle(self, shape: tuple[int, ...], rng: np.random.Generator) -> Floats:
+        """Relative brightness of cells: gamma-distributed, mean 1 (Goodman, section 6)."""
+        return rng.gamma(self.modes, 1 / self.modes, shape)
