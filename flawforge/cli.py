@@ -12,8 +12,9 @@ from pipeline.batch.stop import heard, stoppable
 COMMANDS: Final = {
     "generate": "make a labelled dataset from a recipe",
     "preview": "draw a scan of a dataset, or a recipe before anything is generated",
+    "view": "make a gallery of a dataset, one HTML file with filters",
     "verify": "check a dataset's files, also against the lock of a release",
-    "export": "turn scans into recordings, point clouds or images",
+    "export": "turn a dataset into the form that another program opens",
     "import": "turn an instrument's file into recording.h5",
     "roughness": "measure a surface's roughness and write its surface.yaml",
     "diagnose": "say where recordings differ from their simulation, and why",

@@ -8,6 +8,7 @@ examples:
   flawforge preview quickstart --out setup.png    part, flaws, sensor fan and path
   flawforge preview out/quickstart --out scan.png                the scan whose flaw shows best
   flawforge preview out/quickstart --scan car_door-0001-0000
+  flawforge preview out/quickstart --all --out sheet.png         all scans side by side
 """
 
 
@@ -18,6 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "what", type=Path, metavar="DIR|RECIPE", help="folder of a dataset, or a recipe's YAML file"
     )
     parser.add_argument("--scan", metavar="ID", help="which scan (default: the most telling one)")
+    parser.add_argument("--all", action="store_true", help="of a dataset: a contact sheet")
     parser.add_argument(
         "--part", metavar="NAME", help="of a recipe: which part (default: the first)"
     )
@@ -46,6 +48,14 @@ def run(arguments: argparse.Namespace) -> int:
         raise RecipeError("--part goes with a recipe; of a dataset, --scan chooses")
     if not arguments.what.is_dir() and arguments.scan is not None:
         raise RecipeError("--scan goes with a dataset; of a recipe, --part chooses")
+    if arguments.all and not (arguments.what.is_dir() and arguments.scan is None):
+        raise RecipeError("--all goes with a dataset, without --scan")
+    if arguments.all:
+        from pipeline.gallery.contact_sheet import contact_sheet
+
+        picture, count = contact_sheet(arguments.what, arguments.out)
+        print(f"{picture}: {count} scans")
+        return 0
     if arguments.what.is_dir():
         from pipeline.preview.scan_picture import draw_scan
 

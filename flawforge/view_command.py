@@ -1,0 +1,37 @@
+"""`flawforge view`: a gallery of a dataset in one HTML file."""
+
+import argparse
+from pathlib import Path
+
+EPILOG = """\
+Open the file in a browser; it needs no network. Filter by split, part, kind, size and
+detectability; click a scan for its flaws.
+
+example:
+  flawforge view out/quickstart --out quickstart.html
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's words."""
+    parser.epilog = EPILOG
+    parser.add_argument("dataset", type=Path, metavar="DIR", help="folder of the dataset")
+    parser.add_argument(
+        "--out", type=Path, default=Path("view.html"), metavar="HTML", help="default: view.html"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the page; say where it is."""
+    from flawforge.progress import shown
+    from pipeline.gallery.page import write_gallery
+    from sensors.typed_yaml import RecipeError
+
+    if arguments.out.suffix.lower() not in (".html", ".htm"):
+        raise RecipeError(
+            "isn't a page's name", where="--out", value=str(arguments.out), allowed="NAME.html"
+        )
+    with shown("flawforge.export"):
+        count = write_gallery(arguments.dataset, arguments.out)
+    print(f"{arguments.out}: {count} scan{'' if count == 1 else 's'}")
+    return 0

@@ -1,0 +1,1 @@
+"""A dataset at a glance: a page of thumbnails with filters, a contact sheet."""
