@@ -11,6 +11,7 @@ from pipeline.batch.stop import heard, stoppable
 
 COMMANDS: Final = {
     "generate": "make a labelled dataset from a recipe",
+    "check": "predict a dataset, its cost and what it lacks from a few trial scans",
     "preview": "draw a scan of a dataset, or a recipe before anything is generated",
     "view": "make a gallery of a dataset, one HTML file with filters",
     "verify": "check a dataset's files, also against the lock of a release",
@@ -22,6 +23,7 @@ COMMANDS: Final = {
 }
 EXAMPLES: Final = """\
 examples:
+  flawforge check quickstart
   flawforge generate quickstart --out out/quickstart --jobs 2
   flawforge preview out/quickstart --out scan.png
   flawforge diagnose a.h5 b.h5 c.h5 --part part.stl --sensor sensor.yaml --out diagnosis

@@ -1,13 +1,12 @@
 """`flawforge generate`: make a labelled dataset from a recipe."""
 
 import argparse
-from collections.abc import Mapping
+import time
 from pathlib import Path
-from typing import Any
 
 from flawforge.progress import shown
+from flawforge.summary import summary
 
-MOST_LINES = 10  # of a kind, in the summary
 EPILOG = """\
 The recipe is a YAML file: docs/recipe.md has every key, flawforge init writes one. The same recipe
 and seed give the same bytes for any --jobs. Started again after it was stopped, the command goes on
@@ -88,56 +87,9 @@ def run(arguments: argparse.Namespace) -> int:
             sets=arguments.sets,
             seed=arguments.seed,
         )
+        begin = time.monotonic()
         with shown("flawforge.generate", json_lines=arguments.log_json):
             dataset = generate(recipe, arguments.out, backend=backend)
     if not arguments.log_json:
-        print(summary(dataset, arguments.out))
+        print(summary(dataset, arguments.out, seconds=time.monotonic() - begin))
     return 1 if dataset["failed"] else 0
-
-
-def summary(dataset: Mapping[str, Any], out: Path) -> str:
-    """Say in a few lines what a dataset holds."""
-    statistics = dataset["statistics"]
-    lines = [
-        f"{_many(dataset['scans'], 'scan')} in {_many(len(dataset['shards']), 'shard')} in {out}",
-        "splits (by "
-        + dataset["split_by"]
-        + "): "
-        + ", ".join(f"{name} {count}" for name, count in statistics["scans_by_split"].items()),
-    ]
-    for kind, counts in statistics["by_class"].items():
-        lines.append(
-            f"  {kind:8} seen in {_many(counts['seen'], 'scan')}, visible above the noise in"
-            f" {counts['visible']} ({counts['pixels']} pixels)"
-        )
-    lines += [
-        f"mended: {part['part']}: " + "; ".join(part["mended"])
-        for part in dataset["parts"]
-        if part["mended"]
-    ]
-    dropped = dataset["flaws_dropped"]
-    lines += _first(
-        [f"no place for a flaw: {one['specimen']}: {one['why']}" for one in dropped],
-        "flaws_dropped",
-    )
-    lines += _first(
-        [
-            f"failed: {one.get('scan') or one.get('specimen') or one['part']}: "
-            + one["why"].removeprefix(f"{one['part']}: ")
-            for one in dataset["failed"]
-        ],
-        "failed",
-    )
-    return "\n".join(lines)
-
-
-def _many(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
-
-
-def _first(lines: list[str], key: str) -> list[str]:
-    """Leave it at some lines where there are many: dataset.json has them all."""
-    if len(lines) <= MOST_LINES:
-        return lines
-    rest = len(lines) - MOST_LINES
-    return [*lines[:MOST_LINES], f"... and {rest} more, see '{key}' in dataset.json"]

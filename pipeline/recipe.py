@@ -16,7 +16,7 @@ from pipeline.motion.trajectory import follow, frame, rate_of
 from pipeline.parts.builtin import FACET_UM
 from pipeline.recipe_source import read_source
 from quantity import declared, quantity
-from sensors.datasheet import Datasheet
+from sensors.datasheet import Datasheet, with_effects
 from sensors.model import SensorModel
 from sensors.surface.reflectance import ReflectanceMap
 from sensors.surface.surface import Surface
@@ -73,6 +73,11 @@ class RecipeFile:
     points: int | None = quantity(
         "points of a profile; the sensor's where left out",
         low=2, high=100_000, whole=True, default=None,
+    )
+    triangulation_angle_deg: float | None = quantity(
+        "angle between laser and camera where the sensor's file doesn't state it; the camera sees "
+        "no point in a shadow then",
+        unit="°", low=0, above=True, high=90, below=True, default=None,
     )
     surface: str | None = None
     reflectance: ReflectanceMap | None = None
@@ -183,6 +188,8 @@ class Recipe:
                 raise RecipeError("no such folder", where="--parts", value=str(root))
         folders = (*own, *(root.resolve() for root in roots))
         sensor = _named(SensorModel.load, file.sensor, folders, document.where(("sensor",)))
+        if file.triangulation_angle_deg is not None:
+            sensor = _with_angle(sensor, file.triangulation_angle_deg)
         datasheet = sensor.datasheet
         points = file.points or datasheet.points_per_profile
         if file.profiles * points > MOST_POINTS:
@@ -276,6 +283,14 @@ class Recipe:
         for entry, said in zip(used["parts"], given["parts"], strict=True):
             entry["flaws"] = said.get("flaws")
         return used
+
+
+def _with_angle(sensor: SensorModel, angle_deg: float) -> SensorModel:
+    """Return the sensor with the camera at an angle, and the shadows that follow from it."""
+    sheet = replace(sensor.datasheet, triangulation_angle_deg=angle_deg)
+    if all(effect["name"] != "camera_occlusion" for effect in sheet.effects):
+        sheet = with_effects(sheet, ({"name": "camera_occlusion"},))
+    return SensorModel(sheet)
 
 
 def _check_motion(motion: Motion, datasheet: Datasheet, profiles: int, where: str) -> None:

@@ -10,7 +10,6 @@ import json
 import os
 import platform
 import uuid
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import TracebackType
@@ -21,6 +20,8 @@ import numpy as np
 from defects import KINDS
 from pipeline.dataset.folder import write_whole
 from pipeline.dataset.shards import sync
+from pipeline.dataset.shortfalls import shortfalls
+from pipeline.dataset.statistics import Statistics
 from pipeline.scan.labelled_scan import CLASS_NAMES
 
 LIBRARIES: Final = (
@@ -81,9 +82,8 @@ def write_manifest(
     shards: dict[str, dict[str, Any]] = {}
     failed = list(facts["failed"])
     dropped: list[dict[str, str]] = []
-    redrawn, share_valid = 0, 0.0
-    splits: Counter[str] = Counter()
-    classes: dict[str, Counter[str]] = {}
+    redrawn = 0
+    statistics = Statistics(facts["recipe"]["splits"])
     scans_table = _Table(out / "manifest", SCAN_COLUMNS)
     with scans_table, _Table(out / "flaws", FLAW_COLUMNS) as flaws_table:
         for journal in journals:
@@ -97,28 +97,23 @@ def write_manifest(
             dropped.extend(journal["dropped"])
             for row in journal["scans"]:
                 scans_table.add(row)
-                splits[row["split"]] += 1
-                share_valid += row["share_valid"]
+                statistics.add_scan(row)
             for row in journal["flaws"]:
                 flaws_table.add(row)
-                _count_flaw(classes.setdefault(row["kind"], Counter()), row)
-    scans = sum(splits.values())
-    dataset = {
+                statistics.add_flaw(row)
+    dataset: dict[str, Any] = {
         "format": "flawforge-dataset",
         "version": 1,
         **facts,
-        "scans": scans,
+        "scans": statistics.scans,
         "shards": shards,
         "classes": {str(number): name for number, name in CLASS_NAMES.items()},
-        "statistics": {
-            "by_class": {kind: dict(counts) for kind, counts in sorted(classes.items())},
-            "scans_by_split": dict(splits),
-            "mean_share_valid": share_valid / scans if scans else None,
-        },
+        "statistics": statistics.counted(),
         "flaws_redrawn": redrawn,
         "flaws_dropped": dropped,
         "failed": failed,
     }
+    dataset["warnings"] = shortfalls(dataset)
     write_whole(out / "dataset.json", json.dumps(dataset, indent=1) + "\n")
     return dataset
 
@@ -132,15 +127,6 @@ def _shard_statistics(journal: Mapping[str, Any]) -> dict[str, Any]:
         "depth_mean_mm": sum(depths) / len(depths) if depths else None,
         "flaw_pixels": sum(row["pixels"] for row in flaws),
     }
-
-
-def _count_flaw(counts: Counter[str], row: Mapping[str, Any]) -> None:
-    counts["rows"] += 1
-    counts["seen"] += row["pixels"] > 0
-    counts["visible"] += row["pixels_visible"] > 0
-    counts["detectable"] += row["detectable"]
-    counts["pixels"] += row["pixels"]
-    counts["pixels_visible"] += row["pixels_visible"]
 
 
 class _Table:

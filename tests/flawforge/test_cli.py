@@ -84,7 +84,7 @@ def test_a_run_without_a_usable_part_leaves_nothing(tmp_path, capsys):
 
 
 def test_a_summary_keeps_to_a_few_lines_of_a_kind():
-    from flawforge.generate_command import MOST_LINES, summary
+    from flawforge.summary import MOST_LINES, summary
 
     dropped = [{"specimen": f"a-{number:04d}", "why": "too near"} for number in range(500)]
     said = summary(
@@ -92,7 +92,8 @@ def test_a_summary_keeps_to_a_few_lines_of_a_kind():
             "scans": 1,
             "shards": {"shard-00000.h5": {}},
             "split_by": "part",
-            "statistics": {"scans_by_split": {"train": 1}, "by_class": {}},
+            "statistics": {"scans_by_split": {"train": 1}, "by_split": {"train": {}}},
+            "warnings": [],
             "parts": [],
             "flaws_dropped": dropped,
             "failed": [{"part": "b", "scan": "b-0000-0000", "why": "b: nothing seen"}],

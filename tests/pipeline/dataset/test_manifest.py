@@ -37,10 +37,14 @@ def test_no_pandas_for_it(tmp_path):
     code = (
         "import sys\nfrom pathlib import Path\n"
         "from pipeline.dataset.manifest import write_manifest\n"
-        "row = {'split': 'train', 'share_valid': 0.5, 'depth_mean_mm': None}\n"
+        "row = {'split': 'train', 'share_valid': 0.5, 'depth_mean_mm': None, 'part': 'a',"
+        " 'surface': None}\n"
+        "sensor = dict(name='s', effects=[], triangulation_angle_deg=None)\n"
+        "facts = dict(failed=[], split_by='part', recipe=dict(splits={'train': 1.0},"
+        " sensor=sensor))\n"
         "journal = dict(shard='a', sha256='b', scans=[row], flaws=[], failed=[], redrawn=0,"
         " dropped=[])\n"
-        f"write_manifest(Path({str(tmp_path)!r}), journals=[journal], facts={{'failed': []}})\n"
+        f"write_manifest(Path({str(tmp_path)!r}), journals=[journal], facts=facts)\n"
         "sys.exit('pandas' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], cwd=HOME, check=False).returncode == 0
