@@ -15,6 +15,7 @@ from typing import Any
 from pipeline.batch.backend import Backend
 from pipeline.batch.plan import Plan, PlannedPart, make_plan
 from pipeline.batch.work import Workplace, is_whole, make_shard, read_journal
+from pipeline.dataset.checksums import write_checksums
 from pipeline.dataset.folder import drop_leftovers, drop_parts, held
 from pipeline.dataset.manifest import versions, write_manifest
 from pipeline.dataset.shards import file_sha256
@@ -93,6 +94,7 @@ def generate(
         )
         drop_parts(hidden / "parts")
         drop_leftovers(out)
+        write_checksums(out, {name: facts["sha256"] for name, facts in dataset["shards"].items()})
         _log("done", {"scans": dataset["scans"], "failed": len(dataset["failed"])})
         return dataset
 

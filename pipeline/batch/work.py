@@ -1,5 +1,6 @@
 """One unit of work: make one shard, alone, from the recipe and the plan."""
 
+import hashlib
 import json
 import math
 from collections.abc import Mapping
@@ -41,8 +42,17 @@ class Workplace:
 
 
 def read_journal(place: Workplace, shard: str) -> dict[str, Any]:
-    """Return what was written down of a shard."""
-    journal: dict[str, Any] = json.loads(place.journal(shard).read_text())
+    """Return what was written down of a shard.
+
+    Raises
+    ------
+    ValueError
+        Where the journal isn't as it was written.
+    """
+    text, _, digest = place.journal(shard).read_text(encoding="utf-8").rstrip("\n").rpartition("\n")
+    if hashlib.sha256(text.encode()).hexdigest() != digest:
+        raise ValueError(f"the journal of {shard} is damaged")
+    journal: dict[str, Any] = json.loads(text)
     return journal
 
 
@@ -114,7 +124,9 @@ def make_shard(place: Workplace, shard: PlannedShard) -> tuple[str, int]:
         "redrawn": redrawn,
         "dropped": dropped,
     }
-    write_whole(place.journal(shard.name), json.dumps(journal))
+    text = json.dumps(journal)
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    write_whole(place.journal(shard.name), f"{text}\n{digest}\n")
     return shard.name, len(scans)
 
 

@@ -227,6 +227,23 @@ def scan_checksums(path: Path) -> dict[str, str]:
     return sums
 
 
+def scans_in(path: Path) -> list[str]:
+    """Return the ids of a shard's scans, in order."""
+    with h5py.File(path, "r") as file:
+        return [scan_id.decode() for scan_id in file["scan_id"][:]]
+
+
+def pixels_in(path: Path) -> dict[tuple[str, int], int]:
+    """Count the points of each flaw in each scan of a shard, by scan id and instance."""
+    found: dict[tuple[str, int], int] = {}
+    with h5py.File(path, "r") as file:
+        for row, scan_id in enumerate(file["scan_id"][:]):
+            counts = np.bincount(file["instance"][row].ravel())
+            for number in np.flatnonzero(counts[1:]) + 1:
+                found[scan_id.decode(), int(number)] = int(counts[number])
+    return found
+
+
 def file_sha256(path: Path) -> str:
     """SHA-256 of a file's bytes, as hex."""
     with path.open("rb") as file:

@@ -5,9 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
+from pipeline.dataset.checksums import NAME, Checksums, own_files, read_checksums
 from pipeline.dataset.folder import write_whole
-from pipeline.dataset.manifest import SCAN_COLUMNS
-from pipeline.dataset.shards import file_sha256, scan_checksums
+from pipeline.dataset.manifest import FLAW_COLUMNS, SCAN_COLUMNS
+from pipeline.dataset.shards import file_sha256, pixels_in, scan_checksums, scans_in
 from sensors.typed_yaml import RecipeError
 
 LOCK_FORMAT: Final = "flawforge-lock"
@@ -51,45 +54,222 @@ def read_dataset(folder: Path) -> dict[str, Any]:
     return said
 
 
-def verify(folder: Path) -> Report:
-    """Check every shard's checksum, every scan's own, and the manifest's rows against them."""
-    import pandas as pd
+def verify(folder: Path, *, content: bool = False) -> Report:
+    """Check every file's checksum and the tables' rows against the shards.
 
-    said = read_dataset(folder)
-    wrong: list[str] = []
-    stored: dict[str, str] = {}
+    Parameters
+    ----------
+    folder
+        Of the dataset.
+    content
+        Decode every scan and hold its arrays and its flaws' pixels against the tables, too; a file
+        with other bytes and the same content is then no fault.
+    """
+    faults: dict[str, list[str]] = {}
+    notes: list[str] = []
+    try:
+        listed = read_checksums(folder)
+    except (ValueError, OSError) as error:
+        listed = None
+        faults[NAME] = [f"damaged: {error}"]
+    if listed is not None:
+        _check_bytes(folder, listed, faults)
+    try:
+        said = read_dataset(folder)
+    except RecipeError as error:
+        if "dataset.json" not in faults:
+            raise
+        faults["dataset.json"].append(str(error))
+        return _report(folder, faults, notes, None)
+    if listed is None and NAME not in faults:
+        notes.append(f"{folder}: has no {NAME}; shards and tables are checked by their content")
+        _check_shards(folder, said, faults)
+    held = _stored(folder, said, faults, content=content or listed is None)
+    for stem in ("manifest", "flaws"):
+        for end in ("parquet", "csv"):
+            _check_table(folder, f"{stem}.{end}", said, held, faults)
+    if content:
+        _forgive(folder, faults, notes)
+    return _report(folder, faults, notes, said)
+
+
+def _report(
+    folder: Path, faults: dict[str, list[str]], notes: list[str], said: dict[str, Any] | None
+) -> Report:
+    if faults:
+        lines = [f"{name}: {'; '.join(words)}" for name, words in sorted(faults.items())]
+        return Report(
+            lines=(*notes, *lines, f"{folder}: {len(faults)} faults"), wrong=len(faults)
+        )
+    assert said is not None
+    line = f"{folder}: {said['scans']} scans in {len(said['shards'])} shards, all whole"
+    return Report(lines=(*notes, line), wrong=0)
+
+
+def _check_bytes(folder: Path, listed: Checksums, faults: dict[str, list[str]]) -> None:
+    """Compare each file with its checksum; name what is missing, damaged, swapped or added."""
+    whose = {digest: name for name, digest in listed.files.items()}
+    journals = (folder / ".flawforge").is_dir()
+    for name, digest in listed.files.items():
+        path = folder / name
+        if name.startswith(".flawforge/") and not journals:
+            continue  # a dataset that was passed on without its journals
+        if not path.is_file():
+            faults[name] = ["missing"]
+            continue
+        found = file_sha256(path)
+        if found == digest:
+            continue
+        if found in whose:
+            faults[name] = [f"holds what {whose[found]} should hold"]
+        else:
+            faults[name] = [f"damaged, its checksum isn't the one in {NAME}"]
+    for name in own_files(folder):
+        if name not in listed.files:
+            faults[name] = ["not part of this dataset"]
+
+
+def _check_shards(folder: Path, said: dict[str, Any], faults: dict[str, list[str]]) -> None:
+    """Compare shards with dataset.json alone, for datasets without a list of checksums."""
     for name, facts in said["shards"].items():
         path = folder / name
         if not path.is_file():
-            wrong.append(f"{name}: missing")
+            faults[name] = ["missing"]
+        elif file_sha256(path) != facts["sha256"]:
+            faults[name] = ["damaged, its checksum isn't the one in dataset.json"]
+    for path in folder.glob("shard-*.h5"):
+        if path.name not in said["shards"]:
+            faults[path.name] = ["not part of this dataset"]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Held:
+    """What the shards hold: where each scan is, and, decoded, its checksum and flaws' pixels."""
+
+    place: dict[str, tuple[str, int]]
+    checksum: dict[str, str]
+    pixels: dict[tuple[str, int], int]
+
+
+def _stored(
+    folder: Path, said: dict[str, Any], faults: dict[str, list[str]], *, content: bool
+) -> _Held:
+    held = _Held(place={}, checksum={}, pixels={})
+    for name in said["shards"]:
+        if not (folder / name).is_file():
             continue
-        if file_sha256(path) != facts["sha256"]:
-            wrong.append(f"{name}: damaged, its checksum isn't the one in dataset.json")
+        if name in faults and not content:
             continue
-        stored.update(scan_checksums(path))
-    found = sorted(path.name for path in folder.glob("shard-*.h5"))
-    wrong += [f"{name}: not part of this dataset" for name in found if name not in said["shards"]]
-    for end in ("parquet", "csv"):
-        table_path = folder / f"manifest.{end}"
         try:
-            table = pd.read_parquet(table_path) if end == "parquet" else pd.read_csv(table_path)
-        except (OSError, ValueError) as error:
-            wrong.append(f"{table_path.name}: can't be read ({' '.join(str(error).split())})")
+            scans = scans_in(folder / name)
+            held.place.update({scan: (name, row) for row, scan in enumerate(scans)})
+            if content:
+                held.checksum.update(scan_checksums(folder / name))
+                held.pixels.update(pixels_in(folder / name))
+        except (OSError, ValueError, KeyError, RuntimeError) as error:
+            words = " ".join(str(error).split())
+            faults.setdefault(name, []).append(f"can't be read ({words})")
+    return held
+
+
+def _check_table(
+    folder: Path, name: str, said: dict[str, Any], held: _Held, faults: dict[str, list[str]]
+) -> None:
+    """Hold a table's rows against the shards."""
+    import pandas as pd
+
+    path = folder / name
+    wanted = SCAN_COLUMNS if name.startswith("manifest") else FLAW_COLUMNS
+
+    def fault(words: str) -> None:
+        faults.setdefault(name, []).append(words)
+
+    if not path.is_file():
+        if name not in faults:
+            fault("missing")
+        return
+    try:
+        table = pd.read_parquet(path) if name.endswith("parquet") else pd.read_csv(path)
+    except Exception as error:  # whatever a damaged table makes of its reader
+        fault(f"can't be read ({' '.join(str(error).split())[:120]})")
+        return
+    missing = {"scan_id", "shard", "row", "checksum"} if wanted is SCAN_COLUMNS else {
+        "scan_id", "instance", "pixels"
+    }  # fmt: skip
+    missing -= set(table.columns)
+    if missing:
+        fault(f"columns missing: {', '.join(sorted(missing))}")
+        return
+    if wanted is FLAW_COLUMNS:
+        for scan, number, pixels in zip(
+            table["scan_id"], table["instance"], table["pixels"], strict=True
+        ):
+            if scan not in held.place and not _gone(held, said):
+                fault(f"scan {scan} is in no shard")
+                return
+            stored = held.pixels.get((str(scan), int(number)))
+            if held.pixels and scan in held.checksum and (stored or 0) != pixels:
+                fault(f"scan {scan}, instance {number}: {pixels} pixels listed, {stored} stored")
+                return
+        return
+    if len(table) != said["scans"]:
+        fault(f"{len(table)} rows for {said['scans']} scans")
+    listed = dict(zip(table["scan_id"], table["checksum"], strict=True))
+    where = dict(
+        zip(table["scan_id"], zip(table["shard"], table["row"], strict=True), strict=True)
+    )
+    for scan_id, (shard, row) in held.place.items():
+        stored_as = held.checksum.get(scan_id, listed.get(scan_id))
+        if listed.get(scan_id) is None or listed[scan_id] != stored_as or where[scan_id] != (
+            shard, row
+        ):  # fmt: skip
+            fault(f"scan {scan_id} isn't listed as it is stored")
+            return
+
+
+def _gone(held: _Held, said: dict[str, Any]) -> bool:
+    """Return whether a shard could not be read, so that scans are missing anyway."""
+    return len({shard for shard, _ in held.place.values()}) < len(said["shards"])
+
+
+def _forgive(folder: Path, faults: dict[str, list[str]], notes: list[str]) -> None:
+    """Drop faults of files whose bytes alone differ: their content was found right."""
+    for name in list(faults):
+        alone = len(faults[name]) == 1 and faults[name][0].startswith("damaged, its checksum")
+        if not alone or name.startswith(".flawforge"):
             continue
-        missing = set(SCAN_COLUMNS) - set(table.columns)
-        if missing:
-            wrong.append(f"{table_path.name}: columns missing: {', '.join(sorted(missing))}")
-            continue
-        listed = dict(zip(table["scan_id"], table["checksum"], strict=True))
-        if len(table) != said["scans"]:
-            wrong.append(f"{table_path.name}: {len(table)} rows for {said['scans']} scans")
-        for scan_id, checksum in stored.items():
-            if listed.get(scan_id) != checksum:
-                wrong.append(f"{table_path.name}: scan {scan_id} isn't listed as it is stored")
-    if wrong:
-        return Report(lines=(*wrong, f"{folder}: {len(wrong)} faults"), wrong=len(wrong))
-    line = f"{folder}: {said['scans']} scans in {len(said['shards'])} shards, all whole"
-    return Report(lines=(line,), wrong=0)
+        same = name.startswith("shard-") or _same_table(folder, name)
+        if same:
+            notes.append(f"{name}: other bytes, the same content")
+            del faults[name]
+
+
+def _same_table(folder: Path, name: str) -> bool:
+    """Return whether a table holds the values of its twin in the other form."""
+    import pandas as pd
+
+    stem, _, end = name.partition(".")
+    if stem not in ("manifest", "flaws") or end not in ("csv", "parquet"):
+        return False
+    try:
+        one = pd.read_csv(folder / f"{stem}.csv")
+        other = pd.read_parquet(folder / f"{stem}.parquet")
+    except Exception:  # a twin that is missing or damaged proves nothing
+        return False
+    if list(one.columns) != list(other.columns) or len(one) != len(other):
+        return False
+    for column in one.columns:
+        a, b = one[column], other[column]
+        if b.dtype.kind in "fiu":
+            near = np.isclose(
+                pd.to_numeric(a, errors="coerce"), pd.to_numeric(b), rtol=1e-15, atol=0,
+                equal_nan=True,
+            )  # fmt: skip
+            if not near.all():
+                return False
+        elif not (a.fillna("").astype(str) == b.fillna("").astype(str)).all():
+            return False
+    return True
 
 
 def write_lock(folder: Path, lock: Path) -> None:
@@ -100,6 +280,9 @@ def write_lock(folder: Path, lock: Path) -> None:
         "version": 1,
         **{key: said[key] for key in ("name", "seed", "recipe", "files", "versions", "shards")},
     }
+    listed = read_checksums(folder)
+    if listed is not None:
+        kept["root"] = listed.root
     if lock.is_dir():
         raise RecipeError("is a folder", where=lock, allowed="a file, NAME.lock")
     lock.parent.mkdir(parents=True, exist_ok=True)
@@ -139,8 +322,13 @@ def compare_with_lock(folder: Path, lock: Path) -> Report:
     ]
     released = kept["shards"]
     unlike = [n for n, facts in said["shards"].items() if released[n]["sha256"] != facts["sha256"]]
-    if not unlike:
+    listed = read_checksums(folder)
+    same_root = listed is None or kept.get("root") in (None, listed.root)
+    if not unlike and (same_root or others):
         return Report(lines=(f"{folder}: the same bytes as {lock}", *others), wrong=0)
+    if not unlike:
+        line = f"{folder}: the same shards as {lock}, other tables or documents (root checksum)"
+        return Report(lines=(line,), wrong=1)
     if not others:
         lines = [f"{name}: other bytes with the same versions" for name in unlike]
         return Report(lines=tuple(lines), wrong=len(lines))
