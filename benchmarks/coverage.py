@@ -18,11 +18,12 @@ from scipy import stats
 
 from benchmarks.diagnose import OF
 from benchmarks.strength import PITCH_MM, Case, Entry, at_strength
+from diagnosis.curvature import TURN
 from diagnosis.fit import fit_effect
 from diagnosis.noise import calibrate
 from diagnosis.patch import cut
 from diagnosis.registration import register
-from diagnosis.uncertainty import intervals
+from diagnosis.uncertainty import intervals, refined
 from diagnosis.workspace import Model, Workspace
 from sensors.casting.laser import Laser
 from sensors.effects import effect_of
@@ -76,12 +77,14 @@ def simulate(name: str, entry: Entry, seed: int) -> Iterator[Held]:
     fitted = fit_effect(type(truth), ws, Model(), (), states, start=truth)
     if fitted is None or fitted.effect.is_null:
         return
-    model = ws.levelled(Model().with_effect(fitted.effect, fitted.own))
+    model = refined(ws, ws.levelled(Model().with_effect(fitted.effect, fitted.own)))
     for parameter, found in intervals(ws, model)[name].items():
         true = float(getattr(truth, parameter))
         if found.low is None or found.high is None:
             yield Held(effect=name, parameter=parameter, held=None, width_over_error=np.nan)
             continue
+        if parameter == "phase_rad":
+            true += TURN * round((found.value - true) / TURN)
         error = max(abs(found.value - true), 1e-12)
         yield Held(
             effect=name, parameter=parameter, held=found.low <= true <= found.high,

@@ -1,14 +1,15 @@
 """The whole diagnosis: register, calibrate, detect, explain, judge, locate."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.calibration import calibrated_noise, nominal_noise, nominal_sd_mm
+from diagnosis.candidates import candidates_of
 from diagnosis.empirical_fit import fit_empirical
-from diagnosis.explain import explain
+from diagnosis.explain import Explanation, explain
 from diagnosis.finding import Finding
 from diagnosis.finish import averaged_grain, finish_effects, finish_estimates, sunken
 from diagnosis.found import FoundEffect, at_limits, found_effects, plainly_found, sheet_with
@@ -26,13 +27,15 @@ from diagnosis.locate import Region
 from diagnosis.maps import RecordingMaps, map_recording
 from diagnosis.mounting import LEAST_NATS, mounting_error
 from diagnosis.noise import NoiseModel
-from diagnosis.patch import Patch, cut, in_range
+from diagnosis.patch import Patch, in_range
+from diagnosis.recorded import Recorded
 from diagnosis.registration import Placement, register
 from diagnosis.residual_structure import Residual, residual_structure
 from diagnosis.select import LEAST_GAIN, Selection
-from diagnosis.settle import placed_anew, settled
-from diagnosis.trust import trust
+from diagnosis.shrinkage import shrunk_at_edges
+from diagnosis.uncertainty import refined
 from diagnosis.workspace import Model, Workspace
+from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.effects.form_error import FormError
@@ -113,108 +116,73 @@ def diagnose(
     inputs = checked(everything, references, scene, datasheet, surface, notes)
     laser, surface = inputs.laser, inputs.surface
 
-    placed: dict[str, Placement] = {}
-    for recording in everything:
-        progress(f"registering {recording.name}")
-        valid = np.isfinite(in_range(recording.depth_mm, datasheet))
-        placed[recording.name] = register(
-            scene, recording, laser[recording.name], datasheet=datasheet, valid=valid,
-            sd_mm=datasheet.step_mm / 2,
-        )  # fmt: skip
+    placed = _registered(everything, scene, datasheet, laser, progress)
     scene, everything = with_brightness(everything, placed, scene, datasheet, laser)
-    patches: list[Patch] = []
-    lateral = lateral_mm(everything[0])
-    for number, recording in enumerate(everything):
-        shape = recording.depth_mm.shape
-        held_out = tiles(*shape) if single else np.full(shape, number >= len(fit_on))
-        patches += cut(
-            number, recording, placed[recording.name], scene, datasheet, laser[recording.name],
-            lateral_mm=lateral, held_out=held_out,
-        )  # fmt: skip
+    recorded = Recorded(
+        recordings=tuple(everything), scene=scene, datasheet=datasheet, laser=laser,
+        lateral_mm=lateral_mm(everything[0]),
+        held_out=tuple(
+            tiles(*r.depth_mm.shape) if single else np.full(r.depth_mm.shape, k >= len(fit_on))
+            for k, r in enumerate(everything)
+        ),
+    )  # fmt: skip
+    patches = [p for k, r in enumerate(everything) for p in recorded.cut(k, placed[r.name])]
     check_overlap(patches)
     progress("calibrating the noise")
     noise, nominal = calibrated_noise(patches, inputs.plates, notes)
     repeated = repeats(everything, notes)
-
-    def place_again(model: Model, before: Sequence[Patch], by_law: bool) -> Sequence[Patch]:
-        return placed_anew(
-            model, before, everything, scene, datasheet, laser, placed, noise, lateral,
-            by_law=by_law,
-        )  # fmt: skip
-
-    plainly = dict(placed)
     explanation = explain(
-        patches, noise, place_again, rng, withheld=withheld, share_own=not single, notes=notes,
-        progress=progress,
+        patches, noise, recorded, placed, rng, withheld=withheld, share_own=not single,
+        notes=notes, progress=progress,
     )  # fmt: skip
-    plain_held = [p for p in patches if p.scored.any()]
     selection, model, ws = explanation.selection, explanation.model, explanation.ws
     held_patches = explanation.held
     last = held_findings(
         selection.last.significant(), held_patches, ws, model, least_gain=LEAST_GAIN, rng=rng
     )
     verdict, left = _verdict(selection, last)
-    progress("judging on held-out readings")
-    plain_noise = noise
-    beside: list[FoundEffect] = []
-    strange = list(repeated)
-    claimed = nominal_sd_mm(nominal, surface, ws.patches[0].view)
     bent = any(f.channel == "mean" and f.size > STILL_BENT for f in left)
-    finishes, finish_findings = finish_effects(ws, model, noise, nominal, claimed, bent=bent)
-    finishes = [e for e in finishes if e.name not in withheld]
-    if not finishes:
-        strange += finish_findings
-    else:
-        plain_noise = nominal_noise(noise, nominal, surface, ws.patches[0].view)
-        plain, level, whole = (
-            judge(held_patches, n, model, share_own=not single).log_score
-            for n in (plain_noise, replace(plain_noise, sd_mm=noise.sd_mm), noise)
-        )
-        # what has a lay has it at its level: the level alone is the lesser explanation
-        gains = {e.name: plain - whole for e in finishes}
-        if len(finishes) > 1:
-            gains["roughness_level"] = min(plain - level, plain - whole)
-        beside += [
-            plainly_found(e, gains[e.name], finish_estimates(e))
-            for e in finishes
-            if gains[e.name] >= LEAST_GAIN
-        ]
-        if nominal is not None:
-            model = sunken(ws, model, finishes, withheld)
+    beside, strange, plain_noise = _finished(
+        explanation, noise, nominal, surface, bent=bent, withheld=withheld, share_own=not single
+    )
+    if plain_noise is not noise and nominal is not None:
+        model = sunken(ws, model, [f.effect for f in beside], withheld)
     warped = any(isinstance(e, FormError) and e.coefficients_um for e in model.effects)
     if "pose_error" not in withheld and not warped:
         # what the model takes for physics is no misplacement; a warped part's low waves turn and
         # shift it, so that how it lies can't be told from how the sensor sits
-        beside += _mounted(ws, model, everything, placed, held_patches)
-    verdict, left = _joined(verdict, left, bool(beside), strange)
-    unnamed = model
+        beside += _mounted(ws, model, everything, explanation.placed, held_patches)
+    verdict, left = _joined(verdict, left, bool(beside), [*repeated, *strange])
+    described = residual_structure(left, ws, model)
     if verdict in ("unexplained", "partly_explained"):
         progress("describing what is left")
         empirical = fit_empirical(ws, model, left)
         if empirical is not None:
             model = model.with_effect(empirical)
-    before = judge(plain_held, plain_noise, Model(), share_own=not single)
-    found, after = found_effects(ws, model, selection.choices, held_patches, not single)
+    model = refined(ws, model)
+    progress("judging on held-out readings")
+    candidates = candidates_of(
+        recorded, placed, explanation.placed, (patches, explanation.patches), model, noise,
+        share_own=not single,
+    )  # fmt: skip
+    nominally = candidates.placed(Model())
+    before = judge(nominally.held, plain_noise, Model(), share_own=not single)
+    found, after = found_effects(ws, model, selection.choices, candidates)
     if any(f.name == "empirical" and f.heldout_gain < LEAST_GAIN for f in found):
         model = model.without("empirical")
-        found, after = found_effects(ws, model, selection.choices, held_patches, not single)
+        found, after = found_effects(ws, model, selection.choices, candidates)
     found, beside = averaged_grain(found, beside, withheld)
     found = tuple(sorted([*found, *beside], key=lambda f: -f.heldout_gain))
     notes += at_limits(found)
-    described = residual_structure(left, ws, unnamed)
     progress("drawing maps")
-    final, shifts = settled(explanation.patches, patches, noise, model, not single)
-    trusted = trust(ws, final)
+    finally_placed = candidates.placed(shrunk_at_edges(ws, model))
     # a mismatch is held against the noise of an instrument without it
     usual = 1.0 if nominal is None else nominal.sd_mm / noise.sd_mm
     for blur in _blurs(model):
         usual = max(usual, 1 / blur.quieter(ws.patches[0].view))
     maps = [
-        map_recording(
-            k, r, placed[r.name], plainly[r.name], scene, datasheet, laser[r.name], noise, final,
-            shifts, lateral, usual=usual, trusted=trusted,
-        )  # fmt: skip
-        for k, r in enumerate(everything)
+        map_recording(recorded, k, nominally, finally_placed, noise, usual=usual)
+        for k in range(len(everything))
     ]
     if verdict == "match":
         maps = [m.silenced() for m in maps]
@@ -238,11 +206,70 @@ def diagnose(
         threshold=selection.first.threshold,
         fitted=tuple(r.name for r in fit_on),
         held=tuple(r.name for r in held),
-        held_patches=tuple(held_patches),
+        held_patches=tuple(nominally.held),
         fit_patches=ws.patches,
         notes=tuple(notes),
         seed=seed,
     )
+
+
+def _registered(
+    recordings: Sequence[Recording],
+    scene: Scene,
+    datasheet: Datasheet,
+    laser: Mapping[str, Laser],
+    progress: Progress,
+) -> dict[str, Placement]:
+    """Register each recording under the nominal model; placements by name."""
+    placed: dict[str, Placement] = {}
+    for recording in recordings:
+        progress(f"registering {recording.name}")
+        valid = np.isfinite(in_range(recording.depth_mm, datasheet))
+        placed[recording.name] = register(
+            scene, recording, laser[recording.name], datasheet=datasheet, valid=valid,
+            sd_mm=datasheet.step_mm / 2,
+        )  # fmt: skip
+    return placed
+
+
+def _finished(
+    explanation: Explanation,
+    noise: NoiseModel,
+    nominal: NoiseModel | None,
+    surface: Surface | None,
+    *,
+    bent: bool,
+    withheld: Collection[str],
+    share_own: bool,
+) -> tuple[list[FoundEffect], list[Finding], NoiseModel]:
+    """Compare the noise with what plates or the surface's file claim.
+
+    Returns
+    -------
+    effects on the surface's texture; findings that none of them explains; the nominal noise
+    """
+    model, ws = explanation.model, explanation.ws
+    view = ws.patches[0].view
+    claimed = nominal_sd_mm(nominal, surface, view)
+    effects, findings = finish_effects(ws, model, noise, nominal, claimed, bent=bent)
+    effects = [e for e in effects if e.name not in withheld]
+    if not effects:
+        return [], findings, noise
+    plain_noise = nominal_noise(noise, nominal, surface, view)
+    plain, level, whole = (
+        judge(explanation.held, n, model, share_own=share_own).log_score
+        for n in (plain_noise, replace(plain_noise, sd_mm=noise.sd_mm), noise)
+    )
+    # what has a lay has it at its level: the level alone is the lesser explanation
+    gains = {e.name: plain - whole for e in effects}
+    if len(effects) > 1:
+        gains["roughness_level"] = min(plain - level, plain - whole)
+    found = [
+        plainly_found(e, gains[e.name], finish_estimates(e))
+        for e in effects
+        if gains[e.name] >= LEAST_GAIN
+    ]
+    return found, [], plain_noise
 
 
 def _mounted(

@@ -5,17 +5,22 @@ it, and the selection goes on without that name.
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from diagnosis.edges import BESIDE_EDGES, EDGE_COVARIATES, READ_AT_EDGES, on_edges
 from diagnosis.found import heldout_gains
+from diagnosis.heldout import judge
 from diagnosis.linear import phase_is_own
 from diagnosis.noise import Mask, NoiseModel
 from diagnosis.patch import Patch
 from diagnosis.prediction import predict
+from diagnosis.recorded import Recorded
+from diagnosis.registration import Placement
+from diagnosis.reregistration import placed_anew
 from diagnosis.screen import lists_edges
 from diagnosis.select import (
     LEAST_GAIN,
@@ -69,8 +74,6 @@ LONG_BLUR = 2.0
 SETTLED = EDGE_COVARIATES | BESIDE_EDGES | {"wall_distance"}
 """Covariates of effects that are fitted again where the recordings lie then."""
 
-PlaceAgain = Callable[[Model, Sequence[Patch], bool], Sequence[Patch]]
-
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Explanation:
@@ -78,6 +81,7 @@ class Explanation:
 
     selection: Selection
     patches: tuple[Patch, ...]
+    placed: Mapping[str, Placement]
     ws: Workspace
 
     @property
@@ -150,7 +154,8 @@ def left_by_placement(
 def explain(
     patches: Sequence[Patch],
     noise: NoiseModel,
-    place_again: PlaceAgain,
+    recorded: Recorded,
+    placed: Mapping[str, Placement],
     rng: np.random.Generator,
     *,
     withheld: Iterable[str],
@@ -162,7 +167,7 @@ def explain(
 
     Parameters
     ----------
-    place_again : registers the recordings under a model, by silhouettes or by its word on edges
+    placed : placements by name, from which patches are seen
     share_own : whether a part of the held-out readings serves each recording's own parameters
     """
     banned = set(withheld)
@@ -175,11 +180,13 @@ def explain(
         if not model.effects:
             break
         progress("registering again under the model")
-        model, patches = _settle(model, patches, noise, place_again)
+        model, patches, placed = _settle(model, patches, placed, recorded, noise)
         ws = _fitted(patches, noise)
         model, kept = drop_idle(ws, refit_linear(ws, model), selection.choices, rng)
         held = [p for p in patches if p.scored.any()]
-        gains, _ = heldout_gains(ws, model, held, share_own)
+        gains, _ = heldout_gains(
+            ws, model, partial(judge, held, noise, share_own=share_own)
+        )
         least = min(LEAST_SHARE * max(gains.values()), MUCH)
         idle = {e.name for e in model.effects if gains[e.name] < max(least, _least_of(e, listed))}
         unseen = {e.name for e in model.effects if e.name in idle and not shows(e, patches, noise)}
@@ -207,26 +214,34 @@ def explain(
         if trial == TRIALS - 1:
             selection = replace(selection, last=screen(ws, model, rng, banned))
     assert selection is not None
-    return Explanation(selection=selection, patches=tuple(patches), ws=ws)
+    return Explanation(
+        selection=selection, patches=tuple(patches), placed=placed, ws=ws
+    )
 
 
 def _settle(
-    model: Model, patches: Sequence[Patch], noise: NoiseModel, place_again: PlaceAgain
-) -> tuple[Model, Sequence[Patch]]:
+    model: Model,
+    patches: Sequence[Patch],
+    placed: Mapping[str, Placement],
+    recorded: Recorded,
+    noise: NoiseModel,
+) -> tuple[Model, Sequence[Patch], Mapping[str, Placement]]:
     """Settle where edges are and what they do, by turns."""
     for _ in range(PLACED):
-        before, patches = patches, place_again(model, patches, False)
+        before = patches
+        patches, placed = placed_anew(model, patches, recorded, placed, noise, by_law=False)
         if _same(before, patches):
             break
     if any(e.covariate in SETTLED for e in model.effects):
         model = refit(_fitted(patches, noise).thin(SEARCHED_READINGS), model)
     if _long_blur(model, patches):
         for _ in range(TURNS):
-            before, patches = patches, place_again(model, patches, True)
+            before = patches
+            patches, placed = placed_anew(model, patches, recorded, placed, noise, by_law=True)
             if _same(before, patches):
                 break
             model = refit(_fitted(patches, noise).thin(SEARCHED_READINGS), model)
-    return model, patches
+    return model, patches, placed
 
 
 def _long_blur(model: Model, patches: Sequence[Patch]) -> bool:

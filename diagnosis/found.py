@@ -1,12 +1,13 @@
 """The effects of a diagnosis as they are reported: what each gains, its intervals, its rivals."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
+from diagnosis.candidates import Candidates
 from diagnosis.edges import on_edges
 from diagnosis.heldout import Judgement, judge
-from diagnosis.patch import Patch
 from diagnosis.select import Choice, refit_linear
+from diagnosis.shrinkage import shrunk_at_edges
 from diagnosis.uncertainty import Estimate, intervals
 from diagnosis.workspace import Model, Workspace
 from sensors.datasheet import Datasheet, with_effects
@@ -36,17 +37,18 @@ def found_effects(
     ws: Workspace,
     model: Model,
     choices: Sequence[Choice],
-    held: Sequence[Patch],
-    share_own: bool,
+    candidates: Candidates,
 ) -> tuple[tuple[FoundEffect, ...], Judgement]:
-    """Tell what each effect of the model gains on held-out readings, and judge the whole.
+    """Estimate what each effect of the model gains on held-out readings, and judge the whole.
 
-    Parameters
-    ----------
-    held : patches that nothing was fitted to
-    share_own : whether a part of them serves each recording's own parameters
+    Each model, with an effect or without, is judged where its own best placement is.
     """
-    gains, after = heldout_gains(ws, model, held, share_own)
+
+    def judged(trial: Model) -> Judgement:
+        placed = candidates.placed(shrunk_at_edges(ws, trial))
+        return judge(placed.held, ws.noise, placed.model, share_own=candidates.share_own)
+
+    gains, after = heldout_gains(ws, model, judged)
     chosen: dict[str, Choice] = {c.name: c for c in choices}
     bounds = intervals(ws, model)
     out = []
@@ -79,13 +81,17 @@ def found_effects(
 
 
 def heldout_gains(
-    ws: Workspace, model: Model, held: Sequence[Patch], share_own: bool
+    ws: Workspace, model: Model, judged: Callable[[Model], Judgement]
 ) -> tuple[dict[str, float], Judgement]:
     """Nats per held-out reading that the model loses without each effect; the whole, judged.
 
     Bulk physics counts by the readings that no depth edge reaches, as it was found.
+
+    Parameters
+    ----------
+    judged : judges a model on the readings held out
     """
-    after = judge(held, ws.noise, model, share_own=share_own)
+    after = judged(model)
     gains = {}
     for effect in model.effects:
         rest = model.without(effect.name)
@@ -94,7 +100,7 @@ def heldout_gains(
         if "variance" in effect.channels:
             # the noise's level is free with it: that alone is no gain of the effect's
             rest = ws.levelled(rest, shaped=True)
-        without = judge(held, ws.noise, rest, share_own=share_own)
+        without = judged(rest)
         if on_edges(effect):
             gains[effect.name] = without.log_score - after.log_score
         else:

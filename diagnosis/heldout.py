@@ -5,7 +5,7 @@ part of it that is then not scored; the same for both models.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -110,6 +110,24 @@ def settle_own(
     return model
 
 
+def with_own(
+    patches: Sequence[Patch], noise: NoiseModel, model: Model, *, share_own: bool
+) -> Model:
+    """Return the model with held-out recordings' own parameters, estimated on their small parts.
+
+    Those that the model has already stay as they are.
+    """
+    held = [p for p in patches if p.scored.any()]
+    if not share_own or not held or not any(phase_is_own(e) for e in model.effects):
+        return model
+    small, _ = judging_masks(held, True)
+    found = settle_own(Workspace.build(held, noise), model, small)
+    own = {r: dict(values) for r, values in found.own.items()}
+    for r, values in model.own.items():
+        own.setdefault(r, {}).update(values)
+    return replace(model, own=own)
+
+
 def judge(
     patches: Sequence[Patch],
     noise: NoiseModel,
@@ -120,13 +138,11 @@ def judge(
 ) -> Judgement:
     """Score one model on the readings held out."""
     ws = Workspace.build(patches, noise)
-    small, scored = judging_masks(patches, share_own)
-    if share_own:
-        model = settle_own(ws, model, small)
+    _, scored = judging_masks(patches, share_own)
+    model = with_own(patches, noise, model, share_own=share_own)
     predictions = ws.predict(model)
     states = [whitened(p, q, noise) for p, q in zip(patches, predictions, strict=True)]
-    pose_masks = [p.scored & p.counted for p in patches]
-    moved = placements(patches, states, pose_masks)
+    moved = placements(patches, states, [p.counted for p in patches])
     densities, residuals, means, standard, inside, missing = [], [], [], [], [], []
     for patch, prediction, mask in zip(patches, predictions, scored, strict=True):
         shift = moved[patch.recording]

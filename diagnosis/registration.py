@@ -69,6 +69,14 @@ class Placement:
     covariance: Field
     poses: Field
 
+    def moved_by(self, steps: Field) -> "Placement":
+        """Return the placement with its poses moved by a shift (9,), in prior deviations."""
+        return replace(
+            self,
+            shift=self.shift + PRIOR_SD * steps,
+            poses=move(self.poses, PRIOR_SD * steps, self.centre_mm),
+        )
+
     def further(self, steps: Field) -> "Placement":
         """Return the placement with a small shift (9,), in prior deviations, added."""
         return replace(self, shift=self.shift + PRIOR_SD * steps)

@@ -6,8 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
+from diagnosis.curvature import numbers_of, quadratics
+from diagnosis.edges import on_edges
 from diagnosis.fit import fit_effect
-from diagnosis.heldout import own_parts, settle_own
 from diagnosis.linear import Fitted, is_linear, phase_is_own
 from diagnosis.noise import Field, Mask
 from diagnosis.prediction import Prediction
@@ -61,41 +62,83 @@ class Trials:
 def crossfitted(
     ws: Workspace, model: Model, kind: type[Effect], fitted: Fitted, base: Sequence[Field]
 ) -> Field:
-    """Gain of each block under numbers that it took no part in fitting.
+    """Gain of each block under numbers that were fitted to the other half of the readings.
 
-    A wave's phase in a recording is settled on a fifth of its profiles and judged on the others;
-    linear coefficients are solved on one half of the readings and judged on the other. A few
-    searched numbers cost a nat each instead.
+    What is linear is solved on each half. Numbers that are searched move from the common fit to
+    the half's own maximum by a Newton step, a recording's own phase with them; on depth edges,
+    where there is no such step, they are searched again. Which point of a coarse grid the search
+    began at was chosen by all readings.
     """
     masks = ws.masks_for(fitted.effect)
-    trial = ws.levelled(model.with_effect(fitted.effect, fitted.own))
-    if phase_is_own(fitted.effect):
-        small, rest = own_parts(masks)
-        trial = settle_own(ws, trial, small, only=fitted.effect.name)
-        blocks = _gain(ws, trial, base, rest)
-        if issubclass(kind, MotionEffect):
-            # edges move as well and may tell it from a blur; solved to first order, it may be
-            # too far off there for them to speak against it
-            whole = _gain(ws, trial, base, own_parts(ws.masks())[1])
-            blocks = max(blocks, whole, key=np.sum)
-        return blocks
-    if not is_linear(fitted.effect, ws):
-        blocks = _gain(ws, trial, base, masks)
-        return blocks - fitted.free / blocks.size
-    # a recording elsewhere on the part says nothing of the form here
-    halves = fold_masks(ws, whole=kind.frame != "time" and kind.name != "form_error")
+    if is_linear(fitted.effect, ws) and not phase_is_own(fitted.effect):
+        # a recording elsewhere on the part says nothing of the form here
+        whole = kind.frame != "time" and kind.name != "form_error"
+        halves = fold_masks(ws, whole=whole)
+        models = [_solved_on(ws, model, kind, fitted, _both(masks, half)) for half in halves]
+    else:
+        halves = fold_masks(ws, whole=False)
+        parts = [_both(masks, half) for half in halves]
+        fit = _searched_on if on_edges(fitted.effect) else _stepped_on
+        models = [fit(ws, model, kind, fitted, part) for part in parts]
+    blocks = _judged_on_others(ws, models, base, [_both(masks, half) for half in halves])
+    if issubclass(kind, MotionEffect):
+        # edges move as well and may tell it from a blur; solved to first order, it may be too
+        # far off there for them to speak against it
+        whole_halves = [_both(ws.masks(), half) for half in halves]
+        blocks = max(blocks, _judged_on_others(ws, models, base, whole_halves), key=np.sum)
+    return blocks
+
+
+def _judged_on_others(
+    ws: Workspace,
+    models: Sequence[Model | None],
+    base: Sequence[Field],
+    halves: Sequence[Sequence[Mask]],
+) -> Field:
+    """Gain of the blocks of each half under the model of the other; none where one failed."""
+    total = np.zeros(ws.block_scores(base).size)
+    if any(m is None for m in models):
+        return total
+    for trial, judged in zip(models, reversed(halves), strict=True):
+        assert trial is not None
+        total = total + _gain(ws, ws.levelled(trial), base, judged)
+    return total
+
+
+def _solved_on(
+    ws: Workspace, model: Model, kind: type[Effect], fitted: Fitted, masks: Sequence[Mask]
+) -> Model | None:
+    """Solve linear coefficients on a part of the readings."""
     states = ws.states(ws.predict(model))
-    total: Field | float = 0.0
-    for fit_on, judge in (halves, halves[::-1]):
-        part = fit_effect(
-            kind, ws, model, (), states, masks=_both(masks, fit_on), start=fitted.effect,
-            polish=False,
-        )  # fmt: skip
-        if part is None:
-            return np.zeros(ws.block_scores(base).size)
-        trial = ws.levelled(model.with_effect(part.effect, part.own))
-        total = total + _gain(ws, trial, base, _both(masks, judge))
-    return np.asarray(total)
+    part = fit_effect(
+        kind, ws, model, (), states, masks=masks, start=fitted.effect, polish=False
+    )
+    return None if part is None else model.with_effect(part.effect, part.own)
+
+
+def _searched_on(
+    ws: Workspace, model: Model, kind: type[Effect], fitted: Fitted, masks: Sequence[Mask]
+) -> Model | None:
+    """Search on a part of the readings, from the common fit on."""
+    states = ws.states(ws.predict(model))
+    part = fit_effect(
+        kind, ws, model, (), states, masks=masks, start=fitted.effect, polish=True
+    )
+    return None if part is None else model.with_effect(part.effect, part.own)
+
+
+def _stepped_on(
+    ws: Workspace, model: Model, kind: type[Effect], fitted: Fitted, part: Sequence[Mask]
+) -> Model | None:
+    """Move to the maximum of a part; numbers that it doesn't determine stay."""
+    start: Model | None = model.with_effect(fitted.effect, fitted.own)
+    if phase_is_own(fitted.effect):
+        start = _solved_on(ws, model, kind, fitted, part)
+    if start is None:
+        return None
+    start = ws.levelled(start)
+    (about,) = quadratics(ws, start, numbers_of(start, of=fitted.effect.name), [part])
+    return start if about is None else about.climbed(ws, start, part)
 
 
 def _gain(

@@ -7,9 +7,10 @@ from typing import TypeVar
 import numpy as np
 
 from diagnosis.edges import on_edges
+from diagnosis.expectation import EdgeShares, expect
 from diagnosis.noise import Field, Mask, NoiseModel
 from diagnosis.patch import WHOLE, Patch, thinned
-from diagnosis.prediction import Prediction, effects_for, predict
+from diagnosis.prediction import Prediction, effects_for
 from diagnosis.score import (
     Whitened,
     innovations_at,
@@ -33,6 +34,8 @@ class Model:
     own: OwnParameters = field(default_factory=dict)
     level: float = 1.0
     """Factor on the calibrated noise, where an effect changes what it was calibrated over."""
+    shares: EdgeShares | None = None
+    """How much of what effects change at depth edges counts; wholly where None."""
 
     def with_effect(
         self, effect: Effect, own: Mapping[int, Mapping[str, float]] | None = None
@@ -42,14 +45,14 @@ class Model:
         merged = {r: {k: v for k, v in e.items() if k != effect.name} for r, e in self.own.items()}
         for recording, values in (own or {}).items():
             merged.setdefault(recording, {})[effect.name] = values
-        return Model(effects=(*kept, effect), own=merged, level=self.level)
+        return replace(self, effects=(*kept, effect), own=merged)
 
     def without(self, name: str) -> "Model":
         """Take an effect out."""
-        return Model(
+        return replace(
+            self,
             effects=tuple(e for e in self.effects if e.name != name),
             own={r: {k: v for k, v in e.items() if k != name} for r, e in self.own.items()},
-            level=self.level,
         )
 
     def of(self, recording: int) -> tuple[Effect, ...]:
@@ -102,8 +105,9 @@ class Workspace:
     def predict(self, model: Model) -> list[Prediction]:
         """Predict every patch."""
         return [
-            predict(
-                p.view, model.of(p.recording), self.noise, softness=p.softness, level=model.level
+            expect(
+                p.view, model.of(p.recording), self.noise, p.edge, softness=p.softness,
+                level=model.level, shares=model.shares,
             )
             for p in self.patches
         ]

@@ -76,6 +76,8 @@ def test_a_level_that_is_freed_is_no_gain_of_an_effect() -> None:
     model = small.levelled(Model(effects=(blur,)))
     assert model.level == pytest.approx(2.0, rel=0.1)
     held = [replace(p, scored=p.fit) for p in small.patches]
-    gains, after = heldout_gains(small, model, held, False)
+    gains, after = heldout_gains(
+        small, model, lambda m: judge(held, small.noise, m, share_own=False)
+    )
     assert abs(gains["motion_blur"]) < 1e-3
     assert judge(held, small.noise, Model(), share_own=False).log_score > after.log_score + 0.1

@@ -7,9 +7,11 @@ import pytest
 from scipy import stats
 
 from benchmarks.strength import bench_workspace
+from diagnosis.curvature import blocks_of, fitted_numbers
 from diagnosis.select import refit_linear
-from diagnosis.uncertainty import Estimate, fitted_numbers, intervals, sandwich
+from diagnosis.uncertainty import Estimate, intervals, refined, sandwich
 from diagnosis.workspace import Model, Workspace
+from sensors.effects.finite_spot import FiniteSpot
 from sensors.effects.line_bow import LineBow
 from sensors.effects.stage_vibration import StageVibration
 
@@ -88,3 +90,19 @@ def test_what_has_no_interval_says_so_by_having_none() -> None:
     }  # fmt: skip
     assert fitted_numbers(LineBow(sag_um=1.0)) == ["sag_um"]
     assert stats.t.ppf(0.975, 1e6) == pytest.approx(1.96, abs=1e-3)
+
+
+def test_newton_reaches_the_maximum_in_all_numbers_together() -> None:
+    ws, model = bent_by(20.0)
+    bow = model.effects[0]
+    off = model.with_effect(bow.with_parameters(sag_um=bow.sag_um + 3.0))  # type: ignore[attr-defined]
+    found = refined(ws, off)
+    assert found.effects[0].sag_um == pytest.approx(bow.sag_um, abs=0.1)  # type: ignore[attr-defined]
+    assert blocks_of(ws, found).sum() > blocks_of(ws, off).sum() + 1
+    assert blocks_of(ws, found).sum() >= blocks_of(ws, model).sum() - 0.1
+
+
+def test_what_lives_on_edges_has_no_interval() -> None:
+    ws = bench_workspace("steps")
+    found = intervals(ws, Model(effects=(FiniteSpot(line_sd_um=200.0),)))["finite_spot"]
+    assert found["line_sd_um"] == Estimate(value=200.0)

@@ -1,4 +1,4 @@
-"""Trust at edges: a law that the readings bear out counts whole, one they deny doesn't."""
+"""Shrinkage at edges: a law that readings support counts whole, one they contradict doesn't."""
 
 from dataclasses import replace
 
@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from benchmarks.strength import bench_workspace
-from diagnosis.trust import STEPS, Trust, bending_effects, trust
+from diagnosis.expectation import STEPS, EdgeShares, bending_effects
+from diagnosis.shrinkage import edge_shares
 from diagnosis.workspace import Model, Workspace
 from sensors.effects.finite_spot import FiniteSpot
 from sensors.effects.travel_ripple import TravelRipple
@@ -32,7 +33,7 @@ def test_a_law_that_the_readings_deny_counts_little(ws: Workspace) -> None:
     known = classes(ws) > 60
     known[0] = False  # changes below half the noise say little
     assert known.sum() >= 2
-    assert np.all(trust(ws, WIDE).shares[known] < 0.35)
+    assert np.all(edge_shares(ws, WIDE).shares[known] < 0.35)
 
 
 def test_a_law_that_they_bear_out_counts_whole(ws: Workspace) -> None:
@@ -43,20 +44,20 @@ def test_a_law_that_they_bear_out_counts_whole(ws: Workspace) -> None:
         replace(p, depth_mm=p.depth_mm + full.mean_mm - plain.mean_mm)
         for p, plain, full in both
     )
-    assert np.all(trust(replace(ws, patches=moved), WIDE).shares[known] > 0.85)
+    assert np.all(edge_shares(replace(ws, patches=moved), WIDE).shares[known] > 0.85)
 
 
 def test_without_a_model_or_a_reading_nothing_is_taken_off(ws: Workspace) -> None:
-    assert np.array_equal(trust(ws, Model()).shares, np.ones(len(STEPS)))
+    assert np.array_equal(edge_shares(ws, Model()).shares, np.ones(len(STEPS)))
 
 
 def test_each_change_gets_the_share_of_its_class() -> None:
-    given = Trust(shares=np.array([1.0, 0.9, 0.8, 0.7, 0.6, 0.5]))
+    given = EdgeShares(shares=np.array([1.0, 0.9, 0.8, 0.7, 0.6, 0.5]))
     change = np.array([0.0, -0.6, 1.0, -3.0, 5.0, 100.0, np.nan])
-    assert np.array_equal(given.share(change), [1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 1.0])
+    assert np.array_equal(given.of(change), [1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 1.0])
 
 
 def test_what_moves_the_sensor_is_cast_and_not_weighed(ws: Workspace) -> None:
     moving = TravelRipple(amplitude_um=300.0, period_mm=5.0, phase_rad=0.3)
     assert bending_effects([moving, *WIDE.effects]) == list(WIDE.effects)
-    assert np.array_equal(trust(ws, Model(effects=(moving,))).shares, np.ones(len(STEPS)))
+    assert np.array_equal(edge_shares(ws, Model(effects=(moving,))).shares, np.ones(len(STEPS)))

@@ -7,13 +7,14 @@ import pytest
 
 from benchmarks.relief import datasheet, part, record
 from benchmarks.strength import bench_workspace, taken_with
-from diagnosis import settle
+from diagnosis import reregistration
 from diagnosis.explain import left_by_placement, shows
 from diagnosis.finish import level_change
 from diagnosis.fit import fit_effect
 from diagnosis.patch import cut
+from diagnosis.recorded import Recorded
 from diagnosis.registration import PRIOR_SD, Placement
-from diagnosis.settle import placed_anew
+from diagnosis.reregistration import placed_anew
 from diagnosis.trials import crossfitted
 from diagnosis.workspace import Model, Workspace
 from sensors.casting.laser import Laser
@@ -56,6 +57,16 @@ def as_commanded(
     return scene, sheet, Laser.from_datasheet(sheet), made, commanded
 
 
+def alone(
+    made: Recording, scene: Scene, sheet: Datasheet, laser: Laser, *, held_out: bool
+) -> Recorded:
+    """Return one recording under study."""
+    return Recorded(
+        recordings=(made,), scene=scene, datasheet=sheet, laser={made.name: laser},
+        lateral_mm=0.03, held_out=(np.full(made.depth_mm.shape, held_out),),
+    )  # fmt: skip
+
+
 def test_a_held_out_recording_is_placed_anew(ws: Workspace) -> None:
     scene, sheet, laser, made, commanded = as_commanded(6.0)
     patches = cut(
@@ -63,9 +74,9 @@ def test_a_held_out_recording_is_placed_anew(ws: Workspace) -> None:
         held_out=np.ones(made.depth_mm.shape, dtype=bool),
     )  # fmt: skip
     assert not any(p.fit.any() for p in patches)
-    placed = {"r": commanded}
-    found = placed_anew(
-        Model(), patches, [made], scene, sheet, {"r": laser}, placed, ws.noise, 0.03, by_law=False
+    recorded = alone(made, scene, sheet, laser, held_out=True)
+    found, placed = placed_anew(
+        Model(), patches, recorded, {"r": commanded}, ws.noise, by_law=False
     )
     off = [
         np.nanmedian(np.abs(made.depth_mm - scene.cast(laser, poses).depth_mm))
@@ -82,12 +93,12 @@ def test_a_recording_stays_where_its_readings_are_more_probable(
     scene, sheet, laser, made, commanded = as_commanded(1.0)
     elsewhere = made.poses.copy()
     elsewhere[:, 0, 3] += 3.0
-    monkeypatch.setattr(settle, "register", lambda *a, **k: replace(commanded, poses=elsewhere))
-    monkeypatch.setattr(settle, "NEAR_MM", 0.0)
+    monkeypatch.setattr(Recorded, "register", lambda *a, **k: replace(commanded, poses=elsewhere))
+    monkeypatch.setattr(reregistration, "NEAR_MM", 0.0)
     patches = cut(0, made, commanded, scene, sheet, laser, lateral_mm=0.03)
-    placed = {"r": commanded}
-    found = placed_anew(
-        Model(), patches, [made], scene, sheet, {"r": laser}, placed, ws.noise, 0.03, by_law=False
+    recorded = alone(made, scene, sheet, laser, held_out=False)
+    found, placed = placed_anew(
+        Model(), patches, recorded, {"r": commanded}, ws.noise, by_law=False
     )
     assert found == patches
     assert placed["r"] is commanded
