@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import convolve
 
 from sensors.noise.perlin import PerlinField, grid_pitch
 from sensors.noise.uncertainty import quantise, sigma_mm
@@ -82,6 +83,14 @@ class Law:
             mean_mm=np.where(where, np.nan, self.mean_mm),
             reason=np.where(hit, np.uint8(reason), self.reason),
         )
+
+    @property
+    def smoothing(self) -> Floats | None:
+        """Correlation of white noise as it is delivered, see `Delivery`; None where it is white."""
+        if self.delivery is None:
+            return None
+        own, before = self.delivery.smoothing, self.delivery.measured.smoothing
+        return own if before is None else before if own is None else smoothed(before, own)
 
     @classmethod
     def average(cls, laws: Sequence["Law"]) -> "Law":
@@ -165,12 +174,20 @@ class Delivery:
     measured : Law
     deliver : function
         Turns depths (n, m), mm, and reasons into those delivered.
+    smoothing : (2a + 1, 2b + 1), optional
+        Correlation that white noise has once it is delivered, 1 in the middle; rows are lags along
+        the travel. None where it stays white.
     """
 
     measured: Law
-    deliver: Callable[
-        [Floats, NDArray[np.uint8], RngOf], tuple[Floats, NDArray[np.uint8]]
-    ]
+    deliver: Callable[[Floats, NDArray[np.uint8], RngOf], tuple[Floats, NDArray[np.uint8]]]
+    smoothing: Floats | None = None
+
+
+def smoothed(correlation: Floats, smoothing: Floats) -> Floats:
+    """Correlation of noise that had one already, once it is smoothed."""
+    full: Floats = convolve(correlation, smoothing)
+    return np.asarray(full / full[full.shape[0] // 2, full.shape[1] // 2])
 
 
 def _middle(values: Sequence[Floats | float], *, square: bool = False) -> Floats | float:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import find_objects
 from scipy.signal import oaconvolve
 
-from sensors.law import Law
+from sensors.law import Law, smoothed
 from sensors.noise.correlation import speckle_kernel
 from sensors.noise.perlin import grid_pitch
 from sensors.view.view import Reason, View
@@ -63,9 +63,11 @@ class MatchedFilter:
         speckle_mean, speckle_sd = law.speckle_moments_mm(view)
         self._offset_mm = np.broadcast_to(speckle_mean * np.asarray(law.speckle_gain), law.shape)
         self._speckle_mm = np.broadcast_to(speckle_sd * np.asarray(law.speckle_gain), law.shape)
-        white = np.square(law.white_sd_mm) + law.step_mm**2 / 12  # rounding: uniform over a step
+        white = np.square(law.white_sd_mm)
         white = white + np.asarray(law.p_outlier) * np.square(law.outlier_sd_mm)
         self._white_mm2 = np.broadcast_to(np.maximum(white, LEAST_SD_MM**2), law.shape)
+        self._rounding_mm2 = law.step_mm**2 / 12  # uniform over a step
+        self._smoothing = law.smoothing
         self._kernel: Floats | None = None
         if law.speckle is not None:
             self._kernel = speckle_kernel(
@@ -75,6 +77,8 @@ class MatchedFilter:
                 lay_ratio=law.lay_ratio,
                 lay_angle_rad=law.lay_angle_rad,
             )
+            if self._smoothing is not None:
+                self._kernel = smoothed(self._kernel, self._smoothing)
         self._off_mm = reading_mm - clean_mm
         # Laplace's rule of succession for a loss where geometry sees the point
         seen = law.reason == Reason.VALID
@@ -98,11 +102,12 @@ class MatchedFilter:
         off = self._off_mm[box]
         used = np.isfinite(deviation_mm) & np.isfinite(off)
         deviation = np.where(used, deviation_mm, 0.0)
-        weight = deviation / (self._white_mm2[box] + self._speckle_mm[box] ** 2)
-        power = float(np.sum(weight**2 * self._white_mm2[box]))
+        white, speckle = self._white_mm2[box], self._speckle_mm[box]
+        weight = deviation / (white + speckle**2 + self._rounding_mm2)
+        power = self._rounding_mm2 * float(np.sum(weight**2))
+        power += _power(weight * np.sqrt(white), self._smoothing)
         if self._kernel is not None:
-            sent = weight * self._speckle_mm[box]
-            power += float(np.sum(sent * oaconvolve(sent, self._kernel, mode="same")))
+            power += _power(weight * speckle, self._kernel)
         snr = response = 0.0
         if power > 0:
             read = np.where(used, off - self._offset_mm[box], 0.0)
@@ -112,6 +117,13 @@ class MatchedFilter:
             return snr, response
         returns = math.sqrt(2 * gone * self._loss_nats)
         return math.hypot(snr, returns), math.hypot(max(response, 0.0), returns)
+
+
+def _power(sent: Floats, correlation: Floats | None) -> float:
+    """Variance of a sum of unit noise with these weights; of white noise without correlation."""
+    if correlation is None:
+        return float(np.sum(sent**2))
+    return float(np.sum(sent * oaconvolve(sent, correlation, mode="same")))
 
 
 def evidence_of(

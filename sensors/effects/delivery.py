@@ -32,7 +32,11 @@ class DeliveryEffect(Effect):
     ) -> tuple[Floats, NDArray[np.uint8]]:
         """Return what is delivered of a scan's readings (n, m), mm, and why points are missing."""
 
+    def smoothing(self) -> Floats | None:
+        """Return the correlation that white noise has afterwards; None where it stays white."""
+        return None
+
     def changed(self, law: Law, view: View) -> Law:
         """Claim the delivered moments; keep the measured law for drawing from."""
-        delivery = Delivery(measured=law, deliver=self.deliver)
+        delivery = Delivery(measured=law, deliver=self.deliver, smoothing=self.smoothing())
         return replace(self.claimed(law, view), delivery=delivery)

@@ -164,6 +164,17 @@ class OnboardFilter(DeliveryEffect):
             outlier_sd_mm=law.outlier_sd_mm / math.prod(self.mean_window),
         )
 
+    def smoothing(self) -> Floats:
+        """Return the autocorrelation of the equivalent linear filter."""
+        down, across = (self._kernel(axis, self.median_window) for axis in (0, 1))
+        both = np.outer(np.correlate(down, down, "full"), np.correlate(across, across, "full"))
+        return np.asarray(both / both.max())
+
+    def _kernel(self, axis: int, median: tuple[int, int]) -> Floats:
+        """Weights of the equivalent linear filter along an axis."""
+        wide, narrow = (np.full(w, 1 / w) for w in (self.mean_window[axis], median[axis]))
+        return np.asarray(np.convolve(wide, narrow), dtype=np.float64)
+
     def _windows(self) -> tuple[tuple[int, int], ...]:
         """Windows of a median that averages neither way, along the line, the travel, or both."""
         down, across = self.median_window
@@ -173,8 +184,7 @@ class OnboardFilter(DeliveryEffect):
         """Variance that the equivalent linear filter leaves of white noise, (n, m)."""
         weighted = mass = seen.astype(np.float64)
         for axis in (0, 1):
-            mean = self.mean_window[axis]
-            kernel = np.convolve(np.full(mean, 1 / mean), np.full(median[axis], 1 / median[axis]))
+            kernel = self._kernel(axis, median)
             weighted = weighted_sum(weighted, kernel**2, axis)
             mass = weighted_sum(mass, kernel, axis)
         return weighted / np.square(np.where(seen, mass, 1.0))

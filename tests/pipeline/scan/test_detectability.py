@@ -11,6 +11,7 @@ from pipeline.scan.detectability import MatchedFilter, evidence_of
 from pipeline.seeds import streams
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
+from sensors.effects.onboard_filter import OnboardFilter
 from sensors.model import SensorModel
 from sensors.surface.surface import Surface
 from sensors.view.view import View
@@ -61,6 +62,30 @@ def test_the_response_is_normal_about_the_ratio(view, surface, depth_mm):
         found.append(response - (snr if depth_mm else 0.0))
     assert abs(np.mean(found)) < 4 / math.sqrt(300)
     assert np.std(found) == pytest.approx(1, abs=0.17)  # 4 of its own deviations, 1 / √600
+
+
+@pytest.mark.parametrize("surface", [None, "steel_plate"])
+def test_filtered_noise_counts_with_its_correlation(view, surface):
+    """What firmware smooths is quieter, reading by reading, and no easier to see through."""
+    field = None
+    if surface is not None:
+        sheet = view.datasheet
+        field = Surface.load(surface).ready(
+            0.25, 0.24, z_resolution_um=sheet.z_resolution_um, repeatability_um=2.0
+        )
+    plain = view.sensor.law(view, field)
+    effect = OnboardFilter(median_points=1, median_profiles=1, mean_points=5, mean_profiles=3)
+    law = effect.apply(plain, view)
+    template = dimple(0.05)
+    found = []
+    for number in range(300):
+        reading, _ = law.sample(streams(number, "draw"), view)
+        matched = MatchedFilter(law, view, reading, law.mean_mm)
+        snr, response = matched.weigh(BOX, template, 0)
+        found.append(response)
+    assert np.std(found) == pytest.approx(1, abs=0.17)
+    before, _ = MatchedFilter(plain, view, view.depth_mm, view.depth_mm).weigh(BOX, template, 0)
+    assert snr == pytest.approx(before, rel=0.25)
 
 
 def test_a_dent_below_the_noise_of_each_pixel_is_detected_over_its_footprint():
