@@ -16,6 +16,7 @@ from pipeline.batch.backend import Backend
 from pipeline.batch.plan import Plan, PlannedPart, make_plan
 from pipeline.batch.work import Workplace, is_whole, make_shard, read_journal
 from pipeline.dataset.checksums import write_checksums
+from pipeline.dataset.description import describe
 from pipeline.dataset.folder import drop_leftovers, drop_parts, held
 from pipeline.dataset.manifest import versions, write_manifest
 from pipeline.dataset.shards import file_sha256
@@ -94,6 +95,7 @@ def generate(
         )
         drop_parts(hidden / "parts")
         drop_leftovers(out)
+        describe(out, dataset)
         write_checksums(out, {name: facts["sha256"] for name, facts in dataset["shards"].items()})
         _log("done", {"scans": dataset["scans"], "failed": len(dataset["failed"])})
         return dataset
