@@ -17,6 +17,7 @@ COMMANDS: Final = {
     "verify": "check a dataset's files, also against the lock of a release",
     "export": "turn a dataset into the form that another program opens",
     "import": "turn an instrument's file into recording.h5",
+    "pod": "probability of detection against the size of a flaw, with bounds",
     "roughness": "measure a surface's roughness and write its surface.yaml",
     "diagnose": "say where recordings differ from their simulation, and why",
     "challenge": "prove the diagnosis on sealed recordings of an independent instrument",

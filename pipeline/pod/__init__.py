@@ -1,0 +1,1 @@
+"""Probability of detection against the size of a flaw (MIL-HDBK-1823A)."""
