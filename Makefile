@@ -6,7 +6,7 @@ STAMP  := $(VENV)/.installed
 DEV    := $(VENV)/.installed-dev
 PEERS  := $(VENV)/.installed-bench
 
-.PHONY: demo test test-all lint bench effects flaws paper pictures diagnose-bench proof proof-small payoff clean
+.PHONY: demo test test-all lint bench effects flaws recipe paper pictures diagnose-bench proof proof-small payoff clean
 
 demo: $(STAMP)
 	$(BIN)/flawforge generate quickstart --out out/quickstart
@@ -36,6 +36,9 @@ effects: $(STAMP)
 
 flaws: $(STAMP)
 	$(BIN)/python docs/flaws/make_flaws.py
+
+recipe: $(STAMP)
+	$(BIN)/python docs/recipe/make_recipe.py
 
 pictures: $(STAMP)
 	$(BIN)/python docs/pictures/make_pictures.py

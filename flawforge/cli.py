@@ -13,6 +13,7 @@ COMMANDS: Final = {
     "generate": "make a labelled dataset from a recipe",
     "check": "predict a dataset, its cost and what it lacks from a few trial scans",
     "preview": "draw a scan of a dataset, or a recipe before anything is generated",
+    "schema": "print the JSON Schema of a recipe, for editors",
     "view": "make a gallery of a dataset, one HTML file with filters",
     "verify": "check a dataset's files, also against the lock of a release",
     "export": "turn a dataset into the form that another program opens",

@@ -1,0 +1,33 @@
+"""`flawforge schema`: the JSON Schema of a recipe, with which editors check and complete it."""
+
+import argparse
+import json
+from pathlib import Path
+
+EPILOG = """\
+Editors that know YAML's language server read the schema that a recipe names in its first line:
+
+  # yaml-language-server: $schema=flawforge-recipe.schema.json
+
+example:
+  flawforge schema --out flawforge-recipe.schema.json
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's words."""
+    parser.epilog = EPILOG
+    parser.add_argument("--out", type=Path, metavar="JSON", help="default: standard output")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the schema."""
+    from pipeline.recipe_schema import schema
+
+    text = json.dumps(schema(), indent=1, ensure_ascii=False) + "\n"
+    if arguments.out is None:
+        print(text, end="")
+    else:
+        arguments.out.write_text(text, encoding="utf-8")
+        print(arguments.out)
+    return 0
