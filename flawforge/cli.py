@@ -10,6 +10,7 @@ from typing import Any, Final, NoReturn
 from pipeline.batch.stop import heard, stoppable
 
 COMMANDS: Final = {
+    "init": "write a recipe to start from, for a part",
     "generate": "make a labelled dataset from a recipe",
     "check": "predict a dataset, its cost and what it lacks from a few trial scans",
     "preview": "draw a scan of a dataset, or a recipe before anything is generated",
@@ -26,6 +27,7 @@ COMMANDS: Final = {
 EXAMPLES: Final = """\
 examples:
   flawforge check quickstart
+  flawforge init bracket.stl
   flawforge generate quickstart --out out/quickstart --jobs 2
   flawforge preview out/quickstart --out scan.png
   flawforge diagnose a.h5 b.h5 c.h5 --part part.stl --sensor sensor.yaml --out diagnosis

@@ -2,6 +2,9 @@
 
 import argparse
 from pathlib import Path
+from typing import Any
+
+from flawforge.generate_command import add_overrides
 
 EPILOG = """\
 examples:
@@ -16,7 +19,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's words."""
     parser.epilog = EPILOG
     parser.add_argument(
-        "what", type=Path, metavar="DIR|RECIPE", help="folder of a dataset, or a recipe's YAML file"
+        "what", type=Path, metavar="DIR|RECIPE|PART",
+        help="folder of a dataset, a recipe, or a mesh (as flawforge init would set it up)",
     )
     parser.add_argument("--scan", metavar="ID", help="which scan (default: the most telling one)")
     parser.add_argument("--all", action="store_true", help="of a dataset: a contact sheet")
@@ -31,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="a further folder that the recipe may read parts and sensors from",
     )
+    add_overrides(parser)
     parser.add_argument(
         "--out", type=Path, default=Path("preview.png"), metavar="PNG", help="default: preview.png"
     )
@@ -63,8 +68,24 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         from pipeline.preview.recipe_picture import draw_recipe
 
+        recipe, roots = _recipe(arguments.what, tuple(arguments.parts))
         picture = draw_recipe(
-            arguments.what, arguments.out, part=arguments.part, roots=tuple(arguments.parts)
-        )
+            recipe, arguments.out, part=arguments.part, roots=roots, sets=arguments.sets,
+            seed=arguments.seed,
+        )  # fmt: skip
     print(picture)
     return 0
+
+
+def _recipe(what: Path, roots: tuple[Path, ...]) -> tuple[Any, tuple[Path, ...]]:
+    """Return the recipe to draw: as named, or of a mesh the one that `flawforge init` writes."""
+    from pipeline.parts.mesh.meshfile import SUFFIXES
+
+    if what.suffix.lower() not in SUFFIXES:
+        return what, roots
+    from pipeline.recipe_draft import draft
+    from sensors.typed_yaml import parse_text
+
+    place = what.resolve()
+    text = draft(what, where=str(place), unit=None, thicken_mm=None)
+    return parse_text(text, where=str(what)), (*roots, place.parent)

@@ -1,7 +1,9 @@
 """What a recipe would make, drawn before anything is generated: its first specimen and path."""
 
 import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from pipeline.batch.plan import PlannedPart
 from pipeline.batch.run import find_wanted
@@ -14,20 +16,24 @@ from sensors.typed_yaml import RecipeError
 
 
 def draw_recipe(
-    recipe_path: Path, picture: Path, *, part: str | None = None, roots: tuple[Path, ...] = ()
+    source: str | Path | Mapping[str, Any],
+    picture: Path,
+    *,
+    part: str | None = None,
+    roots: tuple[Path, ...] = (),
+    sets: Sequence[str] = (),
+    seed: int | None = None,
 ) -> Path:
     """Draw part, flaws, sensor fan and path of a recipe's first specimen as they will be.
 
     Parameters
     ----------
-    recipe_path
-        The recipe.
+    source, roots, sets, seed
+        The recipe, as `Recipe.load` takes it.
     picture
         PNG to write.
     part
         Name of the part; the first that can be used where left out.
-    roots
-        Further folders that the recipe may read from.
 
     Raises
     ------
@@ -36,7 +42,8 @@ def draw_recipe(
     PartError
         Where the part can't be used.
     """
-    recipe = Recipe.load(recipe_path, roots=roots)
+    recipe = Recipe.load(source, roots=roots, sets=sets, seed=seed)
+    recipe_path = recipe.document.path
     wanted, failed = find_wanted(recipe)
     names = [want.name for want in wanted]
     if part is not None and part not in names:

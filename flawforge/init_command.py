@@ -1,0 +1,54 @@
+"""`flawforge init`: write a recipe to start from, for a part."""
+
+import argparse
+from pathlib import Path
+
+EPILOG = """\
+Unit, look direction and sensor are guessed from the part; the recipe says so in its comments.
+
+example:
+  flawforge init bracket.stl
+  flawforge preview bracket.yaml --out setup.png
+  flawforge generate bracket.yaml --out data
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's words."""
+    parser.epilog = EPILOG
+    parser.add_argument("part", type=Path, metavar="PART", help="STL, OBJ, PLY or 3MF")
+    parser.add_argument(
+        "--out", type=Path, metavar="YAML", help="the recipe (default: PART.yaml, here)"
+    )
+    parser.add_argument(
+        "--unit", choices=("mm", "cm", "m", "um", "inch"), help="of the part (default: guessed)"
+    )
+    parser.add_argument(
+        "--thicken-mm", type=float, metavar="MM", help="thickness of an open sheet"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the recipe; say what comes next."""
+    from pipeline.dataset.folder import write_whole
+    from pipeline.recipe_draft import draft
+    from sensors.typed_yaml import RecipeError
+
+    part = arguments.part
+    out = arguments.out or Path(f"{part.stem}.yaml")
+    if out.suffix not in (".yaml", ".yml"):
+        raise RecipeError("isn't a recipe's name", where="--out", value=str(out),
+                          allowed="NAME.yaml")  # fmt: skip
+    if out.exists():
+        raise RecipeError("is there already", where=out, allowed="another name by --out")
+    inside = part.resolve().is_relative_to(out.resolve().parent)
+    where = part.resolve().relative_to(out.resolve().parent) if inside else part.resolve()
+    text = draft(
+        part, where=str(where), unit=arguments.unit, thicken_mm=arguments.thicken_mm
+    )
+    write_whole(out, text)
+    parts = "" if inside else f" --parts {part.resolve().parent}"
+    print(f"{out}: read it, then")
+    print(f"  flawforge preview {out}{parts} --out setup.png")
+    print(f"  flawforge generate {out}{parts} --out data")
+    return 0
