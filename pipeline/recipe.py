@@ -11,8 +11,9 @@ from annotated_types import Len
 from pydantic import PlainValidator
 
 from pipeline.injection.flawplan import FlawPlan
+from pipeline.motion.given_path import given_path
 from pipeline.motion.limits import Motion
-from pipeline.motion.trajectory import follow, frame, rate_of
+from pipeline.motion.trajectory import frame, rate_of
 from pipeline.parts.builtin import FACET_UM
 from pipeline.recipe_source import read_source
 from quantity import declared, quantity
@@ -204,6 +205,7 @@ class Recipe:
             *((entry.motion, ("parts", k, "motion")) for k, entry in enumerate(file.parts)),
         ]:
             if motion is not None:
+                motion = _found(motion, folders, document.where((*at, "path")))
                 _check_motion(motion, datasheet, file.profiles, document.where(at))
         where_of = {
             entry.surface: document.where(("parts", index, "surface"))
@@ -239,6 +241,10 @@ class Recipe:
     def points(self) -> int:
         """Points in a profile."""
         return self.file.points or self.datasheet.points_per_profile
+
+    def motion_of(self, entry: PartEntry) -> Motion:
+        """Return the limits of a part's paths: its own entry's, else the recipe's."""
+        return _found(entry.motion or self.file.motion, self.roots, "motion.path")
 
     def specimens_of(self, entry: PartEntry) -> int:
         """Return the number of specimens of a part, good ones among them."""
@@ -293,13 +299,20 @@ def _with_angle(sensor: SensorModel, angle_deg: float) -> SensorModel:
     return SensorModel(sheet)
 
 
+def _found(motion: Motion, folders: tuple[Path, ...], where: str) -> Motion:
+    """Return the motion with the place of its file of poses, if it has one."""
+    if not isinstance(motion.path, str):
+        return motion
+    return replace(motion, path=str(resolve(motion.path, folders, where)))
+
+
 def _check_motion(motion: Motion, datasheet: Datasheet, profiles: int, where: str) -> None:
     """See before anything is made whether the sensor can move like that at all."""
     try:
         frame(motion.look, motion.travel)
         rate_of(motion, datasheet)
         if motion.path is not None:
-            follow(motion.path, motion, datasheet, profiles, np.zeros(3))
+            given_path(motion, datasheet, profiles, np.zeros(3))
     except RecipeError as error:
         raise RecipeError(str(error), where=where) from None
 

@@ -146,6 +146,10 @@ def _checksums(recipe: Recipe, wanted: list[Wanted]) -> dict[str, str | None]:
     files = {want.name: want.path for want in wanted if want.path is not None}
     if recipe.reflectance is not None and recipe.reflectance.picture is not None:
         files["reflectance"] = Path(recipe.reflectance.picture.path)
+    for want in wanted:
+        poses = recipe.motion_of(want.entry).path
+        if isinstance(poses, str):
+            files[f"{want.name} motion"] = Path(poses)
     sums: dict[str, str | None] = {}
     for name, path in files.items():
         try:

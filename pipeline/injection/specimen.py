@@ -153,7 +153,7 @@ def make_specimen(
     """
     file = recipe.file
     part, clean_scene, skin = stored_part(folder / planned.stored)
-    motion = planned.entry.motion or file.motion
+    motion = recipe.motion_of(planned.entry)
     outlook = Outlook(part, clean_scene, motion, recipe.datasheet, file.profiles)
 
     def cut() -> FlawedPart:

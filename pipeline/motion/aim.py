@@ -4,8 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.injection.inject import FlawedPart
+from pipeline.motion.given_path import given_path
 from pipeline.motion.limits import Motion
-from pipeline.motion.trajectory import Reach, Trajectory, draw, follow, frame, sweeps
+from pipeline.motion.trajectory import Reach, Trajectory, draw, frame, sweeps
 from pipeline.parts.part import Part
 from pipeline.parts.part_error import PartError
 from pipeline.seeds import RngOf
@@ -42,7 +43,7 @@ class Outlook:
         self._path: Trajectory | None = None
         if motion.path is not None:
             centre = part.bounds_mm.mean(axis=0)
-            self._path = follow(motion.path, motion, datasheet, profiles, centre)
+            self._path = given_path(motion, datasheet, profiles, centre)
         self._look = frame(motion.look, motion.travel)[:, 2]
         self._far_mm = float(np.ptp(part.bounds_mm, axis=0).sum()) * 2
         self.facing: NDArray[np.bool_] = -(scene.normals @ self._look) > np.cos(STEEPEST_RAD)
@@ -92,7 +93,7 @@ class Aimer:
         """
         if self.motion.path is not None:
             centre = self._bounds_mm.mean(axis=0)
-            path = follow(self.motion.path, self.motion, self.datasheet, self.profiles, centre)
+            path = given_path(self.motion, self.datasheet, self.profiles, centre)
             if self._share_seen(path) == 0:
                 raise PartError(
                     self.flawed.part.name,

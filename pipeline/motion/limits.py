@@ -48,7 +48,8 @@ class Motion:
     own axis, then pitch about x, then roll about y. The middle of the path looks at a point of
     the surface: of a flaw with probability `aim_at_flaws`, else anywhere on what can be seen.
     Path length = profiles * speed / rate: `length_mm` sets the speed, and with both given the
-    profiles are triggered by an encoder and the rate follows.
+    profiles are triggered by an encoder and the rate follows. A `path` is given by its waypoints,
+    or by the name of a file of poses, CSV or HDF5, as a robot recorded them.
     """
 
     look: Vector = (0.0, 0.0, -1.0)
@@ -95,9 +96,11 @@ class Motion:
     tries: int = quantity(
         "paths that are drawn at most", low=1, high=1000, whole=True, default=30
     )
-    path: WaypointPath | None = None
+    path: WaypointPath | str | None = None
 
     def __post_init__(self) -> None:
+        if isinstance(self.path, str) and not self.path.lower().endswith((".csv", ".h5")):
+            raise ValueError(f"path: {self.path!r} must be waypoints, or a .csv or .h5 of poses")
         drawn = self.direction
         values = drawn.values if isinstance(drawn, Choice) else {*drawn.limits()}
         if not isinstance(drawn, Choice | Fixed) or not {*values} <= {-1.0, 1.0}:
