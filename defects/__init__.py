@@ -1,5 +1,6 @@
 """Flaws that are cut into a closed mesh, one file for each kind."""
 
+from defects.banked import Banked
 from defects.bump import Bump
 from defects.corrosion import Corrosion
 from defects.crack import Crack
@@ -19,7 +20,7 @@ KINDS: dict[str, type[Kind]] = {
     kind.name: kind
     for kind in (
         Dent, Crack, Pit, Scratch, Bump, EdgeChip, EdgeBurr, Corrosion, Undercut, LackOfFusion,
-        Porosity, Spatter, Wear, MissingFeature,
+        Porosity, Spatter, Wear, MissingFeature, Banked,
     )
 }  # fmt: skip
 """Every kind of flaw by its name in recipes; a new kind is one more file and one more line."""

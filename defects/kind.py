@@ -80,6 +80,20 @@ class Kind(ABC):
         return found
 
     @classmethod
+    def scaled_by_tier(cls, size: Quantity) -> bool:
+        """Whether a severity tier's scale acts on a size: on those in mm."""
+        return size.unit == "mm"
+
+    @property
+    def source(self) -> str:
+        """Name of the real flaw that it is taken from; empty for what is drawn from laws."""
+        return ""
+
+    def parameters(self) -> dict[str, float]:
+        """Return the sizes by name."""
+        return {size.name: getattr(self, size.name) for size in self.sizes()}
+
+    @classmethod
     def draw(
         cls,
         sizes: Mapping[str, Size],
@@ -96,14 +110,14 @@ class Kind(ABC):
         rng
             Source of randomness.
         scale
-            Factor on sizes in mm, which stay within their bounds.
+            Factor on the sizes that `scaled_by_tier` names, which stay within their bounds.
         unscaled
             Names of the sizes that `scale` leaves alone.
         """
         values: dict[str, float] = {}
         for size in cls.sizes():
             value = sizes[size.name].draw(rng)
-            if size.unit == "mm" and size.name not in unscaled:
+            if cls.scaled_by_tier(size) and size.name not in unscaled:
                 value = size.clipped(value * scale)
             values[size.name] = float(round(value)) if size.whole else value
         return cls(**values)

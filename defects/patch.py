@@ -215,6 +215,16 @@ class Patch:
             second=self.second,
         )
 
+    def cells(self, keep: NDArray[np.bool_]) -> "Patch":
+        """Return the patch of some cells of a strip; `keep` is (n - 1, k - 1) along and across."""
+        return Patch(
+            skin_mm=self.skin_mm,
+            normals=self.normals,
+            faces=self.faces[np.tile(keep.ravel(), 2)],
+            first=self.first,
+            second=self.second,
+        )
+
     def _check(self) -> None:
         a, b, c = (self.skin_mm[self.faces[:, i]] for i in range(3))
         cross = np.cross(b - a, c - a)

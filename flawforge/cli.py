@@ -21,6 +21,7 @@ COMMANDS: Final = {
     "import": "turn an instrument's file into recording.h5",
     "pod": "probability of detection against the size of a flaw, with bounds",
     "roughness": "measure a surface's roughness and write its surface.yaml",
+    "flaw": "take a real flaw out of a recording, for a bank that recipes draw from",
     "diagnose": "say where recordings differ from their simulation, and why",
     "challenge": "prove the diagnosis on sealed recordings of an independent instrument",
 }

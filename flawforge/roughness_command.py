@@ -103,6 +103,7 @@ def _solve_for_figures(arguments: argparse.Namespace) -> int:
 def _measure(arguments: argparse.Namespace) -> int:
     import numpy as np
 
+    from flawforge.region import parse_ranges
     from sensors.datasheet import Datasheet
     from sensors.noise.calibration import calibrate
     from sensors.noise.measured import measure
@@ -120,7 +121,7 @@ def _measure(arguments: argparse.Namespace) -> int:
         pitch_y_mm=arguments.pitch_y_mm,
         sensor=sensor,
     )
-    readings = scan.readings_mm[_region(arguments.region, scan.readings_mm.shape)]
+    readings = scan.readings_mm[parse_ranges(arguments.region, scan.readings_mm.shape)]
     resolution_um, repeatability_um = _uncertainty(arguments)
     if resolution_um is None:
         resolution_um = float(f"{1000.0 * resolution_of(readings):.4g}")
@@ -184,27 +185,6 @@ def _uncertainty(arguments: argparse.Namespace) -> tuple[float | None, float]:
         return None, 0.0
     sensor = Datasheet.load(arguments.sensor)
     return sensor.z_resolution_um, sensor.repeatability_um or 0.0
-
-
-def _region(text: str | None, shape: tuple[int, ...]) -> tuple[slice, slice]:
-    from sensors.typed_yaml import RecipeError
-
-    if text is None:
-        return slice(None), slice(None)
-    allowed = f"R0:R1,C0:C1 within 0:{shape[0]},0:{shape[1]}"
-    try:
-        parts = [[int(n) if n else None for n in part.split(":")] for part in text.split(",")]
-    except ValueError:
-        raise RecipeError("--region isn't understood", value=text, allowed=allowed) from None
-    if len(parts) != 2 or any(len(part) != 2 for part in parts):
-        raise RecipeError("--region isn't understood", value=text, allowed=allowed)
-    slices = []
-    for (start, stop), size in zip(parts, shape, strict=True):
-        first, last = start or 0, size if stop is None else stop
-        if not 0 <= first < last <= size:
-            raise RecipeError("--region lies outside the scan", value=text, allowed=allowed)
-        slices.append(slice(first, last))
-    return slices[0], slices[1]
 
 
 def _folder(arguments: argparse.Namespace) -> Path:

@@ -10,6 +10,7 @@ import numpy as np
 from annotated_types import Len
 from pydantic import PlainValidator
 
+from defects.flaw_bank import FlawBank
 from pipeline.injection.flawplan import FlawPlan
 from pipeline.motion.given_path import given_path
 from pipeline.motion.limits import Motion
@@ -148,6 +149,8 @@ class Recipe:
         Folders that mesh files may come from: the recipe's own first.
     reflectance : ReflectanceMap or None
         Brightness of the parts, its picture's path resolved.
+    banks : mapping
+        Every bank of real flaws that the recipe names, by its folder as it is spelled.
     """
 
     file: RecipeFile
@@ -156,6 +159,7 @@ class Recipe:
     document: Document
     roots: tuple[Path, ...]
     reflectance: ReflectanceMap | None = None
+    banks: Mapping[str, FlawBank] = field(default_factory=dict)
 
     @classmethod
     def load(
@@ -230,6 +234,7 @@ class Recipe:
             document=document,
             roots=folders,
             reflectance=reflectance,
+            banks=_banks(file, folders, document),
         )
 
     @property
@@ -257,7 +262,7 @@ class Recipe:
         """
         if specimen % self.specimens_of(entry) >= (entry.specimens or self.file.specimens):
             return NO_FLAWS
-        return entry.flaws or self.file.flaws or NO_FLAWS
+        return (entry.flaws or self.file.flaws or NO_FLAWS).with_banks(self.banks)
 
     def ready(self) -> "Recipe":
         """Return the recipe with the noise of its surfaces solved, once for all scans.
@@ -304,6 +309,33 @@ def _found(motion: Motion, folders: tuple[Path, ...], where: str) -> Motion:
     if not isinstance(motion.path, str):
         return motion
     return replace(motion, path=str(resolve(motion.path, folders, where)))
+
+
+def _banks(
+    file: RecipeFile, folders: tuple[Path, ...], document: Document
+) -> dict[str, FlawBank]:
+    """Read every bank that a recipe names."""
+    named = [(file.flaws, ("flaws", "bank", "path"))] + [
+        (entry.flaws, ("parts", k, "flaws", "bank", "path")) for k, entry in enumerate(file.parts)
+    ]
+    found: dict[str, FlawBank] = {}
+    for plan, at in named:
+        for name in plan.paths() if plan is not None else ():
+            where = document.where(at)
+            place = resolve(name, folders, where)
+            files = tuple(sorted(path.resolve() for path in place.glob("*.npz")))
+            if not files:
+                raise RecipeError(
+                    "holds no flaws", where=where, value=name,
+                    allowed="a folder of .npz files made by 'flawforge flaw extract'",
+                )  # fmt: skip
+            for path in files:
+                resolve(str(path), folders, where)
+            try:
+                found[name] = FlawBank.load(files)
+            except (ValueError, OSError) as error:
+                raise RecipeError(str(error), where=where, value=name) from None
+    return found
 
 
 def _check_motion(motion: Motion, datasheet: Datasheet, profiles: int, where: str) -> None:

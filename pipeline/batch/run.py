@@ -156,6 +156,8 @@ def _checksums(recipe: Recipe, wanted: list[Wanted]) -> dict[str, str | None]:
             sums[name] = file_sha256(path)
         except OSError:
             sums[name] = None
+    for folder, bank in recipe.banks.items():
+        sums |= {f"{folder.rstrip('/')}/{name}": one for name, one in bank.checksums.items()}
     return sums
 
 

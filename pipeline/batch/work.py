@@ -254,6 +254,7 @@ def _facts(flaw: Flaw) -> dict[str, Any]:
         "kind": flaw.kind,
         "class_id": flaw.class_id,
         "tier": flaw.tier,
+        "source": flaw.source,
         "parameters": json.dumps(flaw.parameters),
         **{f"size_{name}": value for name, value in flaw.parameters.items()},
         "seed": str(flaw.seed),

@@ -53,7 +53,7 @@ FLAW_COLUMNS: Final = {
     "pixels": int, "pixels_visible": int, "share_hidden": float, "deviation_over_noise": float,
     "specimen": str, "split": str, "snr": float, "response": float, "detectable": bool,
     "deviation_max_mm": float, "bbox_profile_first": int, "bbox_profile_end": int,
-    "bbox_point_first": int, "bbox_point_end": int,
+    "bbox_point_first": int, "bbox_point_end": int, "source": str,
     **{f"size_{size.name}": float for kind in KINDS.values() for size in kind.sizes()},
 }  # fmt: skip
 ROWS_AT_ONCE: Final = 20_000

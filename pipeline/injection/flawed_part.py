@@ -22,6 +22,8 @@ class Flaw:
         Its number in the part, from 1; what masks of instances hold.
     kind, class_id, tier
         What it is. `tier` is empty where the plan has none.
+    source
+        Name of the real flaw in the bank that it is taken from; empty for other kinds.
     parameters
         Its drawn sizes by name.
     position_mm, normal, heading_rad, triangle
@@ -37,6 +39,7 @@ class Flaw:
     kind: str
     class_id: int
     tier: str
+    source: str
     parameters: dict[str, float]
     position_mm: Floats
     normal: Floats

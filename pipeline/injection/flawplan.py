@@ -2,13 +2,15 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from defects import KINDS
+from defects.banked import Banked
+from defects.flaw_bank import FlawBank
 from defects.kind import Kind
 from defects.sizes import Fixed, Size, parse_size
 
@@ -51,20 +53,28 @@ class KindPlan:
         A distribution for each of the kind's sizes.
     tiers
         Severities; at least one.
+    path
+        Of the kind `bank`: the folder of its reliefs, as the recipe spells it.
+    bank
+        The reliefs, once they are read.
     """
 
     kind: str
     number: Size
     sizes: Mapping[str, Size]
     tiers: tuple[Tier, ...]
+    path: str = ""
+    bank: FlawBank | None = None
 
     def draw(self, rng: np.random.Generator) -> tuple[str, Kind]:
         """Draw a tier and one flaw's sizes; return the tier's name and the flaw."""
         weights = np.array([tier.weight for tier in self.tiers])
         tier = self.tiers[int(rng.choice(len(weights), p=weights / weights.sum()))]
         sizes = {**self.sizes, **tier.sizes}
-        scaled = KINDS[self.kind].draw(sizes, rng, scale=tier.scale, unscaled=set(tier.sizes))
-        return tier.name, scaled
+        flaw = KINDS[self.kind].draw(sizes, rng, scale=tier.scale, unscaled=set(tier.sizes))
+        if isinstance(flaw, Banked):
+            flaw = replace(flaw, bank=self.bank)
+        return tier.name, flaw
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -134,6 +144,18 @@ class FlawPlan:
             min_distance_mm=_number(data, "min_distance_mm", 1.0, 0.0, 1e6),
             facet_um=_number(data, "facet_um", 1.0, 0.05, 100.0),
             tries=int(_number(data, "tries", 8, 1, 1000)),
+        )
+
+    def paths(self) -> set[str]:
+        """Return the folders of the banks that the plan draws from."""
+        return {plan.path for plan in self.kinds if plan.path}
+
+    def with_banks(self, banks: Mapping[str, FlawBank]) -> "FlawPlan":
+        """Return the plan with its banks, by their folders, at hand."""
+        if not self.paths():
+            return self
+        return replace(
+            self, kinds=tuple(replace(plan, bank=banks.get(plan.path)) for plan in self.kinds)
         )
 
     def check_regions(self, regions: Mapping[str, NDArray[np.bool_]]) -> None:
@@ -212,7 +234,10 @@ def _kind_plan(kind: str, data: Any) -> KindPlan:
         data = {"number": data}
     if not isinstance(data, Mapping):
         raise ValueError(f"{kind}: {data!r} must be a number or a mapping")
-    rest = {key: value for key, value in data.items() if key not in ("number", "tiers")}
+    path = _bank_path(kind, data)
+    rest = {key: value for key, value in data.items() if key not in ("number", "tiers", "path")}
+    if kind == Banked.name and isinstance(rest.get("mirror"), bool):
+        rest["mirror"] = {"choice": [0, 1]} if rest["mirror"] else 0
     try:
         number = parse_size(data.get("number", 1))
     except ValueError as error:
@@ -224,7 +249,22 @@ def _kind_plan(kind: str, data: Any) -> KindPlan:
         number=number,
         sizes={**KINDS[kind].typical(), **_sizes(kind, kind, rest)},
         tiers=_tiers(kind, data.get("tiers")),
+        path=path,
     )
+
+
+def _bank_path(kind: str, data: Mapping[str, Any]) -> str:
+    """Return the folder of a kind's bank: the kind `bank` has one and no other kind does."""
+    path = data.get("path")
+    if kind != Banked.name:
+        if path is not None:
+            raise ValueError(f"{kind}.path: only {Banked.name!r} has a path")
+        return ""
+    if not isinstance(path, str) or not path:
+        raise ValueError(
+            f"{kind}.path: {path!r} must be the folder of a bank, made by 'flawforge flaw extract'"
+        )
+    return path
 
 
 def _tiers(kind: str, data: Any) -> tuple[Tier, ...]:
@@ -251,7 +291,9 @@ def _tiers(kind: str, data: Any) -> tuple[Tier, ...]:
     return tuple(tiers)
 
 
-def exactly(kind: str, number: int = 1, **sizes: float) -> KindPlan:
+def exactly(
+    kind: str, number: int = 1, bank: FlawBank | None = None, **sizes: float
+) -> KindPlan:
     """Return a plan for `number` flaws of one kind with the given sizes fixed, the rest typical."""
     fixed = {name: Fixed(value=value) for name, value in sizes.items()}
     return KindPlan(
@@ -259,4 +301,5 @@ def exactly(kind: str, number: int = 1, **sizes: float) -> KindPlan:
         number=Fixed(value=number),
         sizes={**KINDS[kind].typical(), **fixed},
         tiers=(Tier(name="", weight=1.0, scale=1.0, sizes={}),),
+        bank=bank,
     )

@@ -1,7 +1,7 @@
 """Injection: flaws drawn from a plan, placed on a part, carved into it, and recorded."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from defects import KINDS
+from defects.banked import Banked
+from defects.flaw_bank import FlawBank
 from defects.kind import Kind
 from defects.point_in_mesh import Inside
 from defects.solid import Block, BooleanError, Carved, Change, Cutter
@@ -136,7 +138,9 @@ def inject(
     )
 
 
-def cutter_of(surface: Surface, flaw: Flaw, facet_um: float = 1.0) -> Cutter:
+def cutter_of(
+    surface: Surface, flaw: Flaw, facet_um: float = 1.0, bank: FlawBank | None = None
+) -> Cutter:
     """Build a recorded flaw's cutter again, alone, from its record.
 
     Parameters
@@ -147,6 +151,8 @@ def cutter_of(surface: Surface, flaw: Flaw, facet_um: float = 1.0) -> Cutter:
         The record.
     facet_um
         The plan's.
+    bank
+        Of real flaws, for a flaw that was taken from one.
     """
     site = Site(
         position_mm=flaw.position_mm,
@@ -155,6 +161,8 @@ def cutter_of(surface: Surface, flaw: Flaw, facet_um: float = 1.0) -> Cutter:
         triangle=flaw.triangle,
     )
     kind = KINDS[flaw.kind](**flaw.parameters)
+    if isinstance(kind, Banked):
+        kind = replace(kind, bank=bank)
     return kind.cutter(surface, site, _shape_rng(flaw.seed, flaw.attempt), facet_um * 1e-3)
 
 
@@ -290,7 +298,8 @@ def _record(instance: int, one: _Placed) -> Flaw:
         kind=one.plan.kind,
         class_id=one.flaw.class_id,
         tier=one.tier,
-        parameters=asdict(one.flaw),
+        source=one.flaw.source,
+        parameters=one.flaw.parameters(),
         position_mm=one.site.position_mm,
         normal=one.site.normal,
         heading_rad=one.site.heading_rad,

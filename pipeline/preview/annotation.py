@@ -29,6 +29,7 @@ COLOURS: Mapping[str, str] = {
     "spatter": "#006D5B",
     "wear": "#BCBD22",
     "missing_feature": "#000000",
+    "bank": "#FF5DA2",
     "flaw": "#D62728",
 }
 

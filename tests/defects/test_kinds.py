@@ -8,6 +8,7 @@ from defects import KINDS
 from defects.crack import TIP, Crack
 from defects.solid import Block, Solid
 from defects.surface import Site, SiteError, tangent_axes
+from tests.defects.reliefs import hollow_and_rim
 
 SIZES = {
     "dent": {"length_mm": 5.0, "aspect": 0.7, "depth_mm": 0.3, "rim_ratio": 0.1},
@@ -50,6 +51,10 @@ SIZES = {
         "length_mm": 12.0, "land_mm": 0.8, "tilt": 0.3, "runout": 0.4, "groove_ratio": 0.03,
     },
     "missing_feature": {"ratio": 0.0, "depth_share": 0.6},
+    "bank": {
+        "which": 0.0, "scale": 1.5, "height_ratio": 1.2, "mirror": 1.0, "bend_deg": 12.0,
+        "bank": hollow_and_rim(),
+    },
 }  # fmt: skip
 SKIN = ("plate", "cylinder", "sphere", "bent")
 PLACES = {
@@ -63,8 +68,8 @@ PLACES = {
 ON_SKIN = [kind for kind in KINDS if kind not in PLACES]
 EVERYWHERE = [(kind, name) for kind in KINDS for name in PLACES.get(kind, SKIN)]
 ONLY_ADD = ("bump", "edge_burr", "spatter", "missing_feature")  # they remove nothing
-ADD_TOO = ("dent", "scratch")  # they have a rim or a burr beside what they remove
-UNDRAWN = ("dent", "missing_feature")  # their sizes leave nothing to be drawn
+ADD_TOO = ("dent", "scratch", "bank")  # they have a rim or a burr beside what they remove
+UNDRAWN = ("dent", "missing_feature", "bank")  # their sizes leave nothing to be drawn
 DRAWN = [kind for kind in KINDS if kind not in UNDRAWN]
 
 
@@ -123,7 +128,7 @@ def test_depth_along_the_local_normal(kind, name, solids, surfaces):
     height = elevation(name, made, surfaces)
     # The mesh itself lies up to its facets' sagitta under the ideal surface.
     sagitta = {"plate": 0.0, "cylinder": 0.0007, "sphere": 0.02, "bent": 0.0}[name]
-    sizes = {**SIZES[kind], "porosity": 0.3, "spatter": 0.48}
+    sizes = {**SIZES[kind], "porosity": 0.3, "spatter": 0.48, "bank": 0.36}
     wanted_mm = sizes.get("depth_mm") or sizes.get("height_mm") or sizes[kind]
     if kind in ONLY_ADD:
         assert height.max() == pytest.approx(change.depth_mm, rel=0.05, abs=sagitta)
@@ -245,7 +250,7 @@ def test_class_ids_are_the_contract():
     assert {name: kind.class_id for name, kind in KINDS.items()} == {
         "dent": 1, "crack": 2, "pit": 3, "scratch": 4, "bump": 5, "edge_chip": 6, "edge_burr": 7,
         "corrosion": 8, "undercut": 9, "lack_of_fusion": 10, "porosity": 11, "spatter": 12,
-        "wear": 13, "missing_feature": 14,
+        "wear": 13, "missing_feature": 14, "bank": 15,
     }  # fmt: skip
     for name, kind in KINDS.items():
         assert kind.name == name
@@ -261,7 +266,7 @@ def test_typical_sizes_draw_within_bounds_and_scale_acts_on_lengths(kind):
     half = cls.draw(cls.typical(), np.random.default_rng(1), scale=0.5)
     for size in cls.sizes():
         before, after = getattr(one, size.name), getattr(half, size.name)
-        if size.unit == "mm":
+        if cls.scaled_by_tier(size):
             assert after == pytest.approx(max(0.5 * before, size.low))
         else:
             assert after == before
