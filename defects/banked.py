@@ -110,7 +110,7 @@ class Banked(Kind):
         """Return heights and mask on a lattice as fine as it must be, and its steps."""
         relief = self.relief
         known = relief.height_mm[:, ::-1] if self.mirror else relief.height_mm
-        inside = relief.mask[:, ::-1] if self.mirror else relief.mask
+        inside = relief.footprint[:, ::-1] if self.mirror else relief.footprint
         factor = self.scale * self.height_ratio
         size = np.array(known.shape)
         # A facet's error is at most an eighth of the second differences along and across it.

@@ -30,10 +30,11 @@ class Relief:
     pitch_mm
         Distance of the nodes along the skin.
     height_mm
-        (n, m) along the local normal, below zero in a hollow. Rows run along the flaw, columns to
-        the left of it; the middle node is where it sits, so that n and m are odd.
+        (n, m) along the local normal, below zero in a hollow, and zero beyond the flaw and where
+        it fades. Rows run along the flaw, columns to the left of it; the middle node is where it
+        sits, so that n and m are odd. Zero within two nodes of the rim.
     mask
-        (n, m) nodes that belong to the flaw; none within two nodes of the rim.
+        (n, m) nodes that belong to the flaw, without the fade.
     facts
         Where it comes from: recording, pose, pitch and noise, as plain data.
 
@@ -55,17 +56,22 @@ class Relief:
             raise ValueError(f"height_mm is {shape}, not two odd numbers from {FEWEST_NODES} on")
         if self.mask.shape != shape or self.mask.dtype != np.bool_ or not self.mask.any():
             raise ValueError("mask must mark some of height_mm's nodes")
-        if self.mask.sum() != self.mask[2:-2, 2:-2].sum():
-            raise ValueError("mask must keep two nodes from the rim")
+        if self.footprint.sum() != self.footprint[2:-2, 2:-2].sum():
+            raise ValueError("the flaw must keep two nodes from the rim")
         if not np.isfinite(self.height_mm).all() or not self.height_mm[self.mask].any():
             raise ValueError("height_mm must be finite, and not zero all over the flaw")
         if not (np.isfinite(self.pitch_mm) and self.pitch_mm > 0):
             raise ValueError(f"pitch_mm is {self.pitch_mm}, must be above 0")
 
+    @property
+    def footprint(self) -> Bools:
+        """Nodes (n, m) where the surface isn't the skin, fade included."""
+        return np.asarray(self.mask | (self.height_mm != 0))
+
     def dimensions(self) -> dict[str, float]:
         """Return length, width, depth, height (mm), area (mm²) and volumes (mm³) of the flaw."""
         rows, columns = np.nonzero(self.mask)
-        inside = self.height_mm[self.mask]
+        inside, low = self.height_mm[self.mask], self.height_mm < 0
         cell = self.pitch_mm**2
         return {
             "length_mm": float(np.ptp(rows) + 1) * self.pitch_mm,
@@ -73,8 +79,8 @@ class Relief:
             "depth_mm": float(max(-inside.min(), 0.0)),
             "height_mm": float(max(inside.max(), 0.0)),
             "area_mm2": float(self.mask.sum() * cell),
-            "removed_mm3": float(-inside[inside < 0].sum() * cell),
-            "added_mm3": float(inside[inside > 0].sum() * cell),
+            "removed_mm3": float(-self.height_mm[low].sum() * cell),
+            "added_mm3": float(self.height_mm[~low].sum() * cell),
         }
 
     def save(self, path: Path) -> None:

@@ -81,7 +81,7 @@ def _joined(words: Sequence[str]) -> list[str]:
 
 def _is_negative(word: str) -> bool:
     try:
-        return word.startswith("-") and float(word) <= 0.0
+        return word.startswith("-") and [float(number) for number in word.split(",")][0] <= 0.0
     except ValueError:
         return False
 

@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     extract.add_argument("--sensor", required=True, help="the sensor's YAML file, or a preset")
     extract.add_argument(
         "--region", required=True, metavar="X0,Y0,X1,Y1 | R0:R1,C0:C1",
-        help="around the flaw: a box of the part's x and y in mm, or profiles and points, half-open",
+        help="around the flaw: a box of the part's x and y, mm; or profiles and points, half-open",
     )  # fmt: skip
     extract.add_argument("--out", type=Path, required=True, metavar="BANK", help="folder")
     extract.add_argument(

@@ -33,10 +33,10 @@ independent places on a sound surface 0.06 are beyond."""
 KEPT_SHARE = 0.05
 """Pieces of the flaw with less than this share of the largest one's volume are left out."""
 MOST_NODES = 160_000
-MARGIN = 3
-"""Nodes between the flaw and the lattice's rim."""
 FADE_NODES = 3
-"""Nodes over which the flaw itself meets the skin at its outline."""
+"""Nodes beyond the flaw over which its relief meets the skin."""
+MARGIN = FADE_NODES + 3
+"""Nodes between the flaw and the lattice's rim."""
 SPIKE_SD = 6.0
 """Standard deviations of the noise by which an outlier stands out of all its eight neighbours."""
 
@@ -111,7 +111,8 @@ def extract(
     wanted = region.mask(laser.points_part_mm(depth, placed.poses))
     hits = scene.cast(laser, placed.poses)
     normal = scene.normals[hits.triangle]
-    axis = placed.poses[:, None, :3, 2] + laser.slope_x[None, :, None] * placed.poses[:, None, :3, 0]
+    turned = placed.poses[:, None]
+    axis = turned[..., :3, 2] + laser.slope_x[None, :, None] * turned[..., :3, 0]
     rough = (depth - hits.depth_mm) * np.einsum("nmk,nmk->nm", normal, axis)
     pitch = _pitch(laser.points_part_mm(hits.depth_mm, placed.poses))
     smooth = smooth_weight(hits.depth_mm, normal, max(pitch)) == 1.0
@@ -129,10 +130,13 @@ def extract(
     heights[_spikes(heights, noise.sd_mm)] = np.nan
     raw = heights - _level(heights, inside)
     spectrum = noise.spectrum(raw.shape)
-    denoised = denoise(raw, noise.sd_mm**2 * np.maximum(spectrum, 1e-6), pitch)
+    power = noise.sd_mm**2 * np.maximum(spectrum, 1e-6)
+    # Once with the whole region's smoothness, to find the flaw; then with the flaw's own.
+    sought = denoise(raw, power, pitch, np.ones(raw.shape, np.bool_))
+    found = _found(sought.height_mm * _fade(inside), inside, sought.sd_mm, recording.name)
+    denoised = denoise(raw, power, pitch, ndimage.binary_dilation(found, iterations=2))
     smoothed = denoised.height_mm * _fade(inside)
-    found = _found(smoothed, inside, max(denoised.sd_mm, 1e-6), recording.name)
-    site, nodes, step = _lattice(surface, feet, smoothed, found, pitch, recording.name)
+    site, nodes, step = _lattice(surface, feet, smoothed, found, pitch)
     try:
         patch = spread(surface, site, nodes, (step, step))
     except SiteError as error:
@@ -183,8 +187,9 @@ def _around(wanted: Bools) -> tuple[slice, slice]:
     spans = []
     for axis in (0, 1):
         there = np.flatnonzero(wanted.any(axis=1 - axis))
-        rim = max(RIM_LEAST, round(RIM_SHARE * (there[-1] - there[0] + 1)))
-        spans.append(slice(max(there[0] - rim, 0), min(there[-1] + 1 + rim, wanted.shape[axis])))
+        first, end = int(there[0]), int(there[-1]) + 1
+        rim = max(RIM_LEAST, round(RIM_SHARE * (end - first)))
+        spans.append(slice(max(first - rim, 0), min(end + rim, wanted.shape[axis])))
     return spans[0], spans[1]
 
 
@@ -218,14 +223,14 @@ def _level(heights: Floats, inside: Bools) -> Floats:
     rim = (~inside & np.isfinite(heights)).ravel()
     if rim.sum() < 20:
         return np.zeros(heights.shape)
-    values, weight = heights.ravel()[rim], np.ones(rim.sum())
-    plane = np.zeros(3)
+    values, weight = heights.ravel()[rim], rim[rim].astype(np.float64)
+    plane = np.linalg.lstsq(design[rim], values, rcond=None)[0]
     for _ in range(10):
         root = np.sqrt(weight)
         plane = np.linalg.lstsq(design[rim] * root[:, None], values * root, rcond=None)[0]
         away = values - design[rim] @ plane
         scale = max(1.4826 * float(np.median(np.abs(away))), 1e-9)
-        weight = (1 - np.clip(away / (4.685 * scale), -1, 1) ** 2) ** 2
+        weight = np.square(1 - np.square(np.clip(away / (4.685 * scale), -1, 1)))
     return np.asarray((design @ plane).reshape(heights.shape))
 
 
@@ -253,8 +258,7 @@ def _found(heights: Floats, inside: Bools, sd: float, name: str) -> Bools:
 
 
 def _lattice(
-    surface: Surface, feet: Floats, heights: Floats, found: Bools, pitch: tuple[float, float],
-    name: str,
+    surface: Surface, feet: Floats, heights: Floats, found: Bools, pitch: tuple[float, float]
 ) -> tuple[Site, tuple[int, int], float]:
     """Return where the flaw sits, heading along its longer axis; the lattice's nodes and pitch."""
     there = found & np.isfinite(feet).all(axis=2)
@@ -308,10 +312,8 @@ def _on_lattice(
     flat, at = _flat(site, feet[known]), _flat(site, nodes_mm)
     height = CloughTocher2DInterpolator(flat, heights[known], fill_value=0.0)(at).reshape(nodes)
     mask = NearestNDInterpolator(flat, found[known])(at).reshape(nodes).astype(np.bool_)
-    mask[[0, 1, -2, -1]] = False
-    mask[:, [0, 1, -2, -1]] = False
-    away = ndimage.distance_transform_edt(mask)
-    t = np.clip(away / FADE_NODES, 0.0, 1.0)
-    return np.where(mask, height * t * t * (3 - 2 * t), 0.0), mask
-
-
+    for edge in (slice(None, MARGIN - 1), slice(1 - MARGIN, None)):
+        mask[edge] = mask[:, edge] = False
+    wider = ndimage.binary_dilation(mask, ndimage.generate_binary_structure(2, 2), FADE_NODES)
+    t = np.clip(ndimage.distance_transform_edt(wider) / (FADE_NODES + 1), 0.0, 1.0)
+    return np.asarray(height * t * t * (3 - 2 * t)), mask

@@ -12,7 +12,7 @@ Bools = NDArray[np.bool_]
 
 SMOOTHNESS = 1.5
 """ν of the prior's Matérn covariance: once differentiable, as dents, grooves and pile-ups are but
-for their edges (Stein, Interpolation of Spatial Data, 1999: let the data be as rough as they are)."""
+for their edges (Stein, Interpolation of Spatial Data, 1999: smoother priors smooth too much)."""
 TOLERANCE = 1e-4
 """Relative residual of the equations; a hundredth of the noise where the flaw is a hundred times
 as large."""
@@ -42,6 +42,7 @@ def denoise(
     height_mm: Floats,
     noise_power: Floats,
     pitch_mm: tuple[float, float],
+    where: Bools,
 ) -> Denoised:
     """Estimate the surface below noisy heights.
 
@@ -52,10 +53,11 @@ def denoise(
 
     (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, equation 4.15, in two
     dimensions). Its size and length l maximise Whittle's likelihood (Arkiv för Matematik 2 (1953)
-    423) of the heights' periodogram given the noise's spectrum. The estimate is the posterior mean
-    S (S + N)^-1 y over the readings that there are (their equation 2.25), which is Wiener's filter
-    where none is missing. S and N are circulant on a torus with room for the lags, so that the
-    equations are solved by conjugate gradients with Fourier transforms.
+    423) of the heights' periodogram, in the places `where`, given the noise's spectrum. The
+    estimate is the posterior mean S (S + N)^-1 y over the readings that there are (their equation
+    2.25), which is Wiener's filter where none is missing. S and N are circulant on a torus with
+    room for the lags, so that the equations are solved by conjugate gradients with Fourier
+    transforms.
 
     Parameters
     ----------
@@ -66,6 +68,8 @@ def denoise(
         mm²; its mean is the noise's variance.
     pitch_mm
         Distance of rows and of columns.
+    where
+        (n, m) places whose heights are typical of the surface that is wanted.
     """
     seen = np.isfinite(height_mm)
     n, m = height_mm.shape
@@ -77,8 +81,11 @@ def denoise(
     frequency = np.hypot(
         np.fft.fftfreq(torus[0], pitch_mm[0])[:, None], np.fft.fftfreq(torus[1], pitch_mm[1])
     )
-    periodogram = np.abs(np.fft.fft2(values)) ** 2 / seen.sum()
-    size, length = _prior(periodogram, noise_power, frequency, float(values[there].var()), pitch_mm)
+    typical = np.zeros(torus, np.bool_)
+    typical[:n, :m] = where & seen
+    periodogram = np.abs(np.fft.fft2(np.where(typical, values, 0.0))) ** 2 / typical.sum()
+    variance = float(np.mean(values[typical] ** 2))
+    size, length = _prior(periodogram, noise_power, frequency, variance, pitch_mm)
     prior = _matern(frequency, size, length)
     both = prior + noise_power
 

@@ -7,7 +7,7 @@ from defects.flaw_bank import FlawBank, Relief
 
 def hollow_and_rim(depth_mm: float = 0.2, pitch_mm: float = 0.1) -> FlawBank:
     """Return a bank of one: an uneven hollow 4 by 2.4 mm with a rim a tenth as high."""
-    x, y = np.meshgrid(np.arange(-27, 28), np.arange(-18, 19), indexing="ij")
+    x, y = np.meshgrid(np.arange(-33, 34), np.arange(-23, 24), indexing="ij")
     angle = np.arctan2(y / 12, x / 20)
     rho = np.hypot(x / 20, y / 12) / (1 + 0.1 * np.cos(3 * angle + 1))
     height = np.where(rho < 1, -depth_mm * (1 - rho**2), 0.0)

@@ -20,6 +20,7 @@ from sensors.datasheet import Datasheet
 from sensors.model import SensorModel
 from sensors.surface.surface import Surface
 from sensors.view.view import Reason
+from tests.defects.reliefs import hollow_and_rim
 
 SHEET = Datasheet(
     name="s",
@@ -125,6 +126,7 @@ SMALL = {
     "wear": {"length_mm": 8.0},
     "edge_burr": {"length_mm": 8.0},
     "undercut": {"length_mm": 8.0},
+    "bank": {"bank": hollow_and_rim(), "scale": 1.0},
 }
 
 
