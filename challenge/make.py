@@ -15,16 +15,18 @@ from challenge.cases.case import Secret, stage, write
 from challenge.cases.nulls import check_null
 from challenge.cases.seeds import child
 from challenge.cases.truth import facts
-from challenge.populations import VALIDATION, needs_aggregate
+from challenge.populations import TEST, VALIDATION, needs_aggregate
 from challenge.processes import in_processes
 from challenge.sealed import FULL, PROTOCOL, SMALL, draw, entropy, seal, write_whole
+from challenge.second import case as second
 
 _TRIES = 5
 
 
 def make(
-    out: Path, *, seed: int | None, small: bool, jobs: int, population: str = VALIDATION.name
-) -> int:
+    out: Path, *, seed: int | None, small: bool, jobs: int, population: str | None = None,
+    family: str = "first",
+) -> int:  # fmt: skip
     """Make a sealed set in a folder.
 
     Parameters
@@ -34,13 +36,18 @@ def make(
     seed
         Master seed; by default the operating system's entropy.
     population
-        Whose rule the set falls under, see `populations`.
+        Whose rule the set falls under, see `populations`; by default validation for the first
+        family, test for the second.
+    family
+        ``first`` or ``second``, the family of instruments.
 
     Returns
     -------
     int
         Exit code.
     """
+    if population is None:
+        population = TEST.name if family == "second" else VALIDATION.name
     needs_aggregate(population)
     (out / "cases").mkdir(parents=True, exist_ok=True)
     (out / "keys").mkdir(exist_ok=True)
@@ -50,9 +57,10 @@ def make(
         if seed is not None and plan["seed"] != seed:
             raise ValueError(f"{out} holds a set of another seed; choose another folder")
     else:
-        plan = {"seed": entropy() if seed is None else seed, "counts": SMALL if small else FULL}
+        counts = SMALL if small else FULL
+        plan = {"seed": entropy() if seed is None else seed, "counts": counts, "family": family}
         write_whole(master_file, json.dumps(plan).encode())
-    cases = draw(plan["seed"], plan["counts"])
+    cases = draw(plan["seed"], plan["counts"], plan.get("family", family))
     names = [f"case-{k + 1:03d}" for k in range(len(cases))]
     todo = [(n, c) for n, c in zip(names, cases, strict=True) if not _done(out, n)]
     print(f"{len(cases)} cases, {len(todo)} to make", flush=True)
@@ -91,6 +99,9 @@ def _digests(folder: Path) -> dict[str, str]:
 
 def _make_one(root: str, name: str, secret: Secret) -> None:
     """Render one case, verify it, seal it; the seal is written last."""
+    if secret.family == "second":
+        _make_second(Path(root), name, secret)
+        return
     out = Path(root)
     folder, aside = out / "cases" / name, out / "cases" / f".{name}"
     for old in (folder, aside):
@@ -135,6 +146,28 @@ def _make_one(root: str, name: str, secret: Secret) -> None:
     write(secret, staged, aside)
     aside.replace(folder)
     key, nonce, commitment = seal(secret, known)
+    write_whole(out / "keys" / f"{name}.key.json", key)
+    kept = {"nonce": nonce, "commitment": commitment, "files": _digests(folder)}
+    write_whole(out / "keys" / f"{name}.seal.json", json.dumps(kept).encode())
+
+
+def _make_second(out: Path, name: str, secret: Secret) -> None:
+    """Render and seal one case of the second family; the seal is written last."""
+    folder, aside = out / "cases" / name, out / "cases" / f".{name}"
+    for old in (folder, aside):
+        shutil.rmtree(old, ignore_errors=True)
+    again = child(secret.seed, "again")
+    for _ in range(_TRIES):
+        try:
+            staged = second.stage(secret)
+            break
+        except ValueError:  # the part's booleans failed
+            secret = replace(secret, seed=int(again.integers(2**62)))
+    else:
+        raise RuntimeError(f"{name}: {_TRIES} draws in a row were no valid case")
+    second.write(secret, staged, aside)
+    aside.replace(folder)
+    key, nonce, commitment = seal(secret, second.known_of(staged))
     write_whole(out / "keys" / f"{name}.key.json", key)
     kept = {"nonce": nonce, "commitment": commitment, "files": _digests(folder)}
     write_whole(out / "keys" / f"{name}.seal.json", json.dumps(kept).encode())

@@ -1,5 +1,6 @@
 """`challenge run`: diagnose each sealed case in a process and a folder that hold no key."""
 
+import functools
 import json
 import os
 import shutil
@@ -8,6 +9,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
@@ -68,13 +70,24 @@ def run(out: Path, *, jobs: int, timeout_s: float, shuffled: int = 0) -> int:
     return 1 if failed else 0
 
 
-def command(recordings: list[str], plates: list[str]) -> list[str]:
+def command(
+    recordings: list[str], plates: list[str], baselines: Sequence[str] = ()
+) -> list[str]:
     """Return the command line of one diagnosis, as a stranger would type it."""
+    good = ["--baseline", *baselines] if baselines else []
     return [
         sys.executable, "-m", "flawforge.cli", "diagnose", *recordings,
         "--part", "part.stl", "--sensor", "sensor.yaml", "--reference", *plates,
-        "--part-unit", "mm", "--out", "diagnosis",
+        "--part-unit", "mm", "--out", "diagnosis", *good,
     ]  # fmt: skip
+
+
+@functools.cache
+def accepts_baselines() -> bool:
+    """Whether this version's `diagnose` knows --baseline."""
+    words = [sys.executable, "-m", "flawforge.cli", "diagnose", "--help"]
+    said = subprocess.run(words, capture_output=True, text=True, check=False)
+    return "--baseline" in said.stdout
 
 
 def _record(answers: Path, name: str) -> dict[str, Any]:
@@ -100,9 +113,10 @@ def _diagnose(
             shuffle(here, np.random.default_rng(list(name.encode())))
         recordings = sorted(p.name for p in here.glob("[a-z].h5"))
         plates = sorted(p.name for p in here.glob("plate-*.h5"))
+        baselines = sorted(p.name for p in here.glob("base-*.h5")) if accepts_baselines() else []
         begin = time.time()
         process = subprocess.Popen(
-            command(recordings, plates), cwd=here, env={**os.environ, **ONE_CORE},
+            command(recordings, plates, baselines), cwd=here, env={**os.environ, **ONE_CORE},
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
         )  # fmt: skip
         at_work.add(process)

@@ -7,8 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import beta
 
-from challenge.cases.case import SWITCHES
+from challenge.cases.case import SWITCHES as FIRST
+from challenge.cases.switches import Switch
 from challenge.sealed import UNDECIDABLE
+from challenge.second.switches import FAULTS, Fault
+
+SWITCHES: dict[str, Switch | Fault] = {**FIRST, **FAULTS}
 
 # Without place and oracle of their own: what changes is the noise or the missing points, or
 # (a mounting) what the registration takes up before anything is located; a coarse camera, which
@@ -58,6 +62,8 @@ class Score:
 def has_place(secret: dict[str, Any]) -> bool:
     """Whether what a case hides is in the catalogue and has a place of its own."""
     known = secret["kind"] not in ("null", "unknown")
+    if secret.get("family", "first") == "second":
+        return False  # its keys hold no true regions
     return known and not _PLACELESS & set(secret["switches"])
 
 

@@ -12,6 +12,9 @@ from challenge.cases.case import SWITCHES, Secret
 from challenge.cases.parts import SHAPES
 from challenge.cases.seeds import child
 from challenge.cases.switches import DECOY, SINGLE, UNKNOWN
+from challenge.second.switches import FAULTS
+from challenge.second.switches import SINGLE as SECOND
+from challenge.second.switches import UNKNOWN as SECOND_UNKNOWN
 
 # Cases of a full set and of the five-minute subset, by kind.
 FULL = {"null": 60, "one": 60, "two": 12, "unknown": 12, "decoy": 8, "undecidable": 8}
@@ -51,8 +54,18 @@ UNDECIDABLE: dict[str, tuple[str, ...]] = {
 }
 
 
-def draw(master: int, counts: dict[str, int]) -> list[Secret]:
-    """Draw all cases of a set in a shuffled order."""
+def draw(master: int, counts: dict[str, int], family: str = "first") -> list[Secret]:
+    """Draw all cases of a set in a shuffled order.
+
+    Raises
+    ------
+    ValueError
+        Where there is no such family.
+    """
+    if family == "second":
+        return _draw_second(master, counts)
+    if family != "first":
+        raise ValueError(f"family: no such one; value {family!r}; allowed: first, second")
     rng = child(master, "set")
     wanted: list[tuple[str, tuple[str, ...]]] = [("null", ())] * counts["null"]
     names = list(rng.permutation(list(SINGLE)))
@@ -81,6 +94,35 @@ def draw(master: int, counts: dict[str, int]) -> list[Secret]:
                 seed=int(rng.integers(2**62)),
             )
         )
+    return [cases[k] for k in rng.permutation(len(cases))]
+
+
+def _draw_second(master: int, counts: dict[str, int]) -> list[Secret]:
+    """Draw a set of the second family: nulls, one fault, two, and faults outside the catalogue."""
+    rng = child(master, "second set")
+    names, strange = list(SECOND), list(SECOND_UNKNOWN)
+    order = [str(n) for n in rng.permutation(names)]
+    wanted: list[tuple[str, tuple[str, ...]]] = [("null", ())] * counts["null"]
+    wanted += [("one", (order[k % len(order)],)) for k in range(counts["one"])]
+    while sum(kind == "two" for kind, _ in wanted) < counts["two"]:
+        pair = tuple(str(n) for n in rng.choice(names, 2, replace=False))
+        shapes = set(SHAPES)
+        for name in pair:
+            shapes &= set(SECOND[name].shapes or SHAPES)
+        if shapes and not set(SECOND[pair[0]].accept) & set(SECOND[pair[1]].accept):
+            wanted.append(("two", pair))
+    wanted += [("unknown", (strange[k % len(strange)],)) for k in range(counts["unknown"])]
+    cases = []
+    for kind, switches in wanted:
+        shapes = set(SHAPES)
+        for name in switches:
+            shapes &= set(FAULTS[name].shapes or SHAPES)
+        strength = int(rng.choice([1, 2] if kind == "unknown" else [0, 1, 1, 2]))
+        shape, seed = str(rng.choice(sorted(shapes))), int(rng.integers(2**62))
+        cases.append(
+            Secret(kind=kind, switches=switches, strength=strength, shape=shape, recordings=3,
+                   seed=seed, family="second")
+        )  # fmt: skip
     return [cases[k] for k in rng.permutation(len(cases))]
 
 

@@ -22,9 +22,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     make.add_argument("--small", action="store_true", help="a dozen cases instead of 160")
     make.add_argument("--jobs", type=int, default=1, help="processes (default 1)")
     make.add_argument(
-        "--population", default="validation", metavar="NAME",
-        help="calibration, validation or test; a test set is judged in aggregate only",
+        "--population", metavar="NAME",
+        help="calibration, validation or test, which is judged in aggregate only (default: "
+        "validation for the first family, test for the second)",
     )  # fmt: skip
+    make.add_argument(
+        "--family", default="first", metavar="NAME", help="of instruments: first or second"
+    )
     calibrate = steps.add_parser(
         "calibrate", help="make the opened population that may set a diagnosis's scales"
     )
@@ -101,7 +105,7 @@ def _step(arguments: argparse.Namespace) -> int:
 
         return make(
             arguments.out, seed=arguments.seed, small=arguments.small, jobs=arguments.jobs,
-            population=arguments.population,
+            population=arguments.population, family=arguments.family,
         )  # fmt: skip
     if arguments.step == "calibrate":
         from challenge.calibration_population import calibrate

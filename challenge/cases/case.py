@@ -44,6 +44,8 @@ class Secret:
         How many recordings a stranger gets.
     seed
         Entropy of everything drawn in the case.
+    family
+        ``first`` or ``second``, the family of instruments.
     """
 
     kind: str
@@ -52,6 +54,7 @@ class Secret:
     shape: str
     recordings: int
     seed: int
+    family: str = "first"
 
     @classmethod
     def of_key(cls, kept: dict[str, Any]) -> "Secret":

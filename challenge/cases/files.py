@@ -20,16 +20,34 @@ def write_recording(
     name: str,
 ) -> None:
     """Write recording.h5: commanded poses, encoder times, readings."""
+    time = np.arange(path.profiles) / path.rate_hz
+    write_delivered(file, depth_mm, intensity, path.poses(), time, path.start_s, name)
+
+
+def write_delivered(
+    file: FilePath,
+    depth_mm: NDArray[np.float32],
+    intensity: NDArray[np.float32],
+    poses: NDArray[np.float64],
+    time_s: NDArray[np.float64],
+    start_s: float,
+    name: str,
+    *,
+    x_mm: NDArray[np.float64] | None = None,
+) -> None:
+    """Write recording.h5 of any instrument; a rectifying one states its columns' x."""
     with h5py.File(file, "w") as out:
         out.attrs["format"] = "profilometer-recording"
         out.attrs["version"] = 1
         out.attrs["name"] = name
         out.attrs["comment"] = ""
-        out.attrs["start_time_s"] = float(path.start_s)
+        out.attrs["start_time_s"] = float(start_s)
         out["depth"] = depth_mm
         out["intensity"] = intensity
-        out["pose"] = path.poses()
-        out["time"] = np.arange(path.profiles) / path.rate_hz
+        out["pose"] = poses
+        out["time"] = time_s
+        if x_mm is not None:
+            out["x"] = x_mm
 
 
 def write_stl(file: FilePath, solid: Solid) -> None:

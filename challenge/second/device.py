@@ -188,8 +188,18 @@ class Device:
         visible = across <= nearer + 1e-9
         return np.where(visible, np.nan_to_num(bright * facets.printed(points)), 0.0)
 
-    def calibrated(self, rng: np.random.Generator) -> "Device":
-        """Learn depth from plates at known heights, standing still and cold."""
+    def calibrated(
+        self, rng: np.random.Generator, *, gauge_stretch: float = 0.0, plate_bow_mm: float = 0.0
+    ) -> "Device":
+        """Learn depth from plates at stated heights, standing still and cold.
+
+        Parameters
+        ----------
+        gauge_stretch
+            How much larger the blocks under the plate truly are than stated.
+        plate_bow_mm
+            How much nearer the plate's middle is than its ends.
+        """
         camera = self.camera
         cold = replace(self, robot=Robot(), warmth=Warmth(), exposure_s=1e-7, flicker=0.0)
         u, v, z = [], [], []
@@ -197,7 +207,7 @@ class Device:
         for k, height in enumerate(np.linspace(-reach, reach, HEIGHTS)):
             travel = Travel(start=np.eye(4), profiles=FRAMES, pitch_mm=4 * self.slit.width_mm,
                             rate_hz=100.0, start_s=0.0)  # fmt: skip
-            plate = _level(self, height, travel)
+            plate = _level(self, height * (1 + gauge_stretch), travel, plate_bow_mm)
             row, _ = cold.rows(plate, Facets(), travel, rng, specimen=int(rng.integers(2**31)) + k)
             u.append(2 * camera.columns_mm / camera.x_fov_mm)
             v.append(2 * np.nanmean(row, axis=0) / camera.rows - 1)
@@ -239,10 +249,19 @@ def rectified(camera: Camera, values: Floats) -> Floats:
     return np.asarray(np.where(part == 0, low, np.where(part == 1, high, mixed)))
 
 
-def _level(device: Device, height_mm: float, travel: Travel) -> Solid:
-    """Plate that lies along the travel at one height in all profiles."""
+def _level(device: Device, height_mm: float, travel: Travel, bow_mm: float = 0.0) -> Solid:
+    """Plate that lies along the travel at one height in all profiles, bowed over the line."""
     theta, side = device.camera.theta_rad, device.camera.side
     end = travel.travel_mm[-1] * np.cos(theta) + 40.0
-    x, y = np.array([-60.0, 60.0, -60.0, 60.0]), np.array([-40.0, -40.0, end, end])
-    z = device.distance_mm + height_mm + side * np.tan(theta) * y
-    return Solid(vertices_mm=np.stack([x, y, z], 1), faces=np.array([[0, 2, 1], [1, 2, 3]]))
+    x = np.linspace(-1.3, 1.3, 53) * device.camera.x_fov_mm / 2
+    sag = bow_mm * (1 - (2 * x / device.camera.x_fov_mm) ** 2)
+    z = device.distance_mm + height_mm - sag
+    near, far = (
+        np.stack([x, np.full(x.size, y), z + side * np.tan(theta) * y], 1) for y in (-40.0, end)
+    )
+    i = np.arange(x.size - 1)
+    first = np.stack([i, i + x.size, i + 1], 1)
+    second = np.stack([i + 1, i + x.size, i + x.size + 1], 1)
+    return Solid(
+        vertices_mm=np.concatenate([near, far]), faces=np.concatenate([first, second])
+    )
