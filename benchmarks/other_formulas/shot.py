@@ -27,11 +27,12 @@ class View:
     scene: Scene
     instrument: Instrument
     scan: Scan
+    rays: Laser | None = None
 
     @cached_property
     def laser(self) -> Laser:
-        """Rays of a profile."""
-        return Laser.from_datasheet(self.instrument.sheet)
+        """Rays of a profile: those of the file where none are given."""
+        return self.rays or Laser.from_datasheet(self.instrument.sheet)
 
     def cast(self, dx: Floats | float = 0.0, dy: Floats | float = 0.0) -> Floats:
         """Depth (n, m) seen from places shifted in the sensor's frame by (dx, dy) mm."""

@@ -1,10 +1,20 @@
 """All formulas of the bench, by what they are about."""
 
-from benchmarks.other_formulas.formulas import laws, light, line, motion, noise, outside, sensor
+from benchmarks.other_formulas.formulas import (
+    firmware,
+    laws,
+    light,
+    line,
+    motion,
+    noise,
+    outside,
+    sensor,
+)
 from benchmarks.other_formulas.formulas.base import Formula
 
 CATALOGUED: tuple[Formula, ...] = (
     *sensor.FORMULAS, *motion.FORMULAS, *line.FORMULAS, *light.FORMULAS, *noise.FORMULAS,
+    *firmware.FORMULAS,
 )  # fmt: skip
 OUTSIDE: tuple[Formula, ...] = outside.FORMULAS
 LAWS: tuple[Formula, ...] = laws.FORMULAS

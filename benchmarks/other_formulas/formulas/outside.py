@@ -1,4 +1,4 @@
-"""Eleven kinds of effect that no catalogue names."""
+"""Eight kinds of effect that no catalogue names."""
 
 from dataclasses import replace
 
@@ -11,46 +11,6 @@ from benchmarks.other_formulas.formulas.motion import slipped
 from benchmarks.other_formulas.shot import Shot
 
 Floats = NDArray[np.float64]
-
-
-def median(shot: Shot, size: float, _seed: int) -> Shot:
-    """Firmware that takes a median of 3 x 3 or more readings."""
-    width = 3 if size < 1.5 else 5
-
-    def smooth(depth: Floats, _rng: np.random.Generator) -> Floats:
-        padded = np.pad(depth, width // 2, mode="edge")
-        windows = np.lib.stride_tricks.sliding_window_view(padded, (width, width))
-        out, seen = depth.copy(), np.isfinite(depth)
-        out[seen] = np.nanmedian(windows[seen].reshape(-1, width * width), axis=1)
-        return out
-
-    return replace(shot, firmware=smooth)
-
-
-def lag(shot: Shot, size: float, _seed: int) -> Shot:
-    """Readout whose electronics lag along the line: first order, one-sided."""
-    keep = min(0.4 * size, 0.9)
-
-    def smear(depth: Floats, _rng: np.random.Generator) -> Floats:
-        out = depth.copy()
-        for j in range(1, depth.shape[1]):
-            last = np.where(np.isfinite(out[:, j - 1]), out[:, j - 1], depth[:, j])
-            out[:, j] = keep * last + (1 - keep) * depth[:, j]
-        return out
-
-    return replace(shot, firmware=smear)
-
-
-def repeats(shot: Shot, size: float, _seed: int) -> Shot:
-    """Lost frames: a profile that is delivered twice, a few in a hundred."""
-
-    def repeat(depth: Floats, rng: np.random.Generator) -> Floats:
-        out = depth.copy()
-        for i in np.flatnonzero(rng.random(len(depth) - 1) < 0.06 * size) + 1:
-            out[i] = out[i - 1]
-        return out
-
-    return replace(shot, firmware=repeat)
 
 
 def shimmer(shot: Shot, size: float, seed: int) -> Shot:
@@ -129,9 +89,6 @@ def sticking_bit(shot: Shot, size: float, seed: int) -> Shot:
 
 
 FORMULAS = (
-    Formula(name="firmware median", effect="", apply=median, scaled=False, needs_plate=True),
-    Formula(name="lag along the line", effect="", apply=lag, scaled=False, needs_plate=True),
-    Formula(name="repeated profiles", effect="", apply=repeats, scaled=False),
     Formula(name="shimmering air", effect="", apply=shimmer),
     Formula(name="hunting exposure", effect="", apply=hunting),
     Formula(name="lost counts", effect="", apply=jumps),

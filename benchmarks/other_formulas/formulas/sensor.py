@@ -96,6 +96,41 @@ def laplace_columns(shot: Shot, size: float, seed: int) -> Shot:
     return shot.plus(0.003 * size * np.broadcast_to(level, shot.view.shape))
 
 
+def _aside(shot: Shot, shift_mm: Floats) -> Shot:
+    """Look with each column beside where the file says, shift_mm (m,) along the line."""
+    laser = shot.view.laser
+    moved = replace(laser, x_mm=laser.x_mm + shift_mm)
+    there = replace(shot.view, rays=moved).depth
+    return replace(shot, mean=shot.mean + there - shot.view.depth)
+
+
+def _line(shot: Shot) -> Floats:
+    """Place along the line at the working distance, -1 to 1."""
+    return np.linspace(-1, 1, shot.view.shape[1])
+
+
+def sine_places(shot: Shot, size: float, seed: int) -> Shot:
+    """Places along the line off by a sine, as of a lens between two elements."""
+    return _aside(shot, 0.1 * size * shared(seed).choice([-1, 1]) * np.sin(np.pi * _line(shot)))
+
+
+def square_places(shot: Shot, size: float, seed: int) -> Shot:
+    """Magnification that grows outwards: places off by u |u|."""
+    u = _line(shot)
+    return _aside(shot, 0.1 * size * shared(seed).choice([-1, 1]) * u * np.abs(u))
+
+
+def vignette(shot: Shot, size: float, _seed: int) -> Shot:
+    """Noise by the fourth power of the cosine of a wide lens's field angle."""
+    angle = 0.7 * _line(shot)
+    return replace(shot, scale=shot.scale * np.cos(angle) ** (-4 * size))
+
+
+def tent(shot: Shot, size: float, _seed: int) -> Shot:
+    """Light that falls off linearly from the middle: noise by 1 + |u|."""
+    return replace(shot, scale=shot.scale * (1 + 0.6 * size * np.abs(_line(shot))))
+
+
 def _mounted(shot: Shot, wrong: Floats) -> Shot:
     """Move the sensor by (4, 4) in its own frame; formulas on top keep the exact geometry."""
     moved = shot.view.seen_from(shot.view.scan.true_poses @ wrong)
@@ -133,6 +168,10 @@ FORMULAS = (
     Formula(name="logarithmic scale", effect="range_scale", apply=log_scale),
     Formula(name="telegraph columns", effect="column_offset", apply=telegraph_columns),
     Formula(name="Laplace columns", effect="column_offset", apply=laplace_columns),
+    Formula(name="sine of place", effect="lateral_error", apply=sine_places),
+    Formula(name="square of place", effect="lateral_error", apply=square_places),
+    Formula(name="vignette", effect="light_falloff", apply=vignette),
+    Formula(name="tent of light", effect="light_falloff", apply=tent),
     Formula(name="turned flange", effect="pose_error", apply=flange),
     Formula(name="shimmed foot", effect="pose_error", apply=shimmed),
 )
