@@ -19,6 +19,7 @@ from pipeline.parts.builtin import FACET_UM
 from pipeline.recipe_source import read_source
 from quantity import declared, quantity
 from sensors.datasheet import Datasheet, with_effects
+from sensors.line.brightness import Brightness
 from sensors.model import SensorModel
 from sensors.surface.reflectance import ReflectanceMap
 from sensors.surface.surface import Surface
@@ -83,6 +84,7 @@ class RecipeFile:
     )
     surface: str | None = None
     reflectance: ReflectanceMap | None = None
+    intensity: Brightness | None = None
     flaws: Flaws | None = None
     motion: Motion = field(default_factory=Motion)
     specimens: int = quantity(
@@ -196,6 +198,12 @@ class Recipe:
         if file.triangulation_angle_deg is not None:
             sensor = _with_angle(sensor, file.triangulation_angle_deg)
         datasheet = sensor.datasheet
+        if file.intensity is not None and datasheet.triangulation_angle_deg is None:
+            raise RecipeError(
+                "'intensity' needs to know where the camera is",
+                where=document.where(("intensity",)),
+                allowed="with triangulation_angle_deg, in the recipe or in the sensor's file",
+            )
         points = file.points or datasheet.points_per_profile
         if file.profiles * points > MOST_POINTS:
             raise RecipeError(

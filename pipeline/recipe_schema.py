@@ -26,6 +26,7 @@ MEANINGS: Final = {  # of what isn't a quantity, which says it itself
     "RecipeFile.parts": "what is scanned",
     "RecipeFile.surface": "roughness: a preset, or a surface.yaml; without it there is no speckle",
     "RecipeFile.reflectance": "brightness of the parts, for effects that depend on it",
+    "RecipeFile.intensity": "store the brightness of the laser line, too; {} for typical values",
     "RecipeFile.flaws": "kinds of flaw and where they may sit",
     "RecipeFile.motion": "limits of the sensor's path",
     "RecipeFile.split_by": "what is never in two splits; by part where there are enough of them",

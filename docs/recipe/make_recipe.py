@@ -17,6 +17,7 @@ SECTIONS = {
     "Motion": "`motion`",
     "WaypointPath": "`motion.path`",
     "Waypoint": "An entry of `motion.path.waypoints`",
+    "Brightness": "`intensity`",
     "ReflectanceMap": "`reflectance`",
     "Picture": "`reflectance.picture`",
     "Stripes": "An entry of `reflectance.stripes`",

@@ -79,6 +79,7 @@ def make_shard(place: Workplace, shard: PlannedShard) -> tuple[str, int]:
         shape=(shard.scans, recipe.file.profiles, recipe.points),
         attributes=place.attributes,
         with_points=recipe.file.points_on_disk,
+        with_intensity=recipe.file.intensity is not None,
     ) as writer:
         for work in shard.work:
             try:
@@ -170,6 +171,7 @@ def simulate(
         reflectance=recipe.reflectance,
         visible_at=file.visible_at,
         rng_of=rng_of,
+        brightness=file.intensity,
     )
     return scan, path, drawn
 

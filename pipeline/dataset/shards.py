@@ -27,7 +27,7 @@ FINE_MM = 1e-4  # ideal and clean depths: counts of 0.1 µm
 CHUNK_BYTES = 1 << 20
 CHECKED = (  # what a scan's checksum is made of, in this order
     "depth", "depth_ideal", "depth_clean", "mask", "mask_visible", "invalid_reason", "instance",
-    "pose", "pose_true", "time", "ray_x_mm", "ray_slope", "points_part",
+    "pose", "pose_true", "time", "ray_x_mm", "ray_slope", "points_part", "intensity",
 )  # fmt: skip
 
 
@@ -76,6 +76,7 @@ class ShardWriter:
         shape: tuple[int, int, int],
         attributes: Mapping[str, Any],
         with_points: bool = False,
+        with_intensity: bool = False,
     ) -> None:
         self.path = path
         self._aside = path.with_name(f".{path.name}.{uuid.uuid4().hex}.part")
@@ -109,6 +110,8 @@ class ShardWriter:
             self._make(name, scans, (points,), np.float64)
         if with_points:
             self._make("points_part", scans, (*grid, 3), np.float32)
+        if with_intensity:
+            self._make("intensity", scans, grid, np.uint8)
 
     def _make(self, name: str, scans: int, shape: tuple[int, ...], dtype: Any) -> None:
         row_bytes = int(np.prod(shape[1:], dtype=np.int64)) * np.dtype(dtype).itemsize
@@ -150,6 +153,8 @@ class ShardWriter:
         }
         if "points_part" in self._file:
             arrays["points_part"] = scan.points_part_mm().astype(np.float32)
+        if scan.intensity is not None:
+            arrays["intensity"] = scan.intensity
         digest = hashlib.sha256()
         for name in CHECKED:
             if name in arrays:

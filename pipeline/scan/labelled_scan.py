@@ -14,6 +14,7 @@ from pipeline.scan.labels import Tally, cross_boxes, faces_hit, stand_out, tally
 from pipeline.seeds import RngOf
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
+from sensors.line.brightness import Brightness
 from sensors.model import SensorModel
 from sensors.surface.brightness import Reflectance
 from sensors.surface.surface import Surface
@@ -53,6 +54,8 @@ class Scan:
     laser : Laser
     evidence : tuple
         What the scan shows of each flaw by its instance, see `pipeline.scan.detectability`.
+    intensity : uint8 or None
+        Brightness of the laser line, 255 = saturated, 0 where nothing is read.
     """
 
     depth_mm: Floats
@@ -68,6 +71,7 @@ class Scan:
     time_s: Floats
     laser: Laser
     evidence: tuple[Evidence | None, ...]
+    intensity: NDArray[np.uint8] | None = None
 
     def points_part_mm(self) -> Floats:
         """Return the readings as points (n, m, 3) in the part frame by the commanded poses, mm."""
@@ -99,6 +103,7 @@ def take_scan(
     reflectance: Reflectance | None,
     visible_at: float,
     rng_of: RngOf,
+    brightness: Brightness | None = None,
 ) -> Scan:
     """Scan a specimen and label what is seen.
 
@@ -116,6 +121,8 @@ def take_scan(
         A flaw is visible where its deviation exceeds this many standard deviations of the noise.
     rng_of
         Named streams of this scan.
+    brightness
+        Exposure and gloss, where the brightness is wanted.
     """
     scene, clean_scene = scenes
     commanded = View(
@@ -161,6 +168,7 @@ def take_scan(
         time_s=trajectory.time_s,
         laser=laser,
         evidence=evidence,
+        intensity=None if brightness is None else brightness.levels(view, np.isfinite(depth)),
     )
 
 

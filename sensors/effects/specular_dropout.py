@@ -146,12 +146,27 @@ class SpecularDropout(Effect):
 
     def _signal(self, view: View) -> Floats:
         """Light that reaches the camera, (n, m), 1 at the lobe's peak."""
-        tangent = np.tan(np.minimum(view.half_vector_rad, math.radians(STEEPEST_DEG)))
-        lobe = np.exp(-np.square(tangent / math.tan(math.radians(self.lobe_deg))))
-        signal = self.matt * view.cos_incidence + (1.0 - self.matt) * lobe
-        if view.reflectance is not None and view.intensity is None:
-            signal = signal * view.reflectance.at(view.part_mm)
-        return np.asarray(signal)
+        return returned_light(view, self.matt, self.lobe_deg)
+
+
+def returned_light(view: View, matt: float, lobe_deg: float) -> Floats:
+    """Return the light that reaches the camera, (n, m), 1 at a white surface's lobe's peak.
+
+    Parameters
+    ----------
+    view : View
+        The scan; its part's reflectance scales the light, unless a recording gives the brightness.
+    matt : float
+        Share of the matt part, of Lambert's cosine, at the lobe's peak.
+    lobe_deg : float
+        Width of the lobe, as an angle of microfacets.
+    """
+    tangent = np.tan(np.minimum(view.half_vector_rad, math.radians(STEEPEST_DEG)))
+    lobe = np.exp(-np.square(tangent / math.tan(math.radians(lobe_deg))))
+    signal = matt * view.cos_incidence + (1.0 - matt) * lobe
+    if view.reflectance is not None and view.intensity is None:
+        signal = signal * view.reflectance.at(view.part_mm)
+    return np.asarray(signal)
 
 
 def _even(view: View, sd_mm: float, axis: str, merge_mm: float | None) -> Line:
