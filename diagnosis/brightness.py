@@ -5,14 +5,18 @@ part of the noise. What is left here is what surfaces of one direction have in c
 changes over several readings and stands clear of speckle: prints, stains, shading.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, distance_transform_edt, median_filter
 
-from diagnosis.noise import Field
+from diagnosis.noise import Field, Mask
 from sensors.view.view import View
 
 NARROW, WIDE = 5, 15
+WINDOWS = (NARROW, 3, 1)
+"""Windows of medians, readings; the narrowest that is clear of speckle counts."""
 CLEAR = 6.0
 """A change of brightness counts as the surface's beyond this many deviations of speckle."""
 EVEN = 0.15
@@ -22,6 +26,8 @@ BIN_DEG = 3.0
 SIDE = int(180 / BIN_DEG) + 1
 CHUNK = 450_000
 """Points that are looked at together."""
+REACH = 2
+"""Profiles to each side of a border that a line reaches over, as beside depth edges."""
 FEWEST = 50
 """Readings that tell how bright a direction is."""
 
@@ -76,23 +82,48 @@ def surface_brightness(intensity: Field, view: View) -> Field:
 def smoothed_brightness(intensity: Field) -> Field:
     """Return what stands clear of speckle, (n, m), same unit; NaN where missing.
 
-    Medians keep steps. A narrow median of the logarithm is taken where it stands out of a wide
-    one by `CLEAR` deviations of what speckle leaves in it, the wide one elsewhere.
+    Medians keep steps, but lose what is narrower than half their window. The logarithm is taken as
+    it was read, else from a narrow median, where that stands out of a wide median by `CLEAR`
+    deviations of what speckle leaves in it; from the wide one elsewhere.
     """
     known = np.isfinite(intensity) & (intensity > 0)
     if known.sum() < 4 * NARROW**2:
         return intensity
     log = np.log(np.where(known, intensity, 1.0))
     filled = np.where(known, log, np.median(log[known]))
-    middle, wide = _median(filled, NARROW), _median(filled, WIDE)
-    # medians a window apart share no reading
+    wide = _median(filled, WIDE)
+    out = wide
+    for width in WINDOWS:
+        middle = filled if width == 1 else _median(filled, width)
+        clear = np.abs(middle - wide) > CLEAR * max(_speckle(middle, known, max(width, 2)), 1e-6)
+        out = np.where(binary_dilation(clear, iterations=2), middle, out)
+    return np.where(known, np.exp(out), np.nan)
+
+
+def _speckle(log: Field, known: Mask, lag: int) -> float:
+    """Return the scatter of a logarithm by what is so far apart that it shares no reading."""
     apart = [
-        np.abs(middle[NARROW:] - middle[:-NARROW])[known[NARROW:] & known[:-NARROW]],
-        np.abs(middle[:, NARROW:] - middle[:, :-NARROW])[known[:, NARROW:] & known[:, :-NARROW]],
+        np.abs(log[lag:] - log[:-lag])[known[lag:] & known[:-lag]],
+        np.abs(log[:, lag:] - log[:, :-lag])[known[:, lag:] & known[:, :-lag]],
     ]
-    speckle = 1.4826 * float(np.median(np.concatenate(apart))) / np.sqrt(2)
-    clear = binary_dilation(np.abs(middle - wide) > CLEAR * max(speckle, 1e-6), iterations=2)
-    return np.where(known, np.exp(np.where(clear, middle, wide)), np.nan)
+    return 1.4826 * float(np.median(np.concatenate(apart))) / math.sqrt(2)
+
+
+def borders(view: View) -> Mask:
+    """Mark readings within reach of a border between bright and dark, (n, m).
+
+    What a line reads there depends on how wide it is: no place to measure noise.
+    """
+    bright = view.intensity
+    if bright is None:
+        return np.zeros(view.shape, dtype=bool)
+    known = np.isfinite(bright) & (bright > 0)
+    log = np.log(np.where(known, bright, 1.0))
+    step = np.zeros(view.shape, dtype=bool)
+    jump = (np.abs(np.diff(log, axis=0)) > EVEN) & known[1:] & known[:-1]
+    step[1:] |= jump
+    step[:-1] |= jump
+    return np.asarray(binary_dilation(step, np.ones((2 * REACH + 1, 1), dtype=bool)))
 
 
 def _median(field: Field, width: int) -> Field:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from diagnosis.brightness import borders
 from diagnosis.noise import NoiseModel, calibrate
 from diagnosis.patch import Patch
 from diagnosis.plates import Plate
@@ -14,6 +15,8 @@ from sensors.noise.uncertainty import sigma_mm
 from sensors.surface.surface import Surface
 from sensors.view.view import View
 
+EVEN_SHARE = 0.1
+"""Share of a recording's readings off depth edges that must lie off borders of a print, too."""
 USUAL_SHARE = 5e-4
 """Most spikes and losses on a plate that pass for noise; more is for the sensor's file to state."""
 
@@ -23,12 +26,18 @@ def calibrated_noise(
     plates: Sequence[Plate],
     notes: list[str],
 ) -> tuple[NoiseModel, NoiseModel | None]:
-    """Correlation and size from the recordings' own residuals, losses and tails from plates."""
+    """Correlation and size from the recordings' own residuals, losses and tails from plates.
+
+    Residuals count where the nominal mean is sure: off depth edges and off borders of a print.
+    """
     fields, masks = [], []
     for patch in patches:
         mask = (
             patch.fit & patch.observed & np.isfinite(patch.plain_mm) & ~patch.edge & patch.counted
         )
+        even = mask & ~borders(patch.view)
+        if even.sum() > EVEN_SHARE * mask.sum():
+            mask = even
         if mask.any():
             fields.append((patch.depth_mm - patch.plain_mm) / plain_gain(patch.view))
             masks.append(mask)

@@ -3,7 +3,12 @@
 import numpy as np
 
 from benchmarks.relief import datasheet, part, poses
-from diagnosis.brightness import by_direction, smoothed_brightness, surface_brightness
+from diagnosis.brightness import (
+    borders,
+    by_direction,
+    smoothed_brightness,
+    surface_brightness,
+)
 from sensors.model import SensorModel
 from sensors.view.view import View
 
@@ -67,3 +72,25 @@ def test_a_print_on_a_curved_part_makes_no_creases() -> None:
     base = np.where((np.arange(120) // 30) % 2, 0.6, 0.2)[:, None] * np.ones((1, 100))
     raw = speckled(base, 5)
     np.testing.assert_array_equal(surface_brightness(raw, view), smoothed_brightness(raw))
+
+
+def test_strokes_narrower_than_a_median_keep_their_contrast() -> None:
+    """Letters of two profiles, as on a key, under speckle of an eighth."""
+    base = np.full((90, 90), 0.3)
+    for row in range(10, 80, 9):
+        base[row : row + 2, 10:80] = 1.0
+    raw = base * np.exp(0.12 * np.random.default_rng(6).standard_normal(base.shape))
+    left = smoothed_brightness(raw)
+    assert np.median(left[10:80:9, 15:75]) > 0.8
+    assert np.median(left[14:80:9, 15:75]) < 0.4
+
+
+def test_noise_is_not_measured_at_borders() -> None:
+    view = View(
+        part("domes"), SensorModel(datasheet(100)), poses(60, pitch_mm=0.3), np.arange(60) / 200.0,
+        intensity=np.where(np.arange(60)[:, None] < 30, 0.2, 0.8) * np.ones((60, 100)),
+    )
+    rows = np.flatnonzero(borders(view).any(axis=1))
+    assert rows.tolist() == list(range(27, 33))
+    dark = View(view.scene, view.sensor, view.poses, view.time_s)
+    assert not borders(dark).any()
