@@ -4,6 +4,7 @@
     python -m benchmarks.other_formulas run --seed 100 --out out/diagnose-bench [--first 80]
     python -m benchmarks.other_formulas judge --out out/diagnose-bench --write PAGE.md
 
+`run` keeps its answers by commit and seed, `judge` shows all of them, cases of calibration only.
 `make` writes opened cases and needs a calibration seed (0 to 99).
 """
 
@@ -13,7 +14,7 @@ from pathlib import Path
 from benchmarks.other_formulas.cases import plan, save_truth, stage, write
 from benchmarks.other_formulas.judge import figures, load
 from benchmarks.other_formulas.page import cases_of, population_of, write_page
-from benchmarks.other_formulas.run import run
+from benchmarks.other_formulas.run import commit, run
 
 
 def make(out: Path, seed: int, first: int | None) -> None:
@@ -51,12 +52,12 @@ def main() -> None:
             parser.error(f"--seed {args.seed}: only calibration cases may be opened (0 to 99)")
         make(args.out, args.seed, args.first)
     elif args.step == "run":
-        run(args.out / f"seed-{args.seed}", args.seed, args.first, args.minutes,
+        run(args.out / commit() / f"seed-{args.seed}", args.seed, args.first, args.minutes,
             laws=args.laws)
     else:
-        for folder in sorted(args.out.glob("seed-*")):
+        for folder in sorted(args.out.glob("*/seed-*")):
             answers = load(folder)
-            print(folder.name)
+            print(folder.relative_to(args.out))
             print("\n".join(f"  {a}: {b}; aim {c}" for a, b, c in figures(answers)))
             if population_of(int(folder.name.split("-")[1])) == "calibration":
                 print("\n".join(f"  {line}" for line in cases_of(answers)))

@@ -189,7 +189,7 @@ def figures(answers: Sequence[Answer]) -> list[tuple[str, str, str]]:
         ones = some("one", wanted)
         if not ones:
             continue
-        label = f"signal to noise {wanted}" if wanted else "shadows, size given"
+        label = f"signal to noise {wanted}" if wanted else "size given"
         if wanted:
             given = sum(a.truth["baselines"] for a in ones) > len(ones) / 2
             label += " with baselines" if given else " without baselines"

@@ -20,7 +20,8 @@ edge by 30 µm would move it.
 """
 _RULES = """
 A set is a reported name with its alternatives. Recall counts a hidden effect that some set holds;
-precision counts sets that hold a hidden effect. Calibration seeds (0-99) may be opened by anybody.
+precision counts sets that hold a hidden effect, each effect once. A sample is the first cases of a
+seed's plan, which has all kinds in proportion. Calibration seeds (0-99) may be opened by anybody.
 Validation (100-199) and test (200-299) are judged in aggregate; no case of the test is printed.
 """
 
@@ -40,11 +41,10 @@ def names_used() -> list[str]:
 
 def section(title: str, answers: Sequence[Answer], opened: bool) -> list[str]:
     """Write the tables of one population."""
-    commits = sorted({str(a.run["commit"]) for a in answers})
     used = any(a.run["baselines_used"] for a in answers)
     lines = [
         f"## {title}", "",
-        f"{len(answers)} cases, diagnosed by {', '.join(commits)}."
+        f"{len(answers)} cases."
         + ("" if used else " This version knows no baselines: they were not used."), "",
         "| figure | value (of; 95 % interval) | aim |", "| --- | --- | --- |",
         *(f"| {a} | {b} | {c} |" for a, b, c in figures(answers)), "",
@@ -89,12 +89,12 @@ def cases_of(answers: Sequence[Answer]) -> list[str]:
 def write_page(root: Path, file: Path) -> None:
     """Write the page from all answers stored below a folder."""
     lines = [_INTRO, *names_used(), "## Rules", _RULES]
-    for folder in sorted(root.glob("seed-*")):
+    for folder in sorted(root.glob("*/seed-*"), key=lambda f: (f.name, f.parent.name)):
         seed = int(folder.name.split("-")[1])
         population = population_of(seed)
         answers = load(folder)
         if answers:
             opened = population == "calibration"
-            title = f"{population[0].upper()}{population[1:]}, seed {seed}"
+            title = f"{population.capitalize()}, seed {seed}, commit {folder.parent.name}"
             lines += section(title, answers, opened)
     file.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")

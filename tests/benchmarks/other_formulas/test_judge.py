@@ -1,5 +1,6 @@
 """The judge on answers whose figures are known beforehand."""
 
+import json
 from dataclasses import replace
 
 import pytest
@@ -16,6 +17,7 @@ from benchmarks.other_formulas.judge import (
     reliability,
     wrongly_sure,
 )  # fmt: skip
+from benchmarks.other_formulas.page import write_page
 
 
 def answer(effects, sets, *, also=None, verdict="explained", sure=None, chances=()):
@@ -73,3 +75,23 @@ def test_coverage_counts_intervals_of_laws_that_were_named():
     base = answer(["a"], [("a",)])
     named = replace(base, truth=true, parameters=(("a", stated), ("b", stated)))
     assert coverage([named]) == (1, 2)
+
+
+def test_the_page_opens_no_case_of_validation_and_test(tmp_path):
+    truth = {
+        "name": "one-001", "kind": "one", "formulas": ["arc"], "wanted": 12, "part": "hills",
+        "baselines": True, "effects": ["line_bow"], "also": [[]],
+    }  # fmt: skip
+    run = {"code": 0, "seconds": 3.0, "baselines_used": False}
+    said = {"verdict": "explained", "effects": [{"name": "line_bow"}]}
+    for seed in (0, 100, 200):
+        folder = tmp_path / "abc" / f"seed-{seed}" / "one-001"
+        folder.mkdir(parents=True)
+        for file, content in (("truth", truth), ("run", run), ("diagnosis", said)):
+            (folder / f"{file}.json").write_text(json.dumps(content))
+    write_page(tmp_path, tmp_path / "page.md")
+    calibration, validation, test = (tmp_path / "page.md").read_text().split("\n## ")[-3:]
+    assert "| recall, signal to noise 12 with baselines | 1.00 (1 of 1" in test
+    assert "commit abc" in test
+    assert "line_bow" in calibration
+    assert "line_bow" not in validation + test
