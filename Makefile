@@ -6,7 +6,7 @@ STAMP  := $(VENV)/.installed
 DEV    := $(VENV)/.installed-dev
 PEERS  := $(VENV)/.installed-bench
 
-.PHONY: demo test test-all lint bench effects flaws recipe paper pictures diagnose-bench proof proof-small payoff clean
+.PHONY: demo test test-all lint bench effects flaws datasets recipe paper pictures diagnose-bench proof proof-small payoff clean
 
 demo: $(STAMP)
 	$(BIN)/flawforge generate quickstart --out out/quickstart
@@ -39,6 +39,9 @@ flaws: $(STAMP)
 
 recipe: $(STAMP)
 	$(BIN)/python docs/recipe/make_recipe.py
+
+datasets: $(STAMP)
+	$(BIN)/python docs/datasets/make_datasets.py
 
 pictures: $(STAMP)
 	$(BIN)/python docs/pictures/make_pictures.py
