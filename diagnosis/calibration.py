@@ -10,6 +10,7 @@ from diagnosis.noise import NoiseModel, calibrate
 from diagnosis.patch import Patch
 from diagnosis.plates import Plate
 from diagnosis.prediction import plain_gain
+from sensors.effects.delivery import DeliveryEffect
 from sensors.law import geometric_law
 from sensors.noise.uncertainty import sigma_mm
 from sensors.surface.surface import Surface
@@ -78,7 +79,12 @@ def nominal_sd_mm(nominal: NoiseModel | None, surface: Surface | None, view: Vie
     if surface is None:
         return 0.0
     law = geometric_law(view, surface)
-    return float(np.hypot(sigma_mm(view.datasheet), law.speckle_sd_mm(view)))
+    firmware = [e for e in view.sensor.effects if isinstance(e, DeliveryEffect)]
+    if not firmware:
+        return float(np.hypot(sigma_mm(view.datasheet), law.speckle_sd_mm(view)))
+    for effect in firmware:
+        law = effect.apply(law, view)
+    return float(np.median(law.sd_mm(view)[view.valid]))
 
 
 def nominal_noise(

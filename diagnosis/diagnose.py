@@ -12,6 +12,7 @@ from diagnosis.empirical_fit import fit_empirical
 from diagnosis.explain import Explanation, explain
 from diagnosis.finding import Finding
 from diagnosis.finish import averaged_grain, finish_effects, finish_estimates, sunken
+from diagnosis.firmware import filtered_instead
 from diagnosis.found import FoundEffect, at_limits, found_effects, plainly_found, sheet_with
 from diagnosis.heldout import Judgement, judge
 from diagnosis.inputs import (
@@ -40,6 +41,7 @@ from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.effects.form_error import FormError
 from sensors.effects.motion_blur import MotionBlur
+from sensors.effects.onboard_filter import OnboardFilter
 from sensors.recording import Recording
 from sensors.surface.surface import Surface
 from sensors.typed_yaml import RecipeError
@@ -252,6 +254,8 @@ def _finished(
     view = ws.patches[0].view
     claimed = nominal_sd_mm(nominal, surface, view)
     effects, findings = finish_effects(ws, model, noise, nominal, claimed, bent=bent)
+    if surface is not None and nominal is None and OnboardFilter.name not in withheld:
+        effects = filtered_instead(effects, noise, surface, view)
     effects = [e for e in effects if e.name not in withheld]
     if not effects:
         return [], findings, noise

@@ -281,7 +281,10 @@ def _axes(patch: Patch) -> tuple[complex, complex]:
 
 def finish_estimates(effect: Effect) -> dict[str, Estimate]:
     """Return values without intervals: how alike a plate and a part are was not measured."""
-    names = ("amplitude", "ratio", "angle_deg")
+    names = (
+        "amplitude", "ratio", "angle_deg",
+        "median_points", "median_profiles", "mean_points", "mean_profiles",
+    )  # fmt: skip
     values = {n: getattr(effect, n, None) for n in names}
     return plain_values({n: float(v) for n, v in values.items() if v is not None})
 

@@ -14,6 +14,8 @@ from scipy.special import ndtr
 from diagnosis.noise import Field, Mask, NoiseModel
 from sensors.datasheet import Datasheet
 from sensors.effects.base import Effect
+from sensors.effects.delivery import DeliveryEffect
+from sensors.effects.row_repeat import RowRepeat
 from sensors.law import Law, geometric_law
 from sensors.model import as_moved, as_wide
 from sensors.noise.perlin import PerlinField
@@ -114,7 +116,15 @@ def _built(
 
 
 def _with(effect: Effect, law: Law, view: View) -> Law:
-    """Apply an effect; a shift of the mean that has nothing to do with the law is kept."""
+    """Apply an effect; a shift of the mean that has nothing to do with the law is kept.
+
+    Noise is measured on what the firmware delivers, and profiles that it repeats are left out.
+    """
+    if isinstance(effect, RowRepeat):
+        return law
+    if isinstance(effect, DeliveryEffect):
+        delivered = effect.apply(law, view)
+        return replace(delivered, white_sd_mm=law.white_sd_mm, speckle_gain=law.speckle_gain)
     if effect.is_null or type(effect).shift is Effect.shift:
         return effect.apply(law, view)
 

@@ -144,17 +144,18 @@ class RowTests:
                 continue
             what = "offset of whole profiles" if kind == 0 else "slip along the travel"
             smooth = row_hats(self.time_s, min(KNOTS, self.time_s.size // 4))
-            z, t, beta, dof, z_null = _test(smooth, gram, real, drawn)
-            largest = np.maximum(largest, z_null)
-            curve = smooth @ beta
-            findings.append(
-                RowFinding(
-                    name=name, words="time since the first profile", frame="time", z=z,
-                    size=PEAK * self.typical[kind] * float(np.sqrt(max(t - dof, 0.0))),
-                    gain=0.5 * (t - dof), coefficients=curve,
-                    detail=f"{what}, slowly varying",
-                )
-            )  # fmt: skip
+            tested = _test(smooth, gram, real, drawn)
+            if tested is not None:
+                z, t, beta, dof, z_null = tested
+                largest = np.maximum(largest, z_null)
+                findings.append(
+                    RowFinding(
+                        name=name, words="time since the first profile", frame="time", z=z,
+                        size=PEAK * self.typical[kind] * float(np.sqrt(max(t - dof, 0.0))),
+                        gain=0.5 * (t - dof), coefficients=smooth @ beta,
+                        detail=f"{what}, slowly varying",
+                    )
+                )  # fmt: skip
             best = self._periodic(kind, real, drawn, what)
             if best is not None:
                 finding, z_null = best
@@ -263,12 +264,15 @@ def row_hats(time_s: Field, count: int) -> Field:
 
 def _test(
     pattern: Field, gram: Field, real: Field, drawn: Field
-) -> tuple[float, float, Field, int, Field]:
+) -> tuple[float, float, Field, int, Field] | None:
+    """Test a pattern over the rows; None where a placement makes all of it, as in few profiles."""
     from diagnosis.finding import as_deviate
 
     inner = pattern.T @ gram @ pattern
     values, vectors = np.linalg.eigh(inner)
-    kept = values > 1e-3 * max(values.max(), 1e-30)
+    kept = values > max(1e-3 * values.max(), 1e-9 * float(np.trace(gram)))
+    if not kept.any():
+        return None
     solver = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
     dof = int(kept.sum())
     c_real, c_null = pattern.T @ real, pattern.T @ drawn
