@@ -19,6 +19,7 @@ from challenge.populations import TEST, VALIDATION, needs_aggregate
 from challenge.processes import in_processes
 from challenge.sealed import FULL, PROTOCOL, SMALL, draw, entropy, seal, write_whole
 from challenge.second import case as second
+from challenge.second.nulls import check_null as check_second_null
 
 _TRIES = 5
 
@@ -157,17 +158,26 @@ def _make_second(out: Path, name: str, secret: Secret) -> None:
     for old in (folder, aside):
         shutil.rmtree(old, ignore_errors=True)
     again = child(secret.seed, "again")
-    for _ in range(_TRIES):
+    known: dict[str, Any] = {}
+    for attempt in range(_TRIES):
         try:
             staged = second.stage(secret)
-            break
         except ValueError:  # the part's booleans failed
             secret = replace(secret, seed=int(again.integers(2**62)))
+            continue
+        second.write(secret, staged, aside)
+        if secret.kind != "null":
+            break
+        check = check_second_null(secret, staged, aside)
+        known = {"null": asdict(check), "redrawn": attempt}
+        if check.holds:
+            break
+        shutil.rmtree(aside)
+        secret = replace(secret, seed=int(again.integers(2**62)))
     else:
         raise RuntimeError(f"{name}: {_TRIES} draws in a row were no valid case")
-    second.write(secret, staged, aside)
     aside.replace(folder)
-    key, nonce, commitment = seal(secret, second.known_of(staged))
+    key, nonce, commitment = seal(secret, {**known, **second.known_of(staged)})
     write_whole(out / "keys" / f"{name}.key.json", key)
     kept = {"nonce": nonce, "commitment": commitment, "files": _digests(folder)}
     write_whole(out / "keys" / f"{name}.seal.json", json.dumps(kept).encode())

@@ -239,6 +239,18 @@ class Device:
         return delivered, np.where(np.isfinite(delivered), peak, np.nan)
 
 
+def expected(device: Device, solid: Solid, travel: Travel, misplaced: Floats) -> Floats:
+    """Depth (n, m) of the mesh on even x, as a perfect instrument on its path would read it."""
+    start = misplaced @ travel.start
+    inverse = np.linalg.inv(start)
+    tree = plant(solid.vertices_mm @ inverse[:3, :3].T + inverse[:3, 3], solid.faces)
+    x, y = device.camera.even_mm, travel.travel_mm * device.way[1]
+    depth = np.full((y.size, x.size), np.nan)
+    which = np.zeros(depth.shape, np.int64)
+    _heights(tree.corner, tree.edge_1, tree.edge_2, tree.box, tree.child, x, y, depth, which)
+    return np.asarray(depth - (travel.travel_mm * device.way[2])[:, None])
+
+
 def rectified(camera: Camera, values: Floats) -> Floats:
     """Interpolate profiles (n, columns) linearly onto even x; NaN beside a missing reading."""
     at = np.interp(camera.even_mm, camera.columns_mm, np.arange(camera.columns))

@@ -1,0 +1,93 @@
+"""Whether a null of the second family is one: it departs no more than its baselines do."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from challenge.cases.case import RECORDINGS, Secret
+from challenge.second.case import BASELINES, Staged
+from challenge.second.device import expected
+from challenge.second.switches import World
+
+Floats = NDArray[np.float64]
+BLOCK = 12, 24
+"""Profiles and columns of a block whose mean is looked at."""
+FACTOR, SLACK_SD, SLACK_LOST = 1.5, 0.1, 0.005
+"""A null's departure: at most so many times that of the worse baseline, and that much more."""
+_BEND_MM = 0.005  # second difference beyond which a reading isn't off edges
+_LEAST = 0.4  # share of a block that must be off edges
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Check:
+    """What a null's recordings and its baselines show off edges.
+
+    Attributes
+    ----------
+    departure_sd, baseline_sd
+        95 % quantile of block means against the mesh, in noise standard deviations.
+    lost, baseline_lost
+        Share of readings that are missing there.
+    """
+
+    departure_sd: float
+    baseline_sd: float
+    lost: float
+    baseline_lost: float
+
+    @property
+    def holds(self) -> bool:
+        """The recordings stay within what the baselines show."""
+        return (
+            self.departure_sd <= FACTOR * self.baseline_sd + SLACK_SD
+            and self.lost <= FACTOR * self.baseline_lost + SLACK_LOST
+        )
+
+
+def check_null(secret: Secret, staged: Staged, folder: Path) -> Check:
+    """Hold the recordings in a case's folder, and its baselines, against the mesh."""
+    count = secret.recordings
+    mine = [_seen(staged.on, k, folder / f"{n}.h5") for k, n in enumerate(RECORDINGS[:count])]
+    good = [_seen(staged.off, count + k, folder / f"{n}.h5") for k, n in enumerate(BASELINES)]
+    return Check(
+        departure_sd=max(d for d, _ in mine), baseline_sd=max(d for d, _ in good),
+        lost=max(m for _, m in mine), baseline_lost=max(m for _, m in good),
+    )  # fmt: skip
+
+
+def _seen(world: World, index: int, file: Path) -> tuple[float, float]:
+    with h5py.File(file) as stored:
+        depth = np.asarray(stored["depth"], np.float64)
+    truth = expected(world.device, world.solid, world.travels[index], world.misplaced[index])
+    return departure(depth, truth)
+
+
+def departure(depth_mm: Floats, truth_mm: Floats) -> tuple[float, float]:
+    """Departure of block means off edges, in standard deviations, and the share missing there."""
+    smooth = off_edges(truth_mm)
+    rest = np.where(smooth, depth_mm - truth_mm, np.nan)
+    centred = rest - np.nanmedian(rest)
+    sd = 1.4826 * float(np.nanmedian(np.abs(centred)))
+    means = []
+    for i in range(0, rest.shape[0] - BLOCK[0] + 1, BLOCK[0]):
+        for j in range(0, rest.shape[1] - BLOCK[1] + 1, BLOCK[1]):
+            block = centred[i : i + BLOCK[0], j : j + BLOCK[1]]
+            if np.isfinite(block).mean() > _LEAST:
+                means.append(abs(float(np.nanmean(block))) / sd)
+    missing = float(np.isnan(depth_mm)[smooth].mean()) if smooth.any() else 0.0
+    return (float(np.quantile(means, 0.95)) if means else 0.0), missing
+
+
+def off_edges(truth_mm: Floats) -> NDArray[np.bool_]:
+    """Places where the surface doesn't bend within two profiles and two columns."""
+    flat = np.isfinite(truth_mm)
+    for axis in (0, 1):
+        bend = np.abs(np.diff(np.nan_to_num(truth_mm, nan=1e3), 2, axis=axis))
+        ends = [(1, 1) if a == axis else (0, 0) for a in (0, 1)]
+        flat &= np.pad(bend, ends, constant_values=np.inf) < _BEND_MM
+    wide = np.pad(flat, 2, constant_values=False)
+    windows = np.lib.stride_tricks.sliding_window_view(wide, (5, 5))
+    return np.asarray(windows.all(axis=(-2, -1)))
