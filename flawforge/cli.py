@@ -134,11 +134,22 @@ def _run(arguments: argparse.Namespace) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-    except (ValueError, OSError) as error:
-        if arguments.debug or not _is_users(error):
+    except Exception as error:
+        if arguments.debug:
             raise
-        print(f"flawforge: {_line(error)}", file=sys.stderr)
+        print(f"flawforge: {_said(error)}", file=sys.stderr)
         return 2
+
+
+def _said(error: Exception) -> str:
+    """Say an error in one line, whoever made it."""
+    from flawforge.crash import is_memory, report
+
+    if _is_users(error):
+        return _line(error)
+    if is_memory(error):
+        return "not enough memory for what was asked; fewer profiles, points or jobs need less"
+    return report(error, sys.argv[1:])
 
 
 def _is_users(error: Exception) -> bool:

@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from sensors.budget import allow, regular
 from sensors.typed_yaml import RecipeError
 
 FORMAT = "profilometer-recording"
@@ -67,6 +68,7 @@ class Recording:
             Where the file can't be read, isn't a recording, or contradicts itself.
         """
         path = Path(path)
+        regular(path)
         try:
             with h5py.File(path, "r") as file:
                 kind = _text(file.attrs.get("format"))
@@ -111,6 +113,9 @@ class Recording:
                     raise
                 raise RecipeError(text, where=path) from None
             raise RecipeError(f"has attributes that can't be read ({error})", where=path) from None
+        except (KeyError, RuntimeError, IndexError) as error:  # of damaged HDF5
+            words = " ".join(str(error).split())
+            raise RecipeError(f"is damaged ({words})", where=path) from None
 
     def save(self, path: str | Path) -> None:
         """Write the form that `load` reads; depth and intensity as float32."""
@@ -211,6 +216,7 @@ def _check_rigid(poses: NDArray[np.float64]) -> None:
 def _numbers(dataset: object, key: str, path: Path) -> NDArray[np.float64]:
     if not isinstance(dataset, h5py.Dataset) or dataset.dtype.kind not in "fiu":
         raise RecipeError(f"/{key} should hold numbers", where=path)
+    allow("readings", dataset.size, where=path)
     return np.asarray(dataset[...], dtype=np.float64)
 
 

@@ -36,6 +36,12 @@ PLAIN_WORDS = {
 UNKNOWN_KEY = ("unexpected_keyword_argument", "extra_forbidden")
 
 
+MOST_BYTES = 4_000_000
+MOST_VALUES = 200_000
+LONGEST_NUMBER = 40
+"""Of a recipe or sensor: a hundred times the longest that anybody wrote."""
+
+
 class Loader(yaml.SafeLoader):
     """Data only; 1e9 is a number, as in YAML 1.2, though it has no point."""
 
@@ -122,14 +128,26 @@ def load_yaml(path: str | Path) -> Document:
     """
     path = Path(path)
     try:
+        if path.exists() and not path.is_file():
+            raise RecipeError("isn't a file", where=path)
+        if path.stat().st_size > MOST_BYTES:
+            raise RecipeError(
+                "is too long for a file that somebody wrote", where=path,
+                value=f"{path.stat().st_size} bytes", allowed=f"{MOST_BYTES} at most",
+            )  # fmt: skip
         text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+    except RecipeError:
+        raise
+    except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "not a UTF-8 text"
         raise RecipeError(f"can't be read ({reason})", where=path) from None
     try:
         node = yaml.compose(text, Loader=Loader)
+        _check_size(node, path)
         data = yaml.load(text, Loader=Loader)  # noqa: S506  # a SafeLoader
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+    except RecipeError:
+        raise
+    except Exception as error:  # PyYAML raises whatever it stumbles over in a value
         mark = getattr(error, "problem_mark", None)
         where = f"{path}:{mark.line + 1}" if mark is not None else str(path)
         problem = getattr(error, "problem", None) or str(error)
@@ -151,8 +169,45 @@ def parse_text(text: str, *, where: str) -> Any:
     """
     try:
         return yaml.load(text, Loader=Loader)  # noqa: S506  # a SafeLoader
-    except (yaml.YAMLError, ValueError, RecursionError):
+    except Exception:  # as above
         raise RecipeError("isn't a value", where=where, value=text, allowed="as in YAML") from None
+
+
+def _check_size(node: Any, path: Path) -> None:
+    """Refuse a document whose aliases stand for more values than anybody writes."""
+    sizes: dict[int, int] = {}
+
+    def size(one: Any, depth: int) -> int:
+        if depth > 100:
+            raise RecipeError("is nested too deeply or refers to itself", where=path)
+        if id(one) not in sizes:
+            children: list[Any] = []
+            if isinstance(one, yaml.MappingNode):
+                children = [part for pair in one.value for part in pair]
+            elif isinstance(one, yaml.SequenceNode):
+                children = list(one.value)
+            else:
+                _check_scalar(one, path)
+            sizes[id(one)] = 1 + sum(size(child, depth + 1) for child in children)
+        return sizes[id(one)]
+
+    if node is not None and size(node, 0) > MOST_VALUES:
+        raise RecipeError(
+            "holds too many values, aliases counted", where=path, value=sizes[id(node)],
+            allowed=f"{MOST_VALUES} at most",
+        )  # fmt: skip
+
+
+def _check_scalar(node: Any, path: Path) -> None:
+    """Refuse text that is no Unicode and numbers that no computer holds."""
+    where = f"{path}:{node.start_mark.line + 1}"
+    if any("\ud800" <= sign <= "\udfff" for sign in node.value):
+        raise RecipeError("holds half a character (a lone surrogate)", where=where)
+    if node.tag.endswith(":int") and len(node.value) > LONGEST_NUMBER:
+        raise RecipeError(
+            "holds a number that is too long", where=where, value=f"{len(node.value)} digits",
+            allowed=f"{LONGEST_NUMBER} at most",
+        )  # fmt: skip
 
 
 def _note_lines(node: Any, at: KeyPath, lines: dict[KeyPath, int], path: Path) -> None:

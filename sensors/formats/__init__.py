@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
+from sensors.budget import regular
 from sensors.formats.arrays import read_npy
 from sensors.formats.bcr import read_bcr
 from sensors.formats.geodata import read_e57, read_las
@@ -79,13 +80,18 @@ def read_height_map(
     path = Path(path)
     if path.suffix.lower() not in READERS:
         raise RecipeError("unknown format", where=path, allowed=", ".join(READERS))
-    if not path.is_file():
-        raise RecipeError("no such file", where=path)
+    regular(path)
     if columns and READERS[path.suffix.lower()] is not read_csv:
         raise RecipeError("has no named columns", where=path, allowed="tables of text")
     try:
         if columns:
             return read_csv(path, unit, columns)
         return READERS[path.suffix.lower()](path, unit)
+    except RecipeError:
+        raise
     except OSError as error:
         raise RecipeError(f"can't be read ({error.strerror or error})", where=path) from None
+    except Exception as error:  # a damaged file makes readers stumble over anything
+        words = " ".join(f"{type(error).__name__}: {error}".split())[:160]
+        said = f"is damaged, or not what its suffix says ({words})"
+        raise RecipeError(said, where=path) from None

@@ -1,10 +1,12 @@
 """Height maps in NPY arrays: a grid of numbers that states no pitch."""
 
+import math
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sensors.budget import allow
 from sensors.formats.height_map import HeightMap, scale_mm
 from sensors.typed_yaml import RecipeError
 
@@ -12,12 +14,34 @@ from sensors.typed_yaml import RecipeError
 def read_npy(path: Path, unit: str | None) -> HeightMap:
     """Read an array of profiles × points; integers are counts of one `unit`."""
     try:
+        _check_header(path)
         array = np.load(path, allow_pickle=False)
+    except RecipeError:
+        raise
     except (OSError, ValueError, EOFError) as error:
         raise RecipeError(f"isn't an array of numbers ({error})", where=path) from None
     if not isinstance(array, np.ndarray):
         raise RecipeError("holds several arrays; save the heights alone", where=path)
     return from_array(array, unit, path)
+
+
+def _check_header(path: Path) -> None:
+    """Refuse an array that announces more than the file holds, before memory is asked for."""
+    with path.open("rb") as file:
+        version = np.lib.format.read_magic(file)
+        read = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}
+        if version[0] not in read:
+            return
+        shape, _, dtype = read[version[0]](file)
+        start = file.tell()
+    count = math.prod(int(size) for size in shape)
+    allow("readings", count, where=path)
+    stored = path.stat().st_size - start
+    if not dtype.hasobject and count * dtype.itemsize > stored:
+        raise RecipeError(
+            "ends early", where=path, value=f"{stored} bytes",
+            allowed=f"{count * dtype.itemsize} as its header announces",
+        )  # fmt: skip
 
 
 def from_array(array: NDArray[np.generic], unit: str | None, path: Path) -> HeightMap:

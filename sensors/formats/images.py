@@ -1,11 +1,13 @@
 """Height maps in images: TIFF with one or more pages or with x, y, z channels, 16-bit PNG."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sensors.budget import allow
 from sensors.formats.arrays import from_array
 from sensors.formats.clouds import Cloud, brightness, to_height_map
 from sensors.formats.height_map import HeightMap, scale_mm
@@ -28,7 +30,11 @@ def read_tiff(path: Path, unit: str | None) -> HeightMap:
     try:
         with tifffile.TiffFile(path) as file:
             park = PARK_TAG in getattr(file.pages[0], "tags", ())
+            for page in file.pages:
+                allow("readings", math.prod(page.shape), where=path)
             pages = [] if park else [page.asarray() for page in file.pages]
+    except RecipeError:
+        raise
     except Exception as error:  # whatever a damaged file makes of the library
         raise RecipeError(f"isn't a TIFF image of heights ({error})", where=path) from None
     if park:  # the picture is a thumbnail, the heights stand in a tag
@@ -49,6 +55,7 @@ def read_png(path: Path, unit: str | None) -> HeightMap:
 
     try:
         with Image.open(path) as image:
+            allow("readings", image.size[0] * image.size[1], where=path)
             if image.mode not in ("L", "I", "I;16", "I;16B", "F"):
                 raise RecipeError(
                     "isn't an image of heights", where=path, value=image.mode,

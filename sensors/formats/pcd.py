@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sensors.budget import allow
 from sensors.formats.clouds import Cloud, brightness, to_height_map
 from sensors.formats.height_map import Floats, HeightMap, scale_mm
 from sensors.typed_yaml import RecipeError
@@ -34,6 +35,7 @@ def _read(blob: bytes, path: Path, unit: str | None) -> HeightMap:
     ]
     columns, rows = int(head["WIDTH"][0]), int(head["HEIGHT"][0])
     count = columns * rows
+    allow("readings", count, where=path)
     if "POINTS" in head and int(head["POINTS"][0]) != count:
         raise RecipeError("WIDTH × HEIGHT isn't POINTS", where=path, value=head["POINTS"][0])
     fields = [
@@ -80,6 +82,8 @@ def _points(body: bytes, form: str, dtype: np.dtype[np.void], count: int) -> np.
     if form != "binary_compressed":
         raise ValueError(f"unknown DATA {form}")
     packed, size = struct.unpack_from("<II", body)
+    if size != count * dtype.itemsize:
+        raise ValueError(f"{size} bytes are announced for {count} points")
     if len(body) < 8 + packed:
         raise ValueError("ends early")
     raw = lzf_unpack(body[8 : 8 + packed], size)
@@ -109,6 +113,8 @@ def lzf_unpack(packed: bytes, size: int) -> bytes:
             at += 1
         back = ((control & 31) << 8) + packed[at] + 1
         at += 1
+        if len(out) > size:
+            raise ValueError("LZF gives more than is announced")
         if back > len(out):
             raise ValueError("LZF copies from before the start")
         length += 2

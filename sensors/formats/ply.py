@@ -113,6 +113,8 @@ class _Body:
         self, count: int, properties: list[tuple[str, list[str]]]
     ) -> NDArray[np.int64]:
         """Read an element that is one list; its first entry, -1 where it is empty."""
+        if count > len(self.blob):  # an entry takes a byte at least
+            raise ValueError(f"ends early, {count} entries are announced")
         (_, kinds) = properties[0]
         found = np.full(count, -1, dtype=np.int64)
         size, entry = (np.dtype((self.order or "<") + TYPES[kind]) for kind in kinds[1:3])

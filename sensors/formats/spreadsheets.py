@@ -10,6 +10,7 @@ import zlib
 from pathlib import Path
 from xml.etree import ElementTree
 
+from sensors.budget import check_archive
 from sensors.formats.height_map import HeightMap
 from sensors.formats.text.cells import Rows
 from sensors.formats.text.tables import from_rows
@@ -23,6 +24,7 @@ def read_xlsx(path: Path, unit: str | None) -> HeightMap:
     """Read the first sheet as a table, or the profile of a Mitutoyo report."""
     try:
         with zipfile.ZipFile(path) as archive:
+            check_archive(archive, path)
             sheets = _sheets(archive)
             name = "DATA" if "DATA" in sheets else next(iter(sheets))
             rows = _cells(archive, sheets[name])

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from sensors.budget import check_archive
 from sensors.formats.height_map import Floats, HeightMap
 from sensors.typed_yaml import RecipeError
 
@@ -27,6 +28,7 @@ def read_x3p(path: Path, unit: str | None) -> HeightMap:
         raise RecipeError("is in metres by its standard", where=path, value=unit, allowed="m")
     try:
         with zipfile.ZipFile(path) as archive:
+            check_archive(archive, path)
             root = ElementTree.fromstring(_member(archive, "main.xml"))
             return _read(_Record(root), archive, path)
     except (zipfile.BadZipFile, zlib.error, ElementTree.ParseError, KeyError, OSError) as error:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import os
 import warnings
+import zipfile
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.parts.part_error import PartError
+from sensors.budget import allow, check_archive
+from sensors.typed_yaml import RecipeError
 
 SUFFIXES: Final[tuple[str, ...]] = (".stl", ".obj", ".ply", ".3mf")
 _OWN_UNITS = {
@@ -55,6 +58,7 @@ def read_mesh(
     if os.path.getsize(source) == 0:
         raise PartError(source, "the file is empty (0 bytes)", "export it again")
     try:
+        _check_budget(source, suffix)
         vertices, faces, unit = _triangles(source, suffix[1:])
     except PartError:
         raise
@@ -85,6 +89,19 @@ def read_mesh(
     return vertices, faces, unit
 
 
+def _check_budget(source: str, suffix: str) -> None:
+    """Refuse what would take more memory than a mesh may, before it is read."""
+    try:
+        allow("bytes", os.path.getsize(source), where=source)
+        if suffix == ".3mf":
+            with zipfile.ZipFile(source) as archive:
+                check_archive(archive, source)
+        if suffix == ".stl":
+            allow("triangles", os.path.getsize(source) / 50, where=source)
+    except RecipeError as error:
+        raise PartError(source, str(error), "a coarser mesh, or a higher limit") from None
+
+
 def _refuse_torn_stl(source: str) -> None:
     """Say so where a binary STL's length doesn't fit the number of facets in its header."""
     size = os.path.getsize(source)
@@ -110,9 +127,11 @@ def _triangles(
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         options: dict[str, Any] = {"process": False}
-        if kind == "obj":
+        if kind in ("obj", "ply"):
             options["skip_materials"] = True
-        scene = trimesh.load_scene(source, file_type=kind, **options)
+        # From an open file, so that nothing beside it (textures, materials) is looked for.
+        with open(source, "rb") as file:
+            scene = trimesh.load_scene(file, file_type=kind, **options)
         blocks: list[NDArray[np.float64]] = []
         corners: list[NDArray[np.int64]] = []
         count = 0

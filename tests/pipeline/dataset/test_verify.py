@@ -2,9 +2,12 @@
 
 import json
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from pipeline.batch.run import generate
+from pipeline.dataset.checksums import NAME, own_files
 from pipeline.dataset.verify import compare_with_lock, verify, write_lock
 from pipeline.recipe import Recipe
 from sensors.typed_yaml import RecipeError
@@ -70,3 +73,64 @@ def test_a_lock_of_another_recipe_is_refused(once, recipe_path, tmp_path):
     generate(Recipe.load(recipe_path), other)
     with pytest.raises(RecipeError, match="seed differ"):
         compare_with_lock(other, lock)
+
+
+def test_every_flip_in_every_file_is_noticed(once):
+    rng = np.random.default_rng(0)
+    for name in [*own_files(once), NAME]:
+        path = once / name
+        before = path.read_bytes()
+        for _ in range(12):
+            data = bytearray(before)
+            data[int(rng.integers(len(data)))] ^= 1 << int(rng.integers(8))
+            path.write_bytes(bytes(data))
+            report = verify(once)
+            assert report.wrong > 0, name
+            assert any(line.startswith(name) or NAME in line for line in report.lines)
+        path.write_bytes(before)
+    assert verify(once).wrong == 0
+
+
+def test_swapped_removed_added_and_truncated_files_are_named(once):
+    one, other = once / "shard-00000.h5", once / "shard-00001.h5"
+    first, second = one.read_bytes(), other.read_bytes()
+    one.write_bytes(second)
+    other.write_bytes(first)
+    lines = "\n".join(verify(once).lines)
+    assert "shard-00000.h5: holds what shard-00001.h5 should hold" in lines
+    one.write_bytes(first)
+    other.write_bytes(second)
+    (once / "flaws.csv").unlink()
+    (once / "manifest.parquet").write_bytes((once / "manifest.parquet").read_bytes()[:-9])
+    lines = "\n".join(verify(once).lines)
+    assert "flaws.csv: missing" in lines
+    assert "manifest.parquet: damaged" in lines
+
+
+def test_a_rewritten_table_is_another_form_of_the_same_content(once):
+    for end in ("csv", "parquet"):
+        path = once / f"manifest.{end}"
+        table = pd.read_csv(path) if end == "csv" else pd.read_parquet(path)
+        before = path.read_bytes()
+        if end == "csv":
+            table.to_csv(path, index=False, lineterminator="\r\n")
+        else:
+            table.to_parquet(path, compression="gzip")
+        assert verify(once).wrong == 1
+        report = verify(once, content=True)
+        assert report.wrong == 0
+        assert f"manifest.{end}: other bytes, the same content" in report.lines[0]
+        table.loc[0, "length_mm"] = 1.0
+        table.to_csv(path, index=False) if end == "csv" else table.to_parquet(path)
+        assert verify(once, content=True).wrong == 1
+        path.write_bytes(before)
+
+
+def test_content_is_held_against_the_labels(once):
+    path = once / "flaws.parquet"
+    table = pd.read_parquet(path)
+    row = int(np.flatnonzero(table["pixels"])[0])
+    table.loc[row, "pixels"] += 1
+    table.to_parquet(path)
+    lines = "\n".join(verify(once, content=True).lines)
+    assert "pixels listed" in lines

@@ -1,0 +1,1 @@
+"""The reliability campaign: mutated inputs, damaged datasets, killed runs."""
