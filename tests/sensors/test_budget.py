@@ -51,7 +51,7 @@ def test_an_npy_header_of_petabytes(tmp_path):
         read_height_map(tmp_path / "a.npy")
     blob = blob.replace(b"(1000000000, 1000000)", b"(100, 1000)          ")
     (tmp_path / "b.npy").write_bytes(blob)
-    with pytest.raises(RecipeError, match="ends early, got 80 bytes"):
+    with pytest.raises(RecipeError, match="ends early, got '80 bytes'"):
         read_height_map(tmp_path / "b.npy")
 
 
