@@ -6,7 +6,7 @@ STAMP  := $(VENV)/.installed
 DEV    := $(VENV)/.installed-dev
 PEERS  := $(VENV)/.installed-bench
 
-.PHONY: demo test test-all lint bench effects flaws datasets recipe paper pictures diagnose-bench proof proof-small payoff clean
+.PHONY: campaign demo test test-all lint bench effects flaws datasets recipe paper pictures diagnose-bench proof proof-small payoff clean
 
 demo: $(STAMP)
 	$(BIN)/flawforge generate quickstart --out out/quickstart
@@ -49,6 +49,9 @@ pictures: $(STAMP)
 # Continues where it was stopped. FIRST cases of each seed: all kinds in proportion; 282 are all.
 BENCH ?= out/diagnose-bench
 FIRST ?= 282
+
+campaign: $(STAMP)
+	$(BIN)/python -W ignore -m benchmarks.campaign --write docs/reliability.md
 
 diagnose-bench: $(STAMP)
 	for seed in 0 100 200; do \

@@ -3,6 +3,7 @@
 import argparse
 import importlib
 import os
+import re
 import sys
 from collections.abc import Sequence
 from typing import Any, Final, NoReturn
@@ -158,13 +159,16 @@ def _is_users(error: Exception) -> bool:
     from pipeline.parts.part_error import PartError
     from sensors.typed_yaml import RecipeError
 
-    if isinstance(error, OSError) and error.errno is not None:
+    if isinstance(error, OSError) and (error.errno is not None or "errno = " in str(error)):
         return True
     return isinstance(error, RecipeError | PartError | ShardError)
 
 
 def _line(error: Exception) -> str:
     """Say an error in one line; of the system's own, the file first."""
+    number = re.search(r"errno = (\d+)", str(error)) if isinstance(error, OSError) else None
+    if number is not None:  # of HDF5, which keeps the system's word in its own
+        return f"the system says: {os.strerror(int(number.group(1)))}"
     if isinstance(error, OSError) and error.strerror:
         said = f"the system says: {error.strerror}"
         return f"{error.filename}: {said}" if error.filename is not None else said
