@@ -20,6 +20,7 @@ COMMANDS: Final = {
     "verify": "check a dataset's files, also against the lock of a release",
     "export": "turn a dataset into the form that another program opens",
     "import": "turn an instrument's file into recording.h5",
+    "plan": "passes of the sensor over a part that together see it",
     "pod": "probability of detection against the size of a flaw, with bounds",
     "roughness": "measure a surface's roughness and write its surface.yaml",
     "flaw": "take a real flaw out of a recording, for a bank that recipes draw from",

@@ -1,0 +1,1 @@
+"""Passes over a part, planned for coverage."""

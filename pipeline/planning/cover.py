@@ -1,0 +1,80 @@
+"""Which passes to take: greedy set cover, and the trade of length against coverage."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.planning.passes import Pass
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Plan:
+    """Passes in the order taken, and after each of them what has been seen.
+
+    Attributes
+    ----------
+    passes : tuple of Pass
+    coverage : (p,)
+        Share of the surface seen by the first passes.
+    length_mm : (p,)
+        Length of the first passes.
+    incidence_deg : (p,)
+        Mean incidence over what they see, each point from its best pass.
+    reachable : float
+        Share of the surface that any candidate sees.
+    seen : (k,) bool
+        Samples that the plan sees.
+    """
+
+    passes: tuple[Pass, ...]
+    coverage: Floats
+    length_mm: Floats
+    incidence_deg: Floats
+    reachable: float
+    seen: NDArray[np.bool_]
+
+
+def plan_cover(candidates: Sequence[Pass], cover: float) -> Plan:
+    """Take the pass that sees most per mm of what is not yet seen, until `cover` is reached.
+
+    Greedy cover needs at most 1 + ln k times the least length (Chvátal, Math. Oper. Res. 4 (1979)
+    233). A pass that the later ones make needless is dropped.
+
+    Parameters
+    ----------
+    candidates
+        Passes over one set of samples.
+    cover
+        Share of the surface that is wanted; what no candidate sees can't be had.
+    """
+    every = np.stack([one.seen for one in candidates])
+    reachable = every.any(axis=0)
+    wanted = min(cover, float(reachable.mean()))
+    lengths = np.array([one.length_mm for one in candidates])
+    seen = np.zeros(every.shape[1], dtype=np.bool_)
+    taken: list[int] = []
+    while seen.mean() < wanted:
+        gain = (every & ~seen).sum(axis=1) / lengths
+        best = int(np.argmax(gain))
+        taken.append(best)
+        seen |= every[best]
+    for index in list(taken):
+        rest = [other for other in taken if other != index]
+        if rest and every[rest].any(axis=0).mean() >= wanted:
+            taken = rest
+    chosen = [candidates[index] for index in taken]
+    best_cosine = np.maximum.accumulate(np.stack([one.cosine for one in chosen]), axis=0)
+    hit = best_cosine > 0
+    angle = np.degrees(np.arccos(np.clip(best_cosine, 0, 1)))
+    return Plan(
+        passes=tuple(chosen),
+        coverage=hit.mean(axis=1),
+        length_mm=np.cumsum([one.length_mm for one in chosen]),
+        incidence_deg=(angle * hit).sum(axis=1) / hit.sum(axis=1),
+        reachable=float(reachable.mean()),
+        seen=hit[-1],
+    )

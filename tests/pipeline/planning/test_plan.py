@@ -1,0 +1,92 @@
+"""Plans: a box from six sides, a hidden face that no pass sees, a set cover by hand."""
+
+import h5py
+import numpy as np
+import pytest
+import trimesh
+
+from flawforge.cli import main
+from pipeline.motion.recorded_path import replay
+from pipeline.parts.part import Part
+from pipeline.planning.cover import plan_cover
+from pipeline.planning.passes import Pass, Samples, candidates
+from sensors.casting.scene import Scene
+from sensors.datasheet import Datasheet
+
+SHEET = Datasheet(
+    name="s", working_distance_mm=100.0, z_range_mm=60.0, x_fov_mm=40.0, points_per_profile=81,
+    z_resolution_um=1.0, profile_rate_hz=500.0, triangulation_angle_deg=20.0, columns="even_x",
+)  # fmt: skip
+
+
+def looked_at(mesh, count=1500):
+    part = Part(name="p", vertices_mm=np.array(mesh.vertices), faces=np.array(mesh.faces))
+    scene = Scene(part.vertices_mm, part.faces)
+    samples = Samples.of(part, scene, count, np.random.default_rng(1))
+    return samples, list(candidates(samples, scene, SHEET))
+
+
+def test_samples_are_even_in_area():
+    samples, _ = looked_at(trimesh.creation.box(extents=(10, 20, 30)), 6000)
+    up = np.abs(samples.normals[:, 2]) > 0.9
+    assert up.mean() == pytest.approx(200 / 1100, abs=0.005)
+
+
+def test_a_box_is_seen_whole_and_one_look_down_sees_its_top_alone():
+    samples, tried = looked_at(trimesh.creation.box(extents=(30, 30, 30)))
+    plan = plan_cover(tried, 1.0)
+    assert plan.reachable == plan.coverage[-1] == 1.0
+    assert (np.diff(plan.coverage) > 0).all()
+    down = [one for one in tried if one.look[2] == -1]
+    top = samples.normals[:, 2] > 0.9
+    assert all((one.seen == top).all() for one in down)
+    assert all(one.cosine[top] == pytest.approx(1) for one in down)
+
+
+def test_inside_a_closed_hollow_nothing_is_seen():
+    box = trimesh.creation.box(extents=(30, 30, 30))
+    hollow = trimesh.creation.box(extents=(20, 20, 20))
+    hollow.invert()
+    samples, tried = looked_at(trimesh.util.concatenate([box, hollow]))
+    inner = (np.abs(samples.points_mm) < 10.01).all(axis=1)
+    plan = plan_cover(tried, 0.98)
+    assert not plan.seen[inner].any()
+    assert plan.reachable == pytest.approx((~inner).mean())
+
+
+def made_up(seen, length):
+    seen = np.array(seen, bool)
+    ends = np.array([[0.0, 0, 0], [0, length, 0]])
+    return Pass(
+        look=np.array([0, 0, -1.0]), travel=np.array([0, 1.0, 0]), start_mm=ends[0],
+        end_mm=ends[1], seen=seen, cosine=seen * 0.5,
+    )  # fmt: skip
+
+
+def test_cover_takes_what_sees_most_per_length_and_drops_what_is_needless():
+    wide = made_up([1, 1, 1, 0], 30)
+    left, right = made_up([1, 1, 0, 0], 10), made_up([0, 0, 1, 1], 10)
+    plan = plan_cover([wide, left, right], 1.0)
+    assert set(plan.passes) == {left, right}
+    assert plan.length_mm.tolist() == [10, 20]
+    assert plan.coverage.tolist() == [0.5, 1.0]
+    assert plan.incidence_deg == pytest.approx([60, 60])
+    small = made_up([0, 1, 1, 0], 5)  # first by gain, needless in the end
+    assert small not in plan_cover([small, left, right], 1.0).passes
+    assert len(plan_cover([wide, left, right], 0.5).passes) == 1
+
+
+def test_the_command_writes_passes_that_a_recipe_follows(tmp_path, capsys):
+    mesh = tmp_path / "box.stl"
+    trimesh.creation.box(extents=(30, 30, 30)).export(mesh)
+    SHEET.save(tmp_path / "sensor.yaml")
+    words = ["plan", str(mesh), "--sensor", str(tmp_path / "sensor.yaml"), "--samples", "500",
+             "--profiles", "50", "--out", str(tmp_path / "plan")]  # fmt: skip
+    assert main(words) == 0
+    assert "100.0%" in capsys.readouterr().out
+    first = tmp_path / "plan" / "pass-00.h5"
+    with h5py.File(first) as file:
+        assert file["pose"].shape == (50, 4, 4)
+    assert replay(str(first), 500.0, 50).poses.shape == (50, 4, 4)
+    assert (tmp_path / "plan" / "plan.png").stat().st_size > 10_000
+    assert main([*words[:-2], "--cover", "2", "--out", str(tmp_path / "x")]) == 2
