@@ -8,6 +8,7 @@ import numpy as np
 
 from challenge.cases.case import RECORDINGS, Secret, stage
 from challenge.cases.seeds import child, number
+from challenge.probabilities import calibration_error, log_score, reliability, stated
 from challenge.proof_pictures import draw_instrument, draw_power, draw_story
 from challenge.score import clopper_pearson
 
@@ -157,6 +158,14 @@ def scoreboard(scored: dict[str, Any]) -> list[str]:
          _mean(float(c["score"]["top_1"]) for c in mixed if c["secret"]["kind"] == "one"), ""),
     ]  # fmt: skip
     lines += [f"| {name} | {_figure(*value, aim)} |" for name, value, aim in rows]
+    named = [pair for c in cases for pair in stated(c)]
+    if named:
+        error, score = calibration_error(reliability(named)), log_score(named)
+        lines += [
+            f"| expected calibration error of probabilities | {error:.3f} ({len(named)}) "
+            "| <= 0.07 |",
+            f"| log score of probabilities, nats a name | {score:.2f} ({len(named)}) | |",
+        ]
     lines += [
         f"| unknowns flagged | {flagged} of {len(strange)} | >= 0.8 |",
         f"| concealed from the usual checks | {len(hidden)} of {len(holding)}, "

@@ -46,7 +46,10 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=1e9, help="stop after these")
     parser.add_argument("--write", type=Path, metavar="FILE.md")
     args = parser.parse_args()
-    population = population_of(args.seed)
+    try:
+        population = population_of(args.seed)
+    except ValueError as error:
+        parser.error(f"--seed: {error}")
     if args.step == "make":
         if population != "calibration":
             parser.error(f"--seed {args.seed}: only calibration cases may be opened (0 to 99)")

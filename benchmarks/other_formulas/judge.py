@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from scipy.stats import beta
 
+from challenge.probabilities import calibration_error, reliability
+
 STRANGE = ("unexplained", "partly_explained")
 CONFIDENT = 0.5
 """A name with more probability than this is one that the diagnosis stands for."""
-BINS = 10
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -124,29 +125,11 @@ def wrongly_sure(answers: Sequence[Answer]) -> tuple[int, int]:
     return wrong, len(answers)
 
 
-def reliability(answers: Sequence[Answer]) -> list[tuple[float, float, int]]:
-    """Stated probability, share right and count, by bins of the probability of a name."""
-    stated, right = [], []
-    for a in answers:
-        names = set().union(*a.known) if a.known else set()
-        for name, p in a.chances:
-            stated.append(p)
-            right.append(name in names)
-    if not stated:
-        return []
-    p, hit = np.array(stated), np.array(right, float)
-    bins = np.minimum((p * BINS).astype(int), BINS - 1)
+def stated(answers: Sequence[Answer]) -> list[tuple[float, bool]]:
+    """Probability of each name given, and whether the name is right."""
     return [
-        (float(p[bins == b].mean()), float(hit[bins == b].mean()), int((bins == b).sum()))
-        for b in range(BINS)
-        if (bins == b).any()
+        (p, any(name in right for right in a.known)) for a in answers for name, p in a.chances
     ]
-
-
-def calibration_error(curve: Sequence[tuple[float, float, int]]) -> float | None:
-    """Return the expected calibration error (Naeini et al. 2015); None without probabilities."""
-    total = sum(n for _, _, n in curve)
-    return sum(n * abs(p - share) for p, share, n in curve) / total if total else None
 
 
 def coverage(answers: Sequence[Answer]) -> tuple[int, int]:
@@ -200,8 +183,8 @@ def figures(answers: Sequence[Answer]) -> list[tuple[str, str, str]]:
         ]
     both = sum(recall([a])[0] == 2 for a in pairs)
     sizes = [len(names) for a in answers for names in a.sets]
-    curve = reliability(answers)
-    error = calibration_error(curve)
+    named = stated(answers)
+    error = f"{calibration_error(reliability(named)):.3f} ({len(named)} names)"
     seconds = np.array([a.run["seconds"] for a in answers]) if answers else np.zeros(1)
     lost = sum(a.verdict is None for a in answers)
     return [
@@ -214,8 +197,7 @@ def figures(answers: Sequence[Answer]) -> list[tuple[str, str, str]]:
         ("laws found", share(recall(some("law"))), "-"),
         ("coverage of 95 % intervals", share(coverage(answers)), "0.92 to 0.98"),
         ("names in a set, mean", f"{np.mean(sizes):.2f} ({len(sizes)})" if sizes else "-", "-"),
-        ("expected calibration error", "no probabilities" if error is None else
-         f"{error:.3f} ({sum(n for _, _, n in curve)} names)", "0.05"),
+        ("expected calibration error", error if named else "no probabilities", "0.05"),
         ("no answer (counted as missed)", f"{lost} of {len(answers)}", "0"),
         ("processor seconds of a case, median and longest",
          f"{np.median(seconds):.1f}, {seconds.max():.1f}", "longest at most 3 medians"),

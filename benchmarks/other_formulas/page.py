@@ -5,8 +5,9 @@ from pathlib import Path
 
 from benchmarks.other_formulas.cases import POPULATIONS
 from benchmarks.other_formulas.formulas import CATALOGUED, OUTSIDE
-from benchmarks.other_formulas.judge import Answer, by_effect, figures, load, reliability
+from benchmarks.other_formulas.judge import Answer, by_effect, figures, load, stated
 from benchmarks.other_formulas.parts import PARTS
+from challenge.probabilities import reliability
 
 _INTRO = """# Bench of other formulas
 
@@ -49,7 +50,7 @@ def section(title: str, answers: Sequence[Answer], opened: bool) -> list[str]:
         "| figure | value (of; 95 % interval) | aim |", "| --- | --- | --- |",
         *(f"| {a} | {b} | {c} |" for a, b, c in figures(answers)), "",
     ]  # fmt: skip
-    curve = reliability(answers)
+    curve = reliability(stated(answers))
     if curve:
         lines += ["| stated probability | share right | names |", "| --- | --- | --- |"]
         lines += [f"| {p:.2f} | {share:.2f} | {n} |" for p, share, n in curve] + [""]

@@ -7,14 +7,13 @@ import pytest
 
 from benchmarks.other_formulas.judge import (
     Answer,
-    calibration_error,
     coverage,
     first_names,
     flagged,
     interval,
     precision,
     recall,
-    reliability,
+    stated,
     wrongly_sure,
 )  # fmt: skip
 from benchmarks.other_formulas.page import write_page
@@ -55,12 +54,10 @@ def test_a_name_without_probability_is_a_sure_one():
     assert wrongly_sure([answer([], [("x",)], sure=[0.4])]) == (0, 1)
 
 
-def test_calibration_error_of_a_perfect_and_of_a_boastful_diagnosis():
+def test_probabilities_are_held_against_what_was_hidden():
     fair = [answer(["a"] if k < 7 else ["c"], [], chances=[("a", 0.7)]) for k in range(10)]
-    assert calibration_error(reliability(fair)) == pytest.approx(0.0)
-    boast = [answer(["c"], [], chances=[("a", 0.9)]) for _ in range(4)]
-    assert calibration_error(reliability(boast)) == pytest.approx(0.9)
-    assert calibration_error(reliability([answer(["a"], [])])) is None
+    assert stated(fair) == [(0.7, True)] * 7 + [(0.7, False)] * 3
+    assert not stated([answer(["a"], [("a",)])])
 
 
 def test_interval_of_none_of_a_hundred():

@@ -1,0 +1,57 @@
+"""Whether what an answer calls probable is so: reliability, calibration error, log score."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from challenge.score import SWITCHES
+
+BINS = 10
+_LEAST = 1e-3  # a probability of 0 or 1 that is wrong costs as much as this one
+
+
+def stated(case: Mapping[str, Any]) -> list[tuple[float, bool]]:
+    """Probability of each name that an answer gives, and whether the name is right.
+
+    Parameters
+    ----------
+    case : a judged case, with its ``secret`` and the answer's ``effects``
+    """
+    right = {n for switch in case["secret"]["switches"] for n in SWITCHES[switch].accept}
+    entries = [x for e in case["effects"] for x in (e, *e.get("alternatives", []))]
+    return [
+        (float(x["probability"]), str(x["name"]) in right)
+        for x in entries
+        if "probability" in x and x["name"] != "empirical"
+    ]
+
+
+def reliability(pairs: Iterable[tuple[float, bool]]) -> list[tuple[float, float, int]]:
+    """Mean probability, share right and count, by tenths of the probability."""
+    given = list(pairs)
+    if not given:
+        return []
+    p = np.array([a for a, _ in given])
+    hit = np.array([float(b) for _, b in given])
+    which = np.minimum((p * BINS).astype(int), BINS - 1)
+    return [
+        (float(p[which == b].mean()), float(hit[which == b].mean()), int((which == b).sum()))
+        for b in range(BINS)
+        if (which == b).any()
+    ]
+
+
+def calibration_error(curve: Iterable[tuple[float, float, int]]) -> float:
+    """Return the expected calibration error (Naeini et al., AAAI 2015), NaN without names."""
+    rows = list(curve)
+    total = sum(n for _, _, n in rows)
+    return sum(n * abs(p - share) for p, share, n in rows) / total if total else float("nan")
+
+
+def log_score(pairs: Iterable[tuple[float, bool]]) -> float:
+    """Mean negative log probability of what was so, nats a name; NaN without names."""
+    given = [(min(max(p, _LEAST), 1 - _LEAST), hit) for p, hit in pairs]
+    if not given:
+        return float("nan")
+    return float(-np.mean([np.log(p if hit else 1 - p) for p, hit in given]))
