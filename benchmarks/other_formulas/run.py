@@ -11,7 +11,7 @@ from pathlib import Path
 
 from benchmarks.other_formulas.cases import Case, plan, plan_of_laws, save_truth, stage, write
 
-TIMEOUT_S = 300.0
+TIMEOUT_S = 900.0
 _COMMAND = (sys.executable, "-W", "ignore", "-m", "flawforge.cli")
 
 
