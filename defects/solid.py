@@ -1,17 +1,24 @@
 """Closed solids and what is carved out of them and put onto them: the one user of manifold3d."""
 
 from dataclasses import dataclass
-from typing import Self
+from functools import cached_property
+from itertools import count
+from typing import Any, Self
 
 import numpy as np
 from manifold3d import Error, Manifold, Mesh64, OpType
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
+from defects.closed_patch import ClosedPatch, FaceBoxes, Unclosable, close_off
 from defects.point_in_mesh import Inside
+from defects.stitch import Carved, StitchError, Stitches, is_closed
+from defects.wall import on_far_side, thickness_mm
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+
+MARGIN = 0.0519  # of a cutter's size: how far its neighbourhood reaches around it
+MARGIN_MM = 0.0317  # and at least; neither is likely to meet a part's own planes
 
 
 class BooleanError(RuntimeError):
@@ -124,47 +131,6 @@ class Change:
     through: bool
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Carved:
-    """A part with flaws, and where each face comes from.
-
-    Parameters
-    ----------
-    vertices_mm, faces
-        (V, 3) float64 and (F, 3) int32, closed. Vertices of the part keep every bit.
-    instance
-        (F,) uint16: 0 where the face is the part's skin, else the number of the flaw, from 1.
-    source_face
-        (F,) int32: the part's face that it is, or is a piece of; -1 for a flaw's face.
-    """
-
-    vertices_mm: Floats
-    faces: Ints
-    instance: NDArray[np.uint16]
-    source_face: Ints
-
-
-def is_closed(faces: Ints) -> bool:
-    """Return whether each edge of a mesh is walked as often one way as the other way.
-
-    Each edge gets a 64-bit number (splitmix64 of its ends), added one way and taken away the
-    other way; nothing may be left. An open mesh passes with a chance of 2^-64; sorting the edges
-    instead takes ten times as long.
-    """
-    if not len(faces):
-        return False
-    corner = faces.astype(np.uint64)
-    after = np.roll(corner, -1, axis=1)
-    if (corner == after).any():
-        return False
-    mix = (np.minimum(corner, after) << np.uint64(32)) ^ np.maximum(corner, after)
-    for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
-        mix = (mix ^ (mix >> np.uint64(shift))) * np.uint64(factor)
-    mix ^= mix >> np.uint64(31)
-    forth = corner < after
-    return int(mix[forth].sum(dtype=np.uint64)) == int(mix[~forth].sum(dtype=np.uint64))
-
-
 def _add(manifolds: list[Manifold]) -> Manifold:
     return _checked(Manifold.batch_boolean(manifolds, OpType.Add), "union")
 
@@ -176,19 +142,22 @@ def _checked(manifold: Manifold, what: str) -> Manifold:
 
 
 def _manifold(solid: Solid, identity: int) -> Manifold:
-    faces = np.array(solid.faces, dtype=np.uint64, order="C")  # manifold3d wants it writable
+    manifold = _mesh(solid.vertices_mm, solid.faces, identity)
+    if manifold.volume() <= 0:
+        raise BooleanError("mesh: its volume isn't positive")
+    return manifold
+
+
+def _mesh(vertices_mm: Floats, faces: NDArray[np.integer[Any]], identity: int) -> Manifold:
     mesh = Mesh64(
-        np.array(solid.vertices_mm, dtype=np.float64, order="C"),
-        faces,
+        np.array(vertices_mm, dtype=np.float64, order="C"),  # manifold3d wants them writable
+        np.array(faces, dtype=np.uint64, order="C"),
         run_index=np.array([0, 3 * len(faces)], np.uint64),
         run_original_id=np.array([identity], np.uint32),
         # A face of its own each: coplanar neighbours are never merged, so nothing moves.
         face_id=np.arange(len(faces), dtype=np.uint64),
     )
-    manifold = _checked(Manifold(mesh), "mesh")
-    if manifold.volume() <= 0:
-        raise BooleanError("mesh: its volume isn't positive")
-    return manifold
+    return _checked(Manifold(mesh), "mesh")
 
 
 def _runs(mesh: Mesh64) -> NDArray[np.int64]:
@@ -224,9 +193,34 @@ class Block:
     """
 
     def __init__(self, vertices_mm: Floats, faces: Ints) -> None:
-        self._identity = Manifold.reserve_ids(1)
-        self._body = _manifold(Solid(vertices_mm=vertices_mm, faces=faces), self._identity)
-        self._volume_mm3 = float(self._body.volume())
+        self._solid = Solid(vertices_mm=vertices_mm, faces=faces)
+        if not self._solid.closed:
+            raise BooleanError("mesh: NotManifold")
+        if not self._solid.volume_mm3 > 0:
+            raise BooleanError("mesh: its volume isn't positive")
+        self._identity = self._other()
+        self._boxes = FaceBoxes(vertices_mm, faces)
+
+    @cached_property
+    def _body(self) -> Manifold:
+        """The whole part, for what can't be carved locally."""
+        return _manifold(self._solid, self._identity)
+
+    def _around(self, box_mm: Floats) -> tuple[Manifold, ClosedPatch]:
+        """Return what is the part within a box, made of the faces there alone.
+
+        Raises
+        ------
+        BooleanError
+            When they can't be closed off.
+        """
+        try:
+            closed = close_off(
+                self._solid.vertices_mm, self._solid.faces, self._boxes.meeting(box_mm), box_mm
+            )
+        except Unclosable as error:
+            raise BooleanError(f"neighbourhood: {error}") from None
+        return _mesh(closed.vertices_mm, closed.faces, self._identity), closed
 
     def trial(self, cutter: Cutter) -> Change:
         """Carve one flaw into the part's neighbourhood alone, check it, and measure it.
@@ -237,10 +231,13 @@ class Block:
             When the flaw misses the part, the volumes don't add up, the result isn't closed, or
             the cutter reaches through the air into another wall.
         """
-        low, high = cutter.box_mm
-        pad = 0.0519 * float(np.max(high - low)) + 0.0317
-        box = Manifold.cube(tuple(high - low + 2 * pad)).translate(tuple(low - pad))
-        near = _checked(self._body ^ box, "neighbourhood")
+        low, high = _reach(cutter)
+        box = Manifold.cube(tuple(high - low)).translate(tuple(low))
+        try:
+            body, _ = self._around(_wider(np.stack([low, high])))
+        except BooleanError:
+            body = self._body
+        near = _checked(body ^ box, "neighbourhood")
         if near.is_empty():
             raise BooleanError("the flaw misses the part")
         local = Solid._of(near)
@@ -262,7 +259,9 @@ class Block:
             centres, cross = _skin_of(lost, self._identity)
             opening += _size(cross)
             # A lid closes what the pocket under it opened.
-            through = added is None and _far_side(cutter, centres, cross)
+            through = added is None and on_far_side(
+                cutter.skin_mm, cutter.normals, centres, cross
+            )
         if added is not None:
             result = _checked(result + added, "union")
             gained = _checked(added - near, "difference")
@@ -274,39 +273,96 @@ class Block:
         depth = float(-cutter.height_mm.min() if removed is not None else cutter.height_mm.max())
         if through:
             deepest = int(np.argmin(cutter.height_mm))
-            depth = min(
-                depth, _thickness(local, cutter.skin_mm[deepest], cutter.normals[deepest])
-            )
+            skin, normal = cutter.skin_mm[deepest], cutter.normals[deepest]
+            depth = min(depth, thickness_mm(local.vertices_mm, local.faces, skin, normal))
         return Change(
             removed_mm3=gone, added_mm3=come, opening_mm2=opening, depth_mm=depth, through=through
         )
 
     def carve(self, cutters: list[Cutter], changes: list[Change]) -> Carved:
-        """Carve all the flaws, which must lie apart from each other, and check the whole.
+        """Carve all the flaws, which must lie apart from each other, and check the result.
+
+        Locally, or where that fails from the whole part.
 
         Raises
         ------
         BooleanError
             When a check fails.
         """
+        try:
+            return self.carve_locally(cutters, changes)
+        except BooleanError:
+            return self.carve_whole(cutters, changes)
+
+    def carve_locally(self, cutters: list[Cutter], changes: list[Change]) -> Carved:
+        """Carve the flaws into the faces within their reach and stitch these back.
+
+        Raises
+        ------
+        BooleanError
+            When a check fails.
+        """
+        stitches = Stitches(self._solid.vertices_mm, self._solid.faces)
+        for box_mm, members in self._apart(cutters):
+            body, closed = self._around(box_mm)
+            some = [(number + 1, cutters[number], changes[number]) for number in members]
+            try:
+                stitches.put(closed, self._cut(body, some))
+            except StitchError as error:
+                raise BooleanError(str(error)) from None
+        return stitches.sewn()
+
+    def carve_whole(self, cutters: list[Cutter], changes: list[Change]) -> Carved:
+        """Carve the flaws with booleans of the whole part.
+
+        Raises
+        ------
+        BooleanError
+            When a check fails.
+        """
+        numbers = range(1, len(cutters) + 1)
+        return self._cut(self._body, list(zip(numbers, cutters, changes, strict=True)))
+
+    def _apart(self, cutters: list[Cutter]) -> list[tuple[Floats, list[int]]]:
+        """Return boxes that no face meets two of, each with the numbers of the flaws in it."""
+        waiting = [(_wider(_reach(cutter)), [i]) for i, cutter in enumerate(cutters)]
+        owner = np.full(len(self._solid.faces), -1, np.int32)
+        found: dict[int, tuple[Floats, list[int]]] = {}
+        for name in count():
+            if not waiting:
+                break
+            box_mm, members = waiting.pop()
+            patch = self._boxes.meeting(box_mm)
+            met = [int(other) for other in np.unique(owner[patch]) if other in found]
+            if not met:
+                owner[patch] = name
+                found[name] = box_mm, sorted(members)
+                continue
+            both = [(box_mm, members), *(found.pop(other) for other in met)]
+            corners = np.concatenate([box for box, _ in both])
+            whole = np.stack([corners.min(axis=0), corners.max(axis=0)])
+            waiting.append((whole, [number for _, some in both for number in some]))
+        return list(found.values())
+
+    def _cut(self, body: Manifold, flaws: list[tuple[int, Cutter, Change]]) -> Carved:
+        """Carve numbered flaws into a body whose faces are of the part's identity."""
         owner: dict[int, int] = {self._identity: 0}
         removed: list[Manifold] = []
         added: list[Manifold] = []
-        for number, cutter in enumerate(cutters, start=1):
+        wanted = float(body.volume())
+        for number, cutter, change in flaws:
+            wanted += change.added_mm3 - change.removed_mm3
             for solid, into in ((cutter.removed, removed), (cutter.added, added)):
                 if solid is not None:
                     identity = self._other()
                     owner[identity] = number
                     into.append(_manifold(solid, identity))
-        body = self._body
         if removed:
             body = _checked(body - _add(removed), "difference")
         if added:
             body = _checked(body + _add(added), "union")
-        wanted = self._volume_mm3 + sum(c.added_mm3 - c.removed_mm3 for c in changes)
         mesh = _check(body, wanted)
-        runs = _runs(mesh)
-        identities, place = np.unique(runs, return_inverse=True)
+        identities, place = np.unique(_runs(mesh), return_inverse=True)
         unknown = [int(identity) for identity in identities if int(identity) not in owner]
         if unknown:
             raise BooleanError(f"faces of unknown origin: {unknown}")
@@ -326,6 +382,17 @@ class Block:
         return int(Manifold.reserve_ids(1))
 
 
+def _reach(cutter: Cutter) -> Floats:
+    """Return the box (2, 3) around a cutter in which it is tried."""
+    low, high = cutter.box_mm
+    pad = MARGIN * float(np.max(high - low)) + MARGIN_MM
+    return np.stack([low - pad, high + pad])
+
+
+def _wider(box_mm: Floats) -> Floats:
+    return np.stack([box_mm[0] - MARGIN_MM, box_mm[1] + MARGIN_MM])
+
+
 def _check(result: Manifold, wanted_mm3: float) -> Mesh64:
     """Check that a result is there, finite, closed and of the wanted volume; return its mesh."""
     if result.is_empty():
@@ -339,31 +406,3 @@ def _check(result: Manifold, wanted_mm3: float) -> Mesh64:
     if abs(float(result.volume()) - wanted_mm3) > tolerance:
         raise BooleanError("the volumes don't add up")
     return mesh
-
-
-def _far_side(cutter: Cutter, centres: Floats, cross: Floats) -> bool:
-    """Return whether lost skin lies on the far side: facets turned away from the flaw's skin."""
-    if not len(cross):
-        return False
-    nearest = cKDTree(cutter.skin_mm).query(centres)[1]
-    size = np.linalg.norm(cross, axis=1)
-    away = np.einsum("ij,ij->i", cross, cutter.normals[nearest]) < -0.5 * size
-    return bool(size[away].sum() > 1e-6 * size.sum())
-
-
-def _thickness(solid: Solid, point: Floats, normal: Floats) -> float:
-    """Return how far a line from the skin runs along `-normal` until it leaves the solid."""
-    a, b, c = (solid.vertices_mm[solid.faces[:, i]] for i in range(3))
-    along = -normal
-    e1, e2 = b - a, c - a
-    h = np.cross(along, e2)
-    det = np.einsum("ij,ij->i", e1, h)
-    det = np.where(np.abs(det) < 1e-300, np.inf, det)
-    s = point - a
-    u = np.einsum("ij,ij->i", s, h) / det
-    q = np.cross(s, e1)
-    v = q @ along / det
-    t = np.einsum("ij,ij->i", e2, q) / det
-    # Where the line leaves, it goes along with the facet's normal.
-    leaves = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 1e-6) & (np.cross(e1, e2) @ along > 0)
-    return float(t[leaves].min()) if leaves.any() else np.inf

@@ -14,7 +14,8 @@ from defects.banked import Banked
 from defects.flaw_bank import FlawBank
 from defects.kind import Kind
 from defects.point_in_mesh import Inside
-from defects.solid import Block, BooleanError, Carved, Change, Cutter
+from defects.solid import Block, BooleanError, Change, Cutter
+from defects.stitch import Carved
 from defects.surface import Site, SiteError, Surface
 from pipeline.injection.flawed_part import Flaw, FlawedPart
 from pipeline.injection.flawplan import FlawPlan, KindPlan

@@ -7,7 +7,8 @@ import pytest
 import trimesh
 
 from defects.point_in_mesh import Inside, in_boxes
-from defects.solid import Block, BooleanError, Cutter, Solid, is_closed
+from defects.solid import Block, BooleanError, Cutter, Solid
+from defects.stitch import is_closed
 
 
 def cube(low, high):

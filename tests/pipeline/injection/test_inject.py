@@ -8,7 +8,8 @@ import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from defects.solid import Block, BooleanError, Solid, is_closed
+from defects.solid import Block, BooleanError, Solid
+from defects.stitch import is_closed
 from defects.surface import Surface
 from pipeline.injection.flawplan import FlawPlan, exactly
 from pipeline.injection.inject import PLACES, cutter_of, inject
