@@ -6,7 +6,7 @@ STAMP  := $(VENV)/.installed
 DEV    := $(VENV)/.installed-dev
 PEERS  := $(VENV)/.installed-bench
 
-.PHONY: campaign demo test test-all lint bench effects flaws datasets recipe paper pictures diagnose-bench proof proof-small payoff clean
+.PHONY: campaign demo test test-all lint bench effects flaws datasets recipe paper pictures diagnose-bench proof proof-small payoff clean exports
 
 demo: $(STAMP)
 	$(BIN)/flawforge generate quickstart --out out/quickstart
@@ -36,6 +36,9 @@ effects: $(STAMP)
 
 flaws: $(STAMP)
 	$(BIN)/python docs/flaws/make_flaws.py
+
+exports: $(DEV)
+	$(BIN)/python -W ignore docs/exports/make_exports.py
 
 recipe: $(STAMP)
 	$(BIN)/python docs/recipe/make_recipe.py

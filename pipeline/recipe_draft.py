@@ -21,6 +21,7 @@ LARGEST_DENT: Final = 0.25  # of the part's narrower side
 USUAL_ANGLE_DEG: Final = 30.0  # where the maker doesn't state the triangulation angle
 FACING: Final = 0.7  # cosine from which a facet is looked at, 45°
 MOST_POINTS: Final = 1024
+LEAST_WIDTH_MM: Final = 0.05  # of a scratch by default, see defects/scratch.py
 DIRECTIONS: Final = ((0, 0, -1), (0, 0, 1), (0, -1, 0), (0, 1, 0), (-1, 0, 0), (1, 0, 0))
 
 
@@ -115,6 +116,8 @@ def draft(path: Path, *, where: str, unit: str | None, thicken_mm: float | None)
     sensor, sheet, covers = choose_sensor(setup)
     size = " x ".join(f"{_mm(side)}" for side in np.ptp(part.vertices_mm, axis=0))
     dent = min(20.0, LARGEST_DENT * min(setup.width_mm, setup.length_mm))
+    points = min(MOST_POINTS, sheet.points_per_profile)
+    pitch = max(sheet.x_fov_mm / points, LEAST_WIDTH_MM)
     others = ", ".join(name for name in preset_names("presets") if name != sensor)
     said = "given" if unit else "guessed from the size; check it"
     fit = "covers" if covers else "is the longest of a preset, yet does not cover"
@@ -135,8 +138,8 @@ sensor: {sensor}
 # {others}; or a sensor.yaml of yours.
 {angle}surface: car_door              # roughness: a preset, or a surface.yaml of yours
 profiles: 400                  # of every scan
-points: {min(MOST_POINTS, sheet.points_per_profile)}                   # of every profile
-specimens: 6                   # each with flaws of its own
+points: {points}                   # of every profile
+specimens: 8                   # each with flaws of its own
 scans: 2                       # of each specimen, each on a path of its own
 good_specimens: 2              # without flaws, for detectors that learn what is normal
 splits: {{train: 0.5, val: 0.25, test: 0.25}}
@@ -152,10 +155,14 @@ flaws:                         # a number, or sizes, for each kind; docs/flaws.m
     number: {{choice: [1, 2]}}
     length_mm: {{log_uniform: [{_mm(dent / 4)}, {_mm(dent)}]}}     # up to a quarter of the part
     depth_mm: {{log_uniform: [{_mm(dent / 100)}, {_mm(dent / 25)}]}}
-  scratch:
-    number: {{choice: [0, 1, 2]}}
+  scratch:                     # wide enough for points {_mm(pitch)} mm apart
+    number: {{choice: [1, 2]}}
+    width_mm: {{log_uniform: [{_mm(pitch)}, {_mm(3 * pitch)}]}}
+    depth_mm: {{log_uniform: [{_mm(pitch / 3)}, {_mm(pitch)}]}}
     length_mm: {{uniform: [{_mm(dent / 2)}, {_mm(dent * 1.5)}]}}
-  pit: {{number: {{choice: [0, 1]}}}}
+  pit:
+    number: {{choice: [1, 2]}}
+    diameter_mm: {{log_uniform: [{_mm(3 * pitch)}, {_mm(10 * pitch)}]}}
 
 motion:
   look: {list(setup.look)}            # most of the surface faces this way

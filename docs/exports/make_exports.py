@@ -1,0 +1,194 @@
+"""Make docs/exports.md: the quickstart in every form, opened by the program that it is for.
+
+Run `python docs/exports/make_exports.py` from the top of the checkout. Each snippet runs in a
+process of its own; what it prints stands below it.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+import textwrap
+from pathlib import Path
+
+import flawforge
+from pipeline.dataset.export import FORMS
+
+PAGE = Path(__file__).parents[1] / "exports.md"
+HEAD = """\
+# Datasets for other programs
+
+Made by `make exports`; do not edit. Everything below ran on the quickstart.
+
+`flawforge export DIR --to FORM` writes a dataset in the form that another program opens, into
+`DIR/export-FORM` or `--out`. A second run gives the same bytes. Options:
+
+- `--mask all|visible`: label all points of a flaw (default), or those where its deviation exceeds
+  the noise by the recipe's `visible_at`.
+- `--min-pixels N`: leave out flaws with fewer labelled points in a scan.
+- `--image relief8|depth16|float32`: what pictures hold. One scale holds for all pictures of a
+  dataset and stands beside them.
+  - *relief8*: height above the waviness (Gaussian regression filter, ISO 16610-21 and -28, cutoff
+    8 mm), 8 bits: `softening_mm * sinh((number - 128) / scale)`, 0 = missing. Linear within the
+    noise, logarithmic above: 8 bits hold a scratch and a step of the part.
+  - *depth16*: `offset_mm + scale_mm * number`, 16 bits, 0 = missing.
+  - *float32*: depth in mm, TIFF, NaN = missing.
+- `--splits train,val` and `--scan ID`: which scans.
+
+Rows are profiles, columns points. A class has the same number in every dataset: 1 is dent, 2
+crack, and so on as in [flaws.md](flaws.md). Packages that a form needs come with
+`pip install 'flawforge[FORM]'`. From Python: `flawforge.export(dataset, out, "coco")`.
+
+"""
+NOTES = {
+    "coco": "Masks are compressed run lengths. Beside COCO's keys an annotation has `flaw_id`"
+    " (specimen and number: the same flaw in several scans), `depth_mm`, `snr`, `detectable`,"
+    " `deviation_over_noise`.",
+    "yolo": "A polygon runs along the borders between points, so it gives the labels back exactly"
+    " and even one point has four corners; pieces are joined by a bridge without width, holes are"
+    " filled. Ultralytics brings a GPU stack and didn't run here: `tests/` holds the files to the"
+    " rules of its loader.",
+    "mvtec3d": "Training and validation hold good scans alone, as the original does; the recipe's"
+    " `good_specimens` makes them. Use `split_by: specimen`, so that a part is in training and"
+    " test. anomalib brings a GPU stack and didn't run here: `tests/` holds the folders to the"
+    " rules of its MVTec 3D reader, of which this snippet is the core.",
+    "hf": "A folder to push to the hub as it is; `val` is called `validation` there.",
+    "webdataset": "A key is the scan's id, its dots as %2E.",
+    "tiff": "Resolution tags hold points per centimetre; GDAL's tag names NaN as missing.",
+    "las": "Metres, scale 0.1 µm, part frame; `gps_time` is the profile's time.",
+    "ply": "Part frame, mm. Open3D and CloudCompare read the same properties.",
+    "png": "Masks are 8-bit grey, the class; instances 16-bit grey.",
+    "recording": "What an instrument would deliver, with its sensor: ready for `flawforge diagnose`"
+    " and for a round trip.",
+}
+SNIPPETS = {
+    "coco": """\
+from pycocotools.coco import COCO
+
+coco = COCO("annotations/instances_train.json")
+names = {one["id"]: one["name"] for one in coco.loadCats(coco.getCatIds())}
+flaw = coco.loadAnns(coco.getAnnIds())[0]
+print(len(coco.getImgIds()), "pictures,", len(coco.getAnnIds()), "flaws")
+print(names[flaw["category_id"]], flaw["flaw_id"], "bbox", flaw["bbox"])
+print("mask", coco.annToMask(flaw).sum(), "points, area", flaw["area"])
+""",
+    "yolo": """\
+from pathlib import Path
+
+print(Path("data.yaml").read_text().partition("names")[0].strip())
+label = next(path for path in sorted(Path("labels/train").iterdir()) if path.stat().st_size)
+for line in label.read_text().splitlines():
+    numbers = line.split()
+    print(label.name, "class", numbers[0], "with", (len(numbers) - 1) // 2, "corners")
+""",
+    "mvtec3d": """\
+from pathlib import Path
+import tifffile
+
+root = Path("car_door")
+for folder in sorted(root.glob("*/*")):
+    print(folder.relative_to(root), len(list((folder / "rgb").iterdir())))
+for image in sorted(root.glob("test/*/rgb/*.png")):
+    assert (image.parents[1] / "gt" / image.name).is_file()
+    xyz = tifffile.imread(image.parents[1] / "xyz" / f"{image.stem}.tiff")
+print("xyz", xyz.dtype, xyz.shape)
+""",
+    "hf": """\
+from pathlib import Path
+from datasets import load_dataset
+
+loaded = load_dataset(str(Path.cwd()), cache_dir="cache")
+print({name: len(split) for name, split in loaded.items()})
+row = loaded["train"][0]
+kinds = loaded["train"].features["objects"]["category"].feature.names
+print(row["scan_id"], row["image"].mode, row["image"].size)
+print([kinds[number] for number in row["objects"]["category"]])
+""",
+    "webdataset": """\
+import webdataset
+
+samples = list(webdataset.WebDataset("train-000000.tar", shardshuffle=False).decode("pil"))
+print(len(samples), "scans, keys", sorted(key for key in samples[0] if not key.startswith("_")))
+print(samples[0]["__key__"], samples[0]["png"].size, samples[0]["json"]["split"])
+""",
+    "tiff": """\
+from pathlib import Path
+import numpy, tifffile
+
+path = sorted(Path("train/depth").iterdir())[0]
+with tifffile.TiffFile(path) as file:
+    depth, tags = file.asarray(), file.pages[0].tags
+    print(path.name, depth.dtype, depth.shape, f"{numpy.nanmedian(depth):.3f} mm")
+    pitch = [10 * tags[f"{axis}Resolution"].value[1] / tags[f"{axis}Resolution"].value[0]
+             for axis in "XY"]
+    print("pitch, mm:", *(f"{one:.4f}" for one in pitch), "missing:", tags[42113].value)
+""",
+    "las": """\
+from pathlib import Path
+import laspy
+
+cloud = laspy.read(sorted(Path("train").iterdir())[0])
+print("LAS", cloud.header.version, len(cloud.points), "points, scale", cloud.header.scales)
+print("classes", sorted(set(cloud.classification)), "instances", sorted(set(cloud.instance)))
+""",
+    "ply": """\
+from pathlib import Path
+import trimesh
+
+cloud = trimesh.load(sorted(Path("train").iterdir())[0])
+data = cloud.metadata["_ply_raw"]["vertex"]["data"]
+print(len(cloud.vertices), "points,", *data.dtype.names)
+""",
+    "png": """\
+import json
+from pathlib import Path
+import numpy
+from PIL import Image
+
+coding = json.loads(Path("image.json").read_text())
+image = numpy.asarray(Image.open(sorted(Path("train/image").iterdir())[0]))
+depth = numpy.where(image == 0, numpy.nan, coding["offset_mm"] + coding["scale_mm"] * image)
+mask = Image.open(sorted(Path("train/mask").iterdir())[0])
+print(f"depth {numpy.nanmin(depth):.3f} to {numpy.nanmax(depth):.3f} mm; mask", mask.mode,
+      f"{(numpy.asarray(mask) > 0).mean():.3%} flawed")
+""",
+    "recording": """\
+from pathlib import Path
+import h5py
+
+with h5py.File(sorted(Path(".").glob("*.h5"))[0]) as file:
+    print(file.attrs["format"], {name: array.shape for name, array in file.items()})
+""",
+}
+
+
+def main() -> None:
+    """Generate, export, open, write."""
+    parts = [HEAD]
+    environment = {**os.environ, "HF_HUB_OFFLINE": "1", "HF_HUB_DISABLE_PROGRESS_BARS": "1"}
+    with tempfile.TemporaryDirectory() as folder:
+        data = Path(folder) / "quickstart"
+        flawforge.generate("quickstart", data, sets={"good_specimens": 2})
+        for name in SNIPPETS:
+            out = Path(folder) / name
+            written = flawforge.export(data, out, name)
+            run = subprocess.run(
+                [sys.executable, "-W", "ignore", "-c", SNIPPETS[name]],
+                cwd=out, env=environment, capture_output=True, text=True, check=False,
+            )  # fmt: skip
+            assert run.returncode == 0, run.stderr
+            said = "\n".join(
+                line for line in run.stdout.splitlines()
+                if not line.startswith(("loading", "Done", "creating", "index created"))
+            )  # fmt: skip
+            summary = FORMS[name].summary
+            parts.append(
+                f"## {name}\n\n{summary[0].upper()}{summary[1:]}. {len(written)} files.\n\n"
+                + textwrap.fill(NOTES[name], 100)
+                + f"\n\n```python\n{SNIPPETS[name]}```\n\n```\n{said}\n```\n"
+            )
+    PAGE.write_text("\n".join(parts), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
