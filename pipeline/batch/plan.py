@@ -149,9 +149,11 @@ def _splits(
     labels: dict[str, Counter[str]] = {}
     for (name, specimen), kinds in wanted.items():
         mine = units_of(name, specimen)
+        # good specimens of each part are a kind of their own: every split has to see some
+        carried = kinds if any(kinds.values()) else {f"good {name}": 1}
         for unit in mine:
             sizes[unit] += scans[name] // len(mine)
-            labels.setdefault(unit, Counter()).update({**kinds, f"part {name}": 1})
+            labels.setdefault(unit, Counter()).update({**carried, f"part {name}": 1})
     units = {unit: Unit(scans=sizes[unit], labels=labels[unit]) for unit in sizes}
     chosen = assign(file.splits, file.seed, units)
     found = {}

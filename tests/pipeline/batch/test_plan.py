@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from pipeline.batch.plan import PlannedPart, make_plan
 from pipeline.batch.splits import Unit, assign
+from pipeline.injection.flawplan import FlawPlan
 from pipeline.recipe import PartEntry, Recipe, RecipeFile
 from sensors.datasheet import Datasheet
 from sensors.model import SensorModel
@@ -142,3 +143,25 @@ def test_few_scans_still_make_many_shards():
     assert len(planned([24], 2, {"train": 1.0}, None).shards) >= 12
     with pytest.raises(ValueError, match="add up to 1"):
         planned([1], 1, {"train": 0.5}, None)
+
+
+def test_good_specimens_of_each_part_are_spread_over_the_splits():
+    entries = tuple(PartEntry(builtin="steel_plate", name=f"p{i}") for i in range(3))
+    file = RecipeFile(
+        name="r", seed=1, sensor="s", parts=entries, profiles=10, specimens=6, good_specimens=4,
+        splits={"train": 0.5, "val": 0.25, "test": 0.25}, split_by="specimen",
+        flaws=FlawPlan.from_mapping({"dent": 1, "pit": {"number": {"choice": [1, 2]}}}),
+    )  # fmt: skip
+    recipe = Recipe(
+        file=file, sensor=SensorModel(SHEET), surfaces={},
+        document=Document(path="", data={}, lines={}), roots=(),
+    )  # fmt: skip
+    parts = [PlannedPart(name=f"p{i}", entry=e, stored="") for i, e in enumerate(entries)]
+    good = defaultdict(Counter)
+    for shard in make_plan(recipe, parts).shards:
+        for work in shard.work:
+            if not any(work.wanted.values()):
+                good[work.part.name].update(work.splits)
+    assert {name: dict(counts) for name, counts in good.items()} == {
+        f"p{i}": {"train": 2, "val": 1, "test": 1} for i in range(3)
+    }
