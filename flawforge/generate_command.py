@@ -4,7 +4,7 @@ import argparse
 import time
 from pathlib import Path
 
-from flawforge.progress import shown
+from flawforge.progress import compiling_said, shown
 from flawforge.summary import summary
 
 EPILOG = """\
@@ -88,7 +88,8 @@ def run(arguments: argparse.Namespace) -> int:
             seed=arguments.seed,
         )
         begin = time.monotonic()
-        with shown("flawforge.generate", json_lines=arguments.log_json):
+        progress = shown("flawforge.generate", json_lines=arguments.log_json)
+        with progress, compiling_said():
             dataset = generate(recipe, arguments.out, backend=backend)
     if not arguments.log_json:
         print(summary(dataset, arguments.out, seconds=time.monotonic() - begin))

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from flawforge.generate_command import add_overrides
+from flawforge.progress import compiling_said
 
 EPILOG = """\
 examples:
@@ -69,10 +70,11 @@ def run(arguments: argparse.Namespace) -> int:
         from pipeline.preview.recipe_picture import draw_recipe
 
         recipe, roots = _recipe(arguments.what, tuple(arguments.parts))
-        picture = draw_recipe(
-            recipe, arguments.out, part=arguments.part, roots=roots, sets=arguments.sets,
-            seed=arguments.seed,
-        )  # fmt: skip
+        with compiling_said():
+            picture = draw_recipe(
+                recipe, arguments.out, part=arguments.part, roots=roots, sets=arguments.sets,
+                seed=arguments.seed,
+            )  # fmt: skip
     print(picture)
     return 0
 

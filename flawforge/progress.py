@@ -78,3 +78,28 @@ def shown(logger: str, *, json_lines: bool = False) -> Iterator[None]:
     finally:
         log.removeHandler(progress)
         progress.close()
+
+
+@contextmanager
+def compiling_said() -> Iterator[None]:
+    """Say, once, when inner loops are compiled; loops found in numba's cache are not."""
+    import numba.core.event
+
+    event: Any = numba.core.event  # numba ships no types
+    said = False
+
+    def say(*_: Any) -> None:
+        nonlocal said
+        if not said:
+            said = True
+            print("compiling the inner loops, once; this takes a minute", file=sys.stderr)
+
+    def ignore(*_: Any) -> None:
+        pass
+
+    listener = type("Said", (event.Listener,), {"on_start": say, "on_end": ignore})()
+    event.register("numba:compile", listener)
+    try:
+        yield
+    finally:
+        event.unregister("numba:compile", listener)
