@@ -18,7 +18,7 @@ from quantity import Quantity, quantity
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-MOST_CELLS = 20_000
+MOST_CELLS = 9_000
 """Cells of a flaw's mesh, as of a corroded field's."""
 FLOOR = 0.02
 """Share of the greatest height by which the lid goes under the skin beyond the flaw, and by which

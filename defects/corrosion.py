@@ -20,7 +20,7 @@ WARP = 0.14
 """Standard deviation of the warp in radii: outlines of 1 to 2 times their least radius, the
 roundness of pits in ASTM G46's figure 2 (elliptical to irregular)."""
 
-MOST_CELLS = 20_000
+MOST_CELLS = 9_000
 """Cells of a field's mesh: with more a specimen takes longer than one with a dent twice over."""
 
 

@@ -13,9 +13,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from defects import KINDS
+from defects.banked import Banked
 from defects.kind import Kind
 from defects.seats import Edge, HoleRim
-from pipeline.injection.flawed_part import FlawedPart
+from defects.surface import Site
+from pipeline.injection.flawed_part import Flaw, FlawedPart
 from pipeline.injection.flawplan import FlawPlan, exactly
 from pipeline.injection.inject import inject
 from pipeline.parts import builtin
@@ -37,6 +39,10 @@ STAGES = {
     "missing_feature": ("bearing_cap", "boss"),
     "corrosion": ("steel_plate", "face"),
 }
+SECTION = """\
+The section across the middle, beside the groove that the diamond stylus of scratch tests leaves
+where it is pressed in as deep (ASTM G171-03: a cone of 120° with a ball of radius 200 µm; elastic
+recovery and pile-up left out)."""
 SEVERE = {"missing_feature": {"ratio": 1.35}, "edge_burr": {"root_mm": 0.25, "raggedness": 0.8}}
 
 
@@ -120,6 +126,73 @@ def draw(kind: str) -> None:
     figure.savefig(HERE / f"{kind}.png")
 
 
+TIP_MM, APEX_RAD = 0.2, np.deg2rad(120.0)
+"""Tip radius and apex angle of the stylus of scratch tests (ASTM G171-03)."""
+
+
+def stylus_mm(depth_mm: float, across_mm: np.ndarray) -> np.ndarray:
+    """Return the groove of ASTM G171's stylus pressed in by `depth_mm`: ball, then cone, mm.
+
+    The ball of radius R runs into the cone of apex angle A at R cos(A / 2) from the axis.
+    """
+    half = APEX_RAD / 2
+    meet = TIP_MM * np.cos(half)
+    x = np.abs(across_mm)
+    ball = TIP_MM - np.sqrt(np.maximum(TIP_MM**2 - x**2, 0.0))
+    cone = TIP_MM - TIP_MM * np.sin(half) + (x - meet) / np.tan(half)
+    return np.minimum(np.where(x < meet, ball, cone) - depth_mm, 0.0)
+
+
+def draw_section() -> tuple[float, float]:
+    """Write docs/flaws/scratch-section.png; return width of both grooves at one depth, mm.
+
+    The scratch has the middle of its typical sizes; the stylus is pressed in as deep.
+    """
+    sizes = {**middle("scratch"), "bow_deg": 0.0, "burr_side": 0.0}
+    flawed = made("scratch", sizes)
+    cutter, site = flawed.cutters[0], flawed.flaws[0]
+    kind = KINDS["scratch"](**sizes)
+    stations = np.unique(np.round(cutter.skin_mm @ _axis(site, 0.0), 9))
+    at = cutter.skin_mm @ _axis(site, 0.0) - site.position_mm @ _axis(site, 0.0)
+    near = np.abs(at) < 0.5 * float(np.median(np.diff(stations))) + 1e-6
+    across = (cutter.skin_mm[near] - site.position_mm) @ _axis(site, np.pi / 2)
+    height = cutter.height_mm[near]
+    order = np.argsort(across)
+    across, height = across[order], height[order]
+    end = kind.width_mm / 2 * (1 + kind.burr_width)
+    across, height = across[np.abs(across) <= end + 1e-6], height[np.abs(across) <= end + 1e-6]
+    fine = np.linspace(-2 * end, 2 * end, 801)
+    depth = float(-height.min())
+    stylus = stylus_mm(depth, fine)
+    wide = float(np.ptp(fine[stylus < 0]))
+    figure = Figure(figsize=(8.4, 3.4), dpi=100, layout="constrained", facecolor="white")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    axes.axhline(0.0, color="#22252B", linewidth=0.7)
+    axes.plot(1e3 * fine, 1e3 * stylus, "--", color="#1F4E79",
+              label="groove of ASTM G171's stylus (120°, R 200 µm), as deep")  # fmt: skip
+    axes.plot(1e3 * across, 1e3 * height, color="#D1651F", linewidth=1.8,
+              label="scratch, middle of the typical sizes")  # fmt: skip
+    half, low = 1e3 * kind.width_mm / 2, 1e3 * height.min()
+    axes.annotate("", (-half, 0.45 * low), (half, 0.45 * low), arrowprops={"arrowstyle": "<->"})
+    axes.text(0, 0.42 * low, f"{2 * half:.0f} µm", ha="center", va="bottom", fontsize=9)
+    axes.annotate("", (0.0, 0.0), (0.0, low), arrowprops={"arrowstyle": "<->"})
+    axes.text(0.04 * half, 0.8 * low, f"{-low:.0f} µm", fontsize=9)
+    axes.text(1e3 * end, 1.05e3 * height.max(), f"pile-up {1e3 * height.max():.1f} µm", fontsize=9)
+    axes.set(xlabel="across, µm", ylabel="height, µm", ylim=(1.35 * low, -0.75 * low))
+    axes.legend(fontsize=9, frameon=False, loc="upper left")
+    figure.savefig(HERE / "scratch-section.png")
+    return kind.width_mm, wide
+
+
+def _axis(flaw: Flaw, angle: float) -> np.ndarray:
+    site = Site(
+        position_mm=flaw.position_mm, normal=flaw.normal, heading_rad=flaw.heading_rad,
+        triangle=flaw.triangle,
+    )  # fmt: skip
+    return site.direction(angle)
+
+
 def text() -> str:
     """Return the page."""
     lines = [
@@ -149,7 +222,16 @@ def text() -> str:
             low, high = size.typical
             typical = f"{low:g}" if low == high else f"{low:g} to {high:g}"
             lines.append(f"| `{size.name}` | {size.meaning} | {size.allowed} | {typical} |")
+        if name == Banked.name:
+            lines += ["", "See [flaw-bank.md](flaw-bank.md).", "",
+                      f"![{name}: one flaw, as it was and varied](flaws/{name}.png)"]  # fmt: skip
+            continue
         lines += ["", f"![{name}, typical and severe](flaws/{name}.png)"]
+        if name == "scratch":
+            lines += ["", "![section of a scratch](flaws/scratch-section.png)", "", SECTION]
+    cost = HERE / "cost.md"
+    if cost.exists():
+        lines += ["", "## Cost", "", cost.read_text(encoding="utf-8").rstrip()]
     return "\n".join(lines) + "\n"
 
 
@@ -162,7 +244,10 @@ def main() -> None:
     (HERE.parent / "flaws.md").write_text(text(), encoding="utf-8")
     if not wanted.text:
         for name in wanted.names or KINDS:
-            draw(name)
+            if name != Banked.name:  # drawn by make_bank.py
+                draw(name)
+            if name == "scratch":
+                print("widths, mm:", draw_section())
 
 
 if __name__ == "__main__":
