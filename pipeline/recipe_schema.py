@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal, get_args, get_origin
 
 from defects import KINDS
+from defects.banked import Banked
 from defects.kind import Kind
 from defects.sizes import Size
 from pipeline.injection.flawplan import FlawPlan
@@ -207,6 +208,8 @@ def _kind(kind: type[Kind], number: Quantity) -> Schema:
             **_size(size),
             "description": f"{size.meaning}{unit}; {low:g} to {high:g} where left out",
         }
+    if kind is Banked:
+        sizes["mirror"]["anyOf"].append({"type": "boolean"})
     tier = {
         "type": "object",
         "properties": {
@@ -222,11 +225,18 @@ def _kind(kind: type[Kind], number: Quantity) -> Schema:
         "tiers": {"type": "object", "additionalProperties": tier, "description": "severities"},
         **sizes,
     }
+    alone: Schema = {"type": "number", "minimum": 0, "maximum": 1000}
+    mapping: Schema = {"type": "object", "properties": own, "additionalProperties": False}
+    if kind is Banked:
+        alone, mapping = {"not": {}}, {**mapping, "required": ["path"]}
+        mapping["properties"] = {
+            "path": {
+                "type": "string",
+                "description": "folder of the bank below the recipe's, of `flawforge flaw extract`",
+            },
+            **own,
+        }
     about = " ".join((kind.__doc__ or "").split("\n\n")[0].split())
     return {
-        "anyOf": [
-            {"type": "number", "minimum": 0, "maximum": 1000},
-            {"type": "object", "properties": own, "additionalProperties": False},
-        ],
-        "description": about,
-    }
+        "anyOf": [alone, mapping], "description": about
+    }  # fmt: skip

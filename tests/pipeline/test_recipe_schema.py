@@ -47,7 +47,8 @@ def test_every_key_stands_in_it() -> None:
     assert sorted(allowed) == sorted(whole["$defs"]["flaws"]["properties"])
     for name, kind in KINDS.items():
         own = whole["$defs"]["flaws"]["properties"][name]["anyOf"][1]["properties"]
-        assert {*own} == {"number", "tiers", *(size.name for size in kind.sizes())}
+        beside = {"number", "tiers", "path"} if name == "bank" else {"number", "tiers"}
+        assert {*own} == beside | {size.name for size in kind.sizes()}
 
 
 def test_no_meaning_is_stale() -> None:
@@ -67,6 +68,8 @@ def test_no_meaning_is_stale() -> None:
         {"motion": {"yaw_deg": 400}}, {"flaws": {"dent": {"depth_mm": 90}}},
         {"flaws": {"dimple": 1}}, {"flaws": {"dent": {"tiers": {"a": {"scle": 1}}}}},
         {"splits": {"train": 0}}, {"split_by": "person"},
+        {"flaws": {"bank": 1}}, {"flaws": {"bank": {"number": 1}}},
+        {"flaws": {"dent": {"path": "a"}}},
     ],
     ids=str,
 )  # fmt: skip
