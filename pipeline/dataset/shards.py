@@ -18,6 +18,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.dataset.chunks import deflated
 from pipeline.scan.labelled_scan import CLASS_NAMES, REASON_NAMES, Scan
 from pipeline.scan.labels import counts_of
 from sensors.datasheet import Datasheet
@@ -123,7 +124,7 @@ class ShardWriter:
             dtype=dtype,
             chunks=(1, rows, *shape[1:]),
             compression="gzip",
-            compression_opts=1,
+            compression_opts=1,  # what HDF5 itself would use; chunks are written by `deflated`
             shuffle=True,
         )
 
@@ -170,14 +171,13 @@ class ShardWriter:
 
     def _write(self, dataset: Any, values: NDArray[Any]) -> None:
         """Write one scan chunk by chunk; counts that are all 0 need no place on disk."""
-        if values.dtype.kind != "u":
-            dataset[self._count] = values
-            return
         rows = dataset.chunks[1]
+        rest = (0,) * (values.ndim - 1)
         for first in range(0, len(values), rows):
             part = values[first : first + rows]
-            if part.any():
-                dataset[self._count, first : first + rows] = part
+            if values.dtype.kind != "u" or part.any():
+                place = (self._count, first, *rest)
+                dataset.id.write_direct_chunk(place, deflated(part, rows))
 
     def __enter__(self) -> Self:
         return self

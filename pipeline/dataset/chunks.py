@@ -1,0 +1,32 @@
+"""Chunks of HDF5 datasets, shuffled and deflated by ISA-L, readable by any HDF5 library.
+
+ISA-L deflates several times faster than the zlib that HDF5 calls. Its level 2 is the densest of
+its fast ones; level 3 takes three times as long and is no denser on scans (`make bench`).
+"""
+
+from typing import Any
+
+import numpy as np
+from isal import isal_zlib
+from numpy.typing import NDArray
+
+LEVEL = 2
+
+
+def deflated(values: NDArray[Any], rows: int) -> bytes:
+    """Return a chunk's bytes as HDF5's filters shuffle and deflate would leave them.
+
+    Parameters
+    ----------
+    values
+        (r, ...) the chunk's values, r <= rows.
+    rows
+        Rows of a full chunk; those that `values` lacks are 0.
+    """
+    size = values.dtype.itemsize
+    plain = np.zeros((rows, *values.shape[1:]), values.dtype) if len(values) < rows else values
+    if plain is not values:
+        plain[: len(values)] = values
+    octets = np.ascontiguousarray(plain).reshape(-1).view(np.uint8)
+    shuffled = np.ascontiguousarray(octets.reshape(-1, size).T)
+    return isal_zlib.compress(shuffled.data, LEVEL)
