@@ -137,7 +137,7 @@ def _run(arguments: argparse.Namespace) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except Exception as error:
-        if arguments.debug:
+        if arguments.debug or heard() is not None:  # a wish to stop may come as any error
             raise
         print(f"flawforge: {_said(error)}", file=sys.stderr)
         return 2
