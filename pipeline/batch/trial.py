@@ -185,6 +185,9 @@ def _expected(
             scans_by_split.update(work.splits)
             part = by_part.setdefault(name, _part_facts(name, rows))
             part["scans"] += scans
+            if "planned_passes" in part:
+                taken = min(max(part["passes_taken"], work.last), part["planned_passes"])
+                part["passes_taken"] = taken
             for split, share in Counter(work.splits).items():
                 for kind, number in work.wanted.items():
                     flaws = float(number * share)
@@ -210,7 +213,10 @@ def _expected(
 def _part_facts(name: str, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     mine = [row for row in rows if row["part"] == name]
     valid = [row["share_valid"] for row in mine]
+    planned = [row["planned_passes"] for row in mine if row.get("planned_passes")]
+    known = {"planned_passes": planned[0], "passes_taken": 0} if planned else {}
     return {
+        **known,
         "scans": 0,
         "share_valid": sum(valid) / len(valid) if valid else None,
         "surface": mine[0]["surface"] if mine else "",  # not tried: nothing is known

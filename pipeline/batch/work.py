@@ -159,7 +159,7 @@ def simulate(
     """
     file = recipe.file
     rng_of = streams(file.seed, part.name, names[0], "scan", names[1])
-    path, drawn = specimen.aimer.path(rng_of)
+    path, drawn = specimen.aimer.path(rng_of, names[1])
     surface_name = surface_of(recipe, part)
     scan = take_scan(
         flawed=specimen.flawed,

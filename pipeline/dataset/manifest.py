@@ -43,7 +43,8 @@ SCAN_COLUMNS: Final = {
     "direction": float,
     "standoff_mm": float, "roll_deg": float, "pitch_deg": float, "yaw_deg": float,
     "start_x_mm": float, "start_y_mm": float, "start_z_mm": float, "aimed_at_flaw": float,
-    "aimed_at_instance": int, "paths_drawn": int, "checksum": str,
+    "aimed_at_instance": int, "planned_pass": int, "planned_passes": int,
+    "paths_drawn": int, "checksum": str,
 }  # fmt: skip
 FLAW_COLUMNS: Final = {
     "scan_id": str, "part": str, "instance": int, "kind": str, "class_id": int, "tier": str,

@@ -79,3 +79,9 @@ def _parts(by_part: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
             yield f"part {part}: no detectable flaw in any scan"
         if facts["share_valid"] is not None and facts["share_valid"] < FEW_VALID:
             yield f"part {part}: {facts['share_valid']:.0%} of the points have a reading"
+        planned = facts.get("planned_passes")
+        if planned and facts["passes_taken"] < planned:
+            yield (
+                f"part {part}: {facts['passes_taken']} of {planned} planned passes taken; `scans`:"
+                f" {planned} of a specimen cover it"
+            )

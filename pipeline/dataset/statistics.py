@@ -13,6 +13,7 @@ class Statistics:
         self._by_class: dict[str, Counter[str]] = {}
         self._by_split: dict[str, dict[str, Counter[str]]] = {split: {} for split in self._splits}
         self._by_part: dict[str, dict[str, Any]] = {}
+        self._passes: dict[str, set[int]] = {}
         self._share_valid = 0.0
 
     @property
@@ -30,6 +31,9 @@ class Statistics:
              "detectable": 0},
         )  # fmt: skip
         part["scans"] += 1
+        if row.get("planned_passes"):
+            part["planned_passes"] = row["planned_passes"]
+            self._passes.setdefault(row["part"], set()).add(row["planned_pass"])
         part["share_valid"] += row["share_valid"]
 
     def add_flaw(self, row: Mapping[str, Any]) -> None:
@@ -59,7 +63,11 @@ class Statistics:
                 for split, classes in self._by_split.items()
             },
             "by_part": {
-                name: {**part, "share_valid": part["share_valid"] / part["scans"]}
+                name: {
+                    **part,
+                    "share_valid": part["share_valid"] / part["scans"],
+                    **({"passes_taken": len(self._passes[name])} if name in self._passes else {}),
+                }
                 for name, part in self._by_part.items()
             },
             "scans_by_split": dict(self._splits),

@@ -27,6 +27,8 @@ from pipeline.motion.aim import Aimer, Outlook
 from pipeline.parts import builtin as parts
 from pipeline.parts.part import Part, load_part
 from pipeline.parts.part_error import PartError
+from pipeline.planning.cover import planned_passes
+from pipeline.planning.passes import Pass
 from pipeline.recipe import PartEntry, Recipe
 from pipeline.seeds import streams
 from sensors.casting.laser import Laser
@@ -144,6 +146,19 @@ def _cut_once(kept: Path, cut: Callable[[], FlawedPart]) -> FlawedPart:
     return found
 
 
+# planned once for a part in each process: the next specimens of the part take the same passes
+_PASSES: dict[tuple[Path, str, float], tuple[Pass, ...]] = {}
+
+
+def _passes(recipe: Recipe, stored: Path, cover: float) -> tuple[Pass, ...]:
+    key = (stored, repr(recipe.datasheet), cover)
+    if key not in _PASSES:
+        part, scene, _ = stored_part(stored)
+        _PASSES.clear()
+        _PASSES[key] = planned_passes(part, scene, recipe.datasheet, cover)
+    return _PASSES[key]
+
+
 def make_specimen(
     recipe: Recipe, planned: PlannedPart, number: int, folder: Path, *, shared: bool = False
 ) -> Specimen:
@@ -154,7 +169,10 @@ def make_specimen(
     file = recipe.file
     part, clean_scene, skin = stored_part(folder / planned.stored)
     motion = recipe.motion_of(planned.entry)
-    outlook = Outlook(part, clean_scene, motion, recipe.datasheet, file.profiles)
+    passes: tuple[Pass, ...] = ()
+    if motion.cover is not None:
+        passes = _passes(recipe, folder / planned.stored, motion.cover)
+    outlook = Outlook(part, clean_scene, motion, recipe.datasheet, file.profiles, passes)
 
     def cut() -> FlawedPart:
         return inject(

@@ -1,14 +1,17 @@
 """Where a scan looks: points of the surface that the sensor can see, and whether a path sees it."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.injection.inject import FlawedPart
 from pipeline.motion.given_path import given_path
 from pipeline.motion.limits import Motion
-from pipeline.motion.trajectory import Reach, Trajectory, draw, frame, sweeps
+from pipeline.motion.trajectory import Reach, Trajectory, draw, frame, rate_of, sweeps
 from pipeline.parts.part import Part
 from pipeline.parts.part_error import PartError
+from pipeline.planning.passes import Pass
 from pipeline.seeds import RngOf
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
@@ -27,7 +30,8 @@ class Outlook:
     """What of a part the scans of a recipe can see.
 
     From a path that the recipe gives: what lies in the fan and the working range somewhere along
-    it. From drawn paths: whatever has a free way along the nominal look.
+    it. From drawn paths: whatever has a free way along the nominal look. From planned passes: what
+    any of them sweeps with a free way along its look.
 
     Attributes
     ----------
@@ -36,20 +40,37 @@ class Outlook:
     """
 
     def __init__(
-        self, part: Part, scene: Scene, motion: Motion, datasheet: Datasheet, profiles: int
+        self,
+        part: Part,
+        scene: Scene,
+        motion: Motion,
+        datasheet: Datasheet,
+        profiles: int,
+        passes: Sequence[Pass] = (),
     ) -> None:
         self._scene = scene
         self._datasheet = datasheet
+        self.passes = tuple(passes)
         self._path: Trajectory | None = None
         if motion.path is not None:
             centre = part.bounds_mm.mean(axis=0)
             self._path = given_path(motion, datasheet, profiles, centre)
         self._look = frame(motion.look, motion.travel)[:, 2]
         self._far_mm = float(np.ptp(part.bounds_mm, axis=0).sum()) * 2
-        self.facing: NDArray[np.bool_] = -(scene.normals @ self._look) > np.cos(STEEPEST_RAD)
+        looks = np.stack([one.look for one in passes] or [self._look])
+        self.facing: NDArray[np.bool_] = (
+            -(scene.normals @ looks.T) > np.cos(STEEPEST_RAD)
+        ).any(axis=1)
 
     def free(self, points_mm: Floats) -> NDArray[np.bool_]:
         """Tell which points (k, 3) of the surface, part frame, the sensor can see."""
+        if self.passes:
+            seen = [
+                sweeps(one.poses(PASSES), points_mm, self._datasheet)
+                & ~self._scene.blocked(points_mm, points_mm - self._far_mm * one.look)
+                for one in self.passes
+            ]
+            return np.asarray(np.any(seen, axis=0))
         free = ~self._scene.blocked(points_mm, points_mm - self._far_mm * self._look)
         if self._path is not None:
             free &= sweeps(self._path.poses, points_mm, self._datasheet, PASSES)
@@ -83,14 +104,18 @@ class Aimer:
         if len(self._areas) == 0 or not self._areas[-1] > 0:
             raise PartError(part.name, "no face can be seen along motion.look", "another look")
 
-    def path(self, rng_of: RngOf) -> tuple[Trajectory, int]:
+    def path(self, rng_of: RngOf, number: int = 0) -> tuple[Trajectory, int]:
         """Draw a path until it sees enough; also return how many were drawn.
+
+        Where passes are planned, scan `number` of the specimen takes the next of them.
 
         Raises
         ------
         PartError
             Where a given path sees nothing, or none of `motion.tries` paths saw enough.
         """
+        if self._outlook.passes:
+            return self._planned(number), 1
         if self.motion.path is not None:
             centre = self._bounds_mm.mean(axis=0)
             path = given_path(self.motion, self.datasheet, self.profiles, centre)
@@ -124,6 +149,24 @@ class Aimer:
             f"none of {self.motion.tries} paths saw {self.motion.least_seen:.0%} of what a path"
             " over its middle sees",
             "a stand-off within the sensor's range, smaller tilts, a lower motion.least_seen",
+        )
+
+    def _planned(self, number: int) -> Trajectory:
+        """Return the pass that is this scan's turn, evenly triggered along its length."""
+        count = len(self._outlook.passes)
+        taken = self._outlook.passes[number % count]
+        rate_hz = rate_of(self.motion, self.datasheet)
+        facts = {
+            "length_mm": taken.length_mm,
+            "speed_mm_s": taken.length_mm * rate_hz / self.profiles,
+            "profile_rate_hz": rate_hz,
+            "planned_pass": number % count,
+            "planned_passes": count,
+        }
+        return Trajectory(
+            poses=taken.poses(self.profiles),
+            time_s=np.arange(self.profiles) / rate_hz,
+            facts=facts,
         )
 
     def holds(self, path: Trajectory, instance: int) -> bool:

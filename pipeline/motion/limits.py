@@ -49,7 +49,8 @@ class Motion:
     the surface: of a flaw with probability `aim_at_flaws`, else anywhere on what can be seen.
     Path length = profiles * speed / rate: `length_mm` sets the speed, and with both given the
     profiles are triggered by an encoder and the rate follows. A `path` is given by its waypoints,
-    or by the name of a file of poses, CSV or HDF5, as a robot recorded them.
+    or by the name of a file of poses, CSV or HDF5, as a robot recorded them. With `cover`, passes
+    are planned over the part from all sides, and the scans of a specimen take one after the other.
     """
 
     look: Vector = (0.0, 0.0, -1.0)
@@ -97,10 +98,17 @@ class Motion:
         "paths that are drawn at most", low=1, high=1000, whole=True, default=30
     )
     path: WaypointPath | str | None = None
+    cover: float | None = quantity(
+        "share of the surface that planned passes see together, scan after scan of a specimen; in "
+        "place of drawn paths",
+        low=0, above=True, high=1, default=None,
+    )
 
     def __post_init__(self) -> None:
         if isinstance(self.path, str) and not self.path.lower().endswith((".csv", ".h5")):
             raise ValueError(f"path: {self.path!r} must be waypoints, or a .csv or .h5 of poses")
+        if self.path is not None and self.cover is not None:
+            raise ValueError("either 'path' or 'cover'")
         drawn = self.direction
         values = drawn.values if isinstance(drawn, Choice) else {*drawn.limits()}
         if not isinstance(drawn, Choice | Fixed) or not {*values} <= {-1.0, 1.0}:

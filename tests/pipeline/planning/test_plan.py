@@ -2,16 +2,21 @@
 
 import h5py
 import numpy as np
+import pandas as pd
 import pytest
 import trimesh
 
 from flawforge.cli import main
+from pipeline.batch.run import generate
+from pipeline.batch.trial import try_recipe
 from pipeline.motion.recorded_path import replay
 from pipeline.parts.part import Part
 from pipeline.planning.cover import plan_cover
 from pipeline.planning.passes import Pass, Samples, candidates
+from pipeline.recipe import Recipe
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
+from sensors.typed_yaml import RecipeError
 
 SHEET = Datasheet(
     name="s", working_distance_mm=100.0, z_range_mm=60.0, x_fov_mm=40.0, points_per_profile=81,
@@ -90,3 +95,25 @@ def test_the_command_writes_passes_that_a_recipe_follows(tmp_path, capsys):
     assert replay(str(first), 500.0, 50).poses.shape == (50, 4, 4)
     assert (tmp_path / "plan" / "plan.png").stat().st_size > 10_000
     assert main([*words[:-2], "--cover", "2", "--out", str(tmp_path / "x")]) == 2
+
+
+COVER = ["motion={cover: 0.98}", "specimens=1", "splits={train: 1.0}", "flaws={pit: 1}"]
+
+
+def test_a_recipe_with_cover_takes_pass_after_pass(recipe_path, tmp_path):
+    recipe = Recipe.load(recipe_path, sets=[*COVER, "scans=3"])
+    dataset = generate(recipe, tmp_path / "out")
+    rows = pd.read_parquet(tmp_path / "out" / "manifest.parquet")
+    mine = rows[rows["part"] == "a"]
+    assert mine["planned_pass"].tolist() == [0, 1, 2]
+    planned = int(mine["planned_passes"].iloc[0])
+    assert planned > 3
+    assert any(f"part a: 3 of {planned} planned passes" in text for text in dataset["warnings"])
+    trial = try_recipe(recipe, specimens=1, scans=2)
+    assert any(f"part a: 3 of {planned} planned passes" in t for t in trial.dataset["warnings"])
+    assert (mine["share_valid"] > 0).all()
+
+
+def test_cover_and_path_exclude_each_other(recipe_path):
+    with pytest.raises(RecipeError, match="either"):
+        Recipe.load(recipe_path, sets=["motion={cover: 0.9, path: a.csv}"])
