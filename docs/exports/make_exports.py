@@ -18,7 +18,8 @@ PAGE = Path(__file__).parents[1] / "exports.md"
 HEAD = """\
 # Datasets for other programs
 
-Made by `make exports`; do not edit. Everything below ran on the quickstart.
+Made by `make exports`; do not edit. Everything below ran on the quickstart, with two specimens of
+each part and two more without flaws.
 
 `flawforge export DIR --to FORM` writes a dataset in the form that another program opens, into
 `DIR/export-FORM` or `--out`. A second run gives the same bytes. Options:
@@ -40,6 +41,7 @@ crack, and so on as in [flaws.md](flaws.md). Packages that a form needs come wit
 `pip install 'flawforge[FORM]'`. From Python: `flawforge.export(dataset, out, "coco")`.
 
 """
+SMALLER = {"specimens": 2, "good_specimens": 2, "scans": 2}
 NOTES = {
     "coco": "Masks are compressed run lengths. Beside COCO's keys an annotation has `flaw_id`"
     " (specimen and number: the same flaw in several scans), `depth_mm`, `snr`, `detectable`,"
@@ -168,7 +170,7 @@ def main() -> None:
     environment = {**os.environ, "HF_HUB_OFFLINE": "1", "HF_HUB_DISABLE_PROGRESS_BARS": "1"}
     with tempfile.TemporaryDirectory() as folder:
         data = Path(folder) / "quickstart"
-        flawforge.generate("quickstart", data, sets={"good_specimens": 2})
+        flawforge.generate("quickstart", data, sets=SMALLER)
         for name in SNIPPETS:
             out = Path(folder) / name
             written = flawforge.export(data, out, name)
