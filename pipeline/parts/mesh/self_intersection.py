@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
+_ROUNDING = 1e-14  # of a distance from a plane, relative, where its triangle is no needle
 _CHUNK = 400_000
 _MOST_PAIRS = 60_000_000
 
@@ -65,6 +67,7 @@ def crossings(
         looked += len(pairs)
         real = order[pairs]
         real = real[(real >= 0).all(axis=1) & (real[:, 0] != real[:, 1])]
+        real = real[_straddling(corners, real, tolerance_mm)]
         hit, point = _cross(corners, real, tolerance_mm)
         if hit.any():
             found.append(np.sort(real[hit], axis=1))
@@ -132,6 +135,41 @@ def _overlapping(box: NDArray[np.float64], pairs: NDArray[np.int64]) -> NDArray[
         one, other = pairs[:, 0], pairs[:, 1]
         pairs = pairs[(low[one] <= high[other]) & (low[other] <= high[one])]
     return pairs
+
+
+@njit(cache=True)
+def _straddling(
+    corners: NDArray[np.float64], pairs: NDArray[np.int64], tolerance_mm: float
+) -> NDArray[np.bool_]:
+    """Whether a triangle has corners on both sides of the other's plane, and the other of its.
+
+    Both are needed for a crossing (Möller, "A fast triangle-triangle intersection test", 1997);
+    thin triangles askew to the axes have boxes that overlap by the million without it.
+    """
+    kept = np.zeros(len(pairs), dtype=np.bool_)
+    low, high, slack = np.empty(2), np.empty(2), np.empty(2)
+    for k in range(len(pairs)):
+        for which in range(2):
+            face, other = corners[pairs[k, which]], corners[pairs[k, 1 - which]]
+            ux, uy, uz = face[1, 0] - face[0, 0], face[1, 1] - face[0, 1], face[1, 2] - face[0, 2]
+            vx, vy, vz = face[2, 0] - face[0, 0], face[2, 1] - face[0, 1], face[2, 2] - face[0, 2]
+            nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+            area = np.sqrt(nx * nx + ny * ny + nz * nz)
+            low[which], high[which], size = np.inf, -np.inf, 0.0
+            for corner in range(3):
+                x = other[corner, 0] - face[0, 0]
+                y = other[corner, 1] - face[0, 1]
+                z = other[corner, 2] - face[0, 2]
+                side = (nx * x + ny * y + nz * z) / area if area > 0.0 else 0.0
+                low[which], high[which] = min(low[which], side), max(high[which], side)
+                size = max(size, abs(x) + abs(y) + abs(z))
+            sides = np.sqrt((ux * ux + uy * uy + uz * uz) * (vx * vx + vy * vy + vz * vz))
+            slack[which] = _ROUNDING * size * (sides / area if area > 0.0 else 0.0)
+        if (low > slack).any() or (high < -slack).any():
+            continue
+        deep = tolerance_mm - slack
+        kept[k] = ((low < -deep) & (high > deep)).any()
+    return kept
 
 
 def _cross(
