@@ -58,7 +58,7 @@ NOTES = {
     "webdataset": "A key is the scan's id, its dots as %2E.",
     "tiff": "Resolution tags hold points per centimetre; GDAL's tag names NaN as missing.",
     "las": "Metres, scale 0.1 µm, part frame; `gps_time` is the profile's time.",
-    "ply": "Part frame, mm. Open3D and CloudCompare read the same properties.",
+    "ply": "Part frame, mm; floats, bytes and int32 alone. Open3D did not run here.",
     "png": "Masks are 8-bit grey, the class; instances 16-bit grey.",
     "recording": "What an instrument would deliver, with its sensor: ready for `flawforge diagnose`"
     " and for a round trip.",
@@ -185,7 +185,7 @@ def main() -> None:
             )  # fmt: skip
             summary = FORMS[name].summary
             parts.append(
-                f"## {name}\n\n{summary[0].upper()}{summary[1:]}. {len(written)} files.\n\n"
+                f"## {name}\n\n{len(written)} files: {summary}.\n\n"
                 + textwrap.fill(NOTES[name], 100)
                 + f"\n\n```python\n{SNIPPETS[name]}```\n\n```\n{said}\n```\n"
             )

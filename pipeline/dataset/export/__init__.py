@@ -53,7 +53,9 @@ FORMS: Final[Mapping[str, Form]] = {
     "yolo": Form(summary="instance segmentation: data.yaml, images, labels", image="relief8"),
     "mvtec3d": Form(summary="anomaly detection: folders as MVTec 3D-AD's", package="tifffile"),
     "hf": Form(summary="a folder for the Hugging Face hub, parquet", image="relief8"),
-    "webdataset": Form(summary="SPLIT-000000.tar ...", image="relief8"),
+    "webdataset": Form(
+        summary="tar files by split, a picture, masks and facts for each scan", image="relief8"
+    ),
 }
 __all__ = ["FORMS", "Form", "export"]
 
