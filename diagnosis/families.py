@@ -25,6 +25,7 @@ from sensors.view.view import View
 SKIPPED = {
     "roughness_level", "anisotropic_lay", "form_error", "pose_error", "empirical",
     "stage_vibration", "travel_ripple", "column_offset", "onboard_filter", "row_repeat",
+    "lateral_error",
 }  # fmt: skip
 """Effects that other tests cover: spectrum, free-form maps, placements, rows, columns."""
 SCAN = "scan:"

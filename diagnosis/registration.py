@@ -15,6 +15,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from diagnosis.noise import Field, Mask, mad_sd
+from diagnosis.part_unit import unit_hint
 from sensors.casting.hits import Hits
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
@@ -220,13 +221,17 @@ def check_meets(scene: Scene, recording: Recording, laser: Laser, *, valid: Mask
     Raises
     ------
     RecipeError
-        Where too few of its rays meet the part.
+        Where too few of its rays meet the part, or it would fit in another unit.
     """
     rows, columns = _subset(recording.depth_mm.shape, valid)
     pick = np.ix_(rows, columns)
     rays = Laser(x_mm=laser.x_mm[columns], slope_x=laser.slope_x[columns])
     depth = np.where(valid[pick], recording.depth_mm[pick], np.nan)
-    _met(scene, rays, recording.poses[rows], depth, recording.name)
+    poses = recording.poses[rows]
+    _met(scene, rays, poses, depth, recording.name)
+    hint = unit_hint(scene, rays, poses, depth)
+    if hint is not None:
+        raise RecipeError(hint, where=recording.name)
 
 
 def _met(
@@ -380,22 +385,12 @@ def step_by_step(
 
 def overlap_fault(scene: Scene, rays: Laser, poses: Field, depth: Field) -> str:
     """Say why a recording and a part don't meet: elsewhere, or in other units."""
+    hint = unit_hint(scene, rays, poses, depth, missed=True)
+    if hint is not None:
+        return hint
     seen = np.isfinite(depth)
     points = _points(poses, rays, depth)[seen]
     low, high = scene.vertices_mm.min(axis=0), scene.vertices_mm.max(axis=0)
-    part = float(np.linalg.norm(high - low))
-    scan = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
-    for factor, unit in ((1000.0, "m"), (25.4, "inch"), (10.0, "cm"), (1e-3, "µm")):
-        fits = 0.2 < scan / (part * factor) < 1.5
-        doesnt = not 0.2 < scan / part < 1.5
-        reach = np.all(points.mean(axis=0) > factor * low - 0.1 * part * factor) and np.all(
-            points.mean(axis=0) < factor * high + 0.1 * part * factor
-        )
-        if fits and doesnt and reach:
-            return (
-                f"doesn't meet the part, which would fit {factor:g} times as large: is the part "
-                f"in {unit}? (try --part-unit {unit})"
-            )
     centre = np.round(points.mean(axis=0), 1)
     extent = f"{np.round(low, 1).tolist()} to {np.round(high, 1).tolist()}"
     return (

@@ -245,7 +245,10 @@ class Waves:
         u, v = self.cosine.T @ sums, self.sine.T @ sums
         shape = (slice(None),) + (None,) * (sums.ndim - 1)
         a, b, c = self.a[shape], self.b[shape], self.c[shape]
-        return np.asarray((b * u**2 - 2 * c * u * v + a * v**2) / (a * b - c**2))
+        det = np.broadcast_to(a * b - c**2, u.shape)
+        power = b * u**2 - 2 * c * u * v + a * v**2
+        # a wave that a placement makes all of has none
+        return np.asarray(np.divide(power, det, out=np.zeros_like(power), where=det > 0))
 
     def amplitude(self, k: int, sums: Field) -> float:
         """Size of the best sine at frequency k."""

@@ -163,34 +163,3 @@ def check_sizes(
         f"states no unit, and in mm {doubt}",
         allowed="--unit (or --z-step-mm, --pitch-x-mm); --no-check where mm is right",
     )
-
-
-SCALES = {
-    25.4: "inch", 1 / 25.4: "mm, not inch", 10.0: "cm", 0.1: "mm, not cm", 1000.0: "m",
-    0.001: "um", 39.37: "m, not inch",
-}  # fmt: skip
-
-
-def unit_of_part(part_mm: float, seen_mm: float) -> str | None:
-    """Return a hint where a part's size and what was seen of it differ by a unit's factor.
-
-    Parameters
-    ----------
-    part_mm, seen_mm
-        Largest lateral extents of the part and of the readings.
-
-    Returns
-    -------
-    hint
-        "25.4 times larger than the part: is the part's unit inch?", or None.
-    """
-    if not (part_mm > 0 and seen_mm > 0):
-        return None
-    ratio = seen_mm / part_mm
-    for factor, unit in SCALES.items():
-        if abs(np.log(ratio / factor)) < np.log(1.15) and factor not in (10.0, 0.1, 0.001):
-            return (
-                f"the readings span {seen_mm:.4g} mm, {ratio:.3g} times the part's "
-                f"{part_mm:.4g} mm: is the part's unit {unit}?"
-            )
-    return None

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sensors.formats.plausibility import check_sizes, sentinels, unit_of_part
+from sensors.formats.plausibility import check_sizes, sentinels
 from sensors.typed_yaml import RecipeError
 
 
@@ -70,13 +70,3 @@ def test_sizes_in_doubt_stop_without_a_unit_and_are_said_with_one():
     with pytest.raises(RecipeError, match="field is 0.012 mm wide"):
         check_sizes(False, surface() * 1e-3, x * 1e-3, y * 1e-3, True)
     assert check_sizes(False, surface(), x, y, True) == ()
-
-
-@pytest.mark.parametrize(
-    ("ratio", "unit"), [(25.4, "inch"), (1000.0, "m"), (1 / 25.4, "mm, not inch"), (1.3, None)]
-)
-def test_unit_of_a_part_by_its_size(ratio, unit):
-    hint = unit_of_part(100.0, 100.0 * ratio)
-    assert (hint is None) == (unit is None)
-    if unit is not None:
-        assert hint.endswith(f"is the part's unit {unit}?")
