@@ -45,7 +45,7 @@ def section(title: str, answers: Sequence[Answer], opened: bool) -> list[str]:
     used = any(a.run["baselines_used"] for a in answers)
     lines = [
         f"## {title}", "",
-        f"{len(answers)} cases."
+        f"{len(answers)} cases, the first of the seed's plan."
         + ("" if used else " This version knows no baselines: they were not used."), "",
         "| figure | value (of; 95 % interval) | aim |", "| --- | --- | --- |",
         *(f"| {a} | {b} | {c} |" for a, b, c in figures(answers)), "",
