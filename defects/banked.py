@@ -5,7 +5,6 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import RectBivariateSpline, RegularGridInterpolator
 
 from defects.flaw_bank import FlawBank, Relief
 from defects.kind import Kind
@@ -120,6 +119,9 @@ class Banked(Kind):
         # 64 bits and contiguous, as the spline wants it
         axes = [np.arange(n, dtype=np.float64) for n in known.shape]
         at = [np.linspace(0.0, n - 1.0, k) for n, k in zip(known.shape, count, strict=True)]
+        # here, since most runs never draw from a bank
+        from scipy.interpolate import RectBivariateSpline, RegularGridInterpolator
+
         height = factor * RectBivariateSpline(*axes, known, kx=3, ky=3, s=0)(*at)
         share = RegularGridInterpolator(axes, inside.astype(np.float64))
         mask = share(np.stack(np.meshgrid(*at, indexing="ij"), axis=-1)) >= 0.5

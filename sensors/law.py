@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import convolve
 
 from sensors.noise.perlin import PerlinField, grid_pitch
 from sensors.noise.uncertainty import quantise, sigma_mm
@@ -186,6 +185,8 @@ class Delivery:
 
 def smoothed(correlation: Floats, smoothing: Floats) -> Floats:
     """Correlation of noise that had one already, once it is smoothed."""
+    from scipy.signal import convolve  # loads a second of scipy
+
     full: Floats = convolve(correlation, smoothing)
     return np.asarray(full / full[full.shape[0] // 2, full.shape[1] // 2])
 

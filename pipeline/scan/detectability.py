@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import find_objects
-from scipy.signal import oaconvolve
 
 from sensors.law import Law, smoothed
 from sensors.noise.correlation import speckle_kernel
@@ -123,6 +122,8 @@ def _power(sent: Floats, correlation: Floats | None) -> float:
     """Variance of a sum of unit noise with these weights; of white noise without correlation."""
     if correlation is None:
         return float(np.sum(sent**2))
+    from scipy.signal import oaconvolve  # loads a second of scipy
+
     return float(np.sum(sent * oaconvolve(sent, correlation, mode="same")))
 
 

@@ -7,7 +7,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binom
 
 from sensors.effects.delivery import DeliveryEffect
 from sensors.effects.parameter import parameter
@@ -209,6 +208,8 @@ class OnboardFilter(DeliveryEffect):
         count, width = math.prod(self.median_window), math.prod(self.mean_window)
         if not np.any(share):
             return share
+        from scipy.stats import binom  # loads a second of scipy
+
         left = binom.sf((count - 1) // 2, count, share) if count > 1 else share
         return np.asarray(1.0 - (1.0 - left) ** width)
 
