@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.budget import allow, regular
+from sensors.hdf5_output import created
 from sensors.typed_yaml import RecipeError
 
 FORMAT = "profilometer-recording"
@@ -119,7 +120,7 @@ class Recording:
 
     def save(self, path: str | Path) -> None:
         """Write the form that `load` reads; depth and intensity as float32."""
-        with h5py.File(path, "w") as file:
+        with created(path) as file:
             file.attrs["format"] = FORMAT
             file.attrs["version"] = VERSION
             file.attrs["name"] = self.name

@@ -22,6 +22,7 @@ from pipeline.dataset.chunks import deflated
 from pipeline.scan.labelled_scan import CLASS_NAMES, REASON_NAMES, Scan
 from pipeline.scan.labels import counts_of
 from sensors.datasheet import Datasheet
+from sensors.hdf5_output import Output
 
 FORMAT, VERSION = "flawforge-shard", 1
 FINE_MM = 1e-4  # ideal and clean depths: counts of 0.1 µm
@@ -86,7 +87,8 @@ class ShardWriter:
         low, high = datasheet.depth_min_mm, datasheet.depth_max_mm
         self._reading = DepthCode(datasheet.step_mm, low, high) if datasheet.step_mm else None
         self._fine = DepthCode(FINE_MM, low, high)
-        self._file = h5py.File(self._aside, "w", libver="v110")
+        self._output = Output(self._aside)
+        self._file = h5py.File(self._output, "w", libver="v110")
         for key, value in attributes.items():
             self._file.attrs[key] = value if isinstance(value, str) else json.dumps(value)
         self._file.attrs["format"] = FORMAT
@@ -164,6 +166,7 @@ class ShardWriter:
                 self._write(dataset, values)
                 # now, not when the last reference goes: a debugger or Dask's profiler may hold one
                 dataset.flush()
+                self._output.check()
                 digest.update(values.data)
         self._ids.append(scan_id)
         self._count += 1
@@ -195,14 +198,18 @@ class ShardWriter:
                 width = max([len(name.encode()) for name in self._ids], default=1)
                 names = np.array([name.encode() for name in self._ids], dtype=f"S{width}")
                 self._file.create_dataset("scan_id", data=names)
+                self._output.check()
+            self._file.close()
+            self._output.close()
+            if kind is None:
+                self._output.check()
+                sync(self._aside)
+                os.replace(self._aside, self.path)
+                sync(self.path.parent)
         finally:
             self._file.close()
-            if kind is not None:
-                self._aside.unlink(missing_ok=True)
-        if kind is None:
-            sync(self._aside)
-            os.replace(self._aside, self.path)
-            sync(self.path.parent)
+            self._output.close()
+            self._aside.unlink(missing_ok=True)
 
 
 def read_scan(path: Path, row: int) -> dict[str, Any]:
