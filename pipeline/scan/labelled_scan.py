@@ -14,6 +14,7 @@ from pipeline.scan.labels import Tally, cross_boxes, faces_hit, stand_out, tally
 from pipeline.seeds import RngOf
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
+from sensors.effects.row_repeat import RowRepeat, brightness_delivered
 from sensors.line.brightness import Brightness
 from sensors.model import SensorModel
 from sensors.surface.brightness import Reflectance
@@ -154,6 +155,9 @@ def take_scan(
         len(flawed.flaws), instance, gone | (reason == HIDDEN_BY_FLAW), law, view, depth,
         clean.depth_mm,
     )  # fmt: skip
+    intensity = None if brightness is None else brightness.levels(view, np.isfinite(depth))
+    if intensity is not None and any(isinstance(e, RowRepeat) for e in sensor.effects):
+        intensity = brightness_delivered(intensity, depth)
     return Scan(
         depth_mm=depth,
         depth_ideal_mm=view.depth_mm,
@@ -168,7 +172,7 @@ def take_scan(
         time_s=trajectory.time_s,
         laser=laser,
         evidence=evidence,
-        intensity=None if brightness is None else brightness.levels(view, np.isfinite(depth)),
+        intensity=intensity,
     )
 
 

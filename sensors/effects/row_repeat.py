@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from sensors.effects.delivery import DeliveryEffect
 from sensors.effects.parameter import parameter
 from sensors.law import Law, RngOf
+from sensors.recording import repeated_rows
 from sensors.view.view import View
 
 Floats = NDArray[np.float64]
@@ -88,8 +89,20 @@ class RowRepeat(DeliveryEffect):
         self, depth_mm: Floats, reason: NDArray[np.uint8], rng_of: RngOf
     ) -> tuple[Floats, NDArray[np.uint8]]:
         """Repeat profiles, each with the share's chance."""
-        rows = np.arange(len(depth_mm))
-        again = rng_of(self.name).random(len(rows)) < self.share
+        again = rng_of(self.name).random(len(depth_mm)) < self.share
         again[0] = False
-        source = np.maximum.accumulate(np.where(again, 0, rows))
+        source = _source(again)
         return depth_mm[source], reason[source]
+
+
+def brightness_delivered(levels: NDArray[np.uint8], depth_mm: Floats) -> NDArray[np.uint8]:
+    """Return the brightness (n, m) that comes with readings of which profiles repeat.
+
+    A profile that is delivered again is so with its brightness.
+    """
+    return levels[_source(repeated_rows(depth_mm))]
+
+
+def _source(again: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Profile whose readings stand in each one's place."""
+    return np.maximum.accumulate(np.where(again, 0, np.arange(again.size)))

@@ -10,7 +10,7 @@ from sensors.effects.line_bow import LineBow
 from sensors.effects.onboard_filter import OnboardFilter
 from sensors.effects.outlier_spikes import OutlierSpikes
 from sensors.effects.random_dropout import RandomDropout
-from sensors.effects.row_repeat import RowRepeat
+from sensors.effects.row_repeat import RowRepeat, brightness_delivered
 from sensors.law import geometric_law
 from sensors.model import SensorModel, scan_with
 from sensors.noise.perlin import PerlinField
@@ -153,3 +153,14 @@ def test_a_repeated_profile_reaches_beyond_the_part(view_of):
     assert np.isclose(p_missing[beyond + 1, 40], 1 - 0.3**2)
     _, reason = law.sample(streams(2), view)
     assert set(np.unique(reason)) <= {Reason.VALID, Reason.NO_HIT}
+
+
+def test_a_profile_repeats_with_its_brightness(view_of):
+    view = view_of("bench", y_mm=np.linspace(-24.7, 24.6, 200))
+    depth, _ = RowRepeat(share=0.4).apply(geometric_law(view, FIELD), view).sample(streams(6), view)
+    levels = np.random.default_rng(1).integers(1, 255, view.shape, dtype=np.uint8)
+    delivered = brightness_delivered(levels, depth)
+    again = repeated_rows(depth)
+    assert again.sum() > 50
+    assert np.array_equal(delivered[1:][again[1:]], delivered[:-1][again[1:]])
+    assert np.array_equal(delivered[~again], levels[~again])
