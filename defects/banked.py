@@ -107,6 +107,8 @@ class Banked(Kind):
 
     def _shape(self, sagitta: float) -> tuple[Floats, Bools, tuple[float, float]]:
         """Return heights and mask on a lattice as fine as it must be, and its steps."""
+        from scipy.interpolate import RectBivariateSpline, RegularGridInterpolator
+
         relief = self.relief
         known = relief.height_mm[:, ::-1] if self.mirror else relief.height_mm
         inside = relief.footprint[:, ::-1] if self.mirror else relief.footprint
@@ -120,7 +122,6 @@ class Banked(Kind):
         axes = [np.arange(n, dtype=np.float64) for n in known.shape]
         at = [np.linspace(0.0, n - 1.0, k) for n, k in zip(known.shape, count, strict=True)]
         # here, since most runs never draw from a bank
-        from scipy.interpolate import RectBivariateSpline, RegularGridInterpolator
 
         height = factor * RectBivariateSpline(*axes, known, kx=3, ky=3, s=0)(*at)
         share = RegularGridInterpolator(axes, inside.astype(np.float64))
