@@ -16,6 +16,7 @@ from pipeline.motion.given_path import given_path
 from pipeline.motion.limits import Motion
 from pipeline.motion.trajectory import frame, rate_of
 from pipeline.parts.builtin import FACET_UM
+from pipeline.recipe_paths import resolve
 from pipeline.recipe_source import read_source
 from quantity import declared, quantity
 from sensors.datasheet import Datasheet, with_effects
@@ -375,37 +376,3 @@ def _inside(name: str, roots: tuple[Path, ...], where: str) -> str:
     if Path(name).suffix not in (".yaml", ".yml"):
         return name
     return str(resolve(name, roots, where))
-
-
-def resolve(name: str, roots: tuple[Path, ...], where: str) -> Path:
-    """Return where a path or glob of the recipe leads: inside one of `roots`.
-
-    Raises
-    ------
-    RecipeError
-        Where it leads outside all of them.
-    """
-    if "\0" in name:
-        raise RecipeError("isn't a path", where=where, value=name)
-    inside = [root / name for root in roots if _is_below(root / name, root)]
-    if not inside and Path(name).is_absolute():
-        inside = [Path(name) for root in roots if _is_below(Path(name), root)]
-    if not inside:
-        raise RecipeError(
-            "the path leads outside the recipe's folder",
-            where=where,
-            value=name,
-            allowed="paths below " + " or ".join(str(root) for root in roots)
-            + "; name further folders with --parts",
-        )
-    return next((path for path in inside if _matches(path)), inside[0])
-
-
-def _is_below(path: Path, root: Path) -> bool:
-    return path.resolve().is_relative_to(root)
-
-
-def _matches(path: Path) -> bool:
-    import glob
-
-    return bool(glob.glob(str(path), recursive=True))

@@ -23,7 +23,8 @@ from pipeline.dataset.shards import file_sha256
 from pipeline.injection.specimen import check_plan, load_entry, store_part
 from pipeline.parts.part import find_parts
 from pipeline.parts.part_error import PartError
-from pipeline.recipe import PartEntry, Recipe, resolve
+from pipeline.recipe import PartEntry, Recipe
+from pipeline.recipe_paths import resolve
 
 __all__ = ["Backend", "generate"]
 
