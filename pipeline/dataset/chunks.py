@@ -1,7 +1,8 @@
 """Chunks of HDF5 datasets, shuffled and deflated by ISA-L, readable by any HDF5 library.
 
-ISA-L deflates several times faster than the zlib that HDF5 calls. Its level 2 is the densest of
-its fast ones; level 3 takes three times as long and is no denser on scans (`make bench`).
+ISA-L deflates five to six times faster than the zlib that HDF5 calls (`python -m benchmarks.waits`).
+Of its levels, 2 is the densest of the fast ones; 3 took three times as long on a scan of the car
+door and was no denser.
 """
 
 from typing import Any
