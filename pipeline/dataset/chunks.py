@@ -1,6 +1,6 @@
 """Chunks of HDF5 datasets, shuffled and deflated by ISA-L, readable by any HDF5 library.
 
-ISA-L deflates five to six times faster than the zlib that HDF5 calls (`python -m benchmarks.waits`).
+ISA-L deflates five to six times faster than the zlib that HDF5 calls, see `benchmarks/waits.py`.
 Of its levels, 2 is the densest of the fast ones; 3 took three times as long on a scan of the car
 door and was no denser.
 """
