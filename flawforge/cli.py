@@ -132,15 +132,27 @@ def _module(name: str) -> Any:
 def _run(arguments: argparse.Namespace) -> int:
     try:
         code: int = _module(arguments.command).run(arguments)
+        if sys.stdout is not None:  # here, where a fault is said in a line, not as Python ends
+            sys.stdout.flush()
         return code
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         return 1
     except Exception as error:
         if arguments.debug or heard() is not None:  # a wish to stop may come as any error
             raise
         print(f"flawforge: {_said(error)}", file=sys.stderr)
+        try:
+            if sys.stdout is not None:
+                sys.stdout.flush()
+        except OSError:
+            _drop_output()
         return 2
+
+
+def _drop_output() -> None:
+    """Let what standard output still holds go nowhere: nobody takes it."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _said(error: Exception) -> str:
