@@ -15,6 +15,7 @@ from typing import Any
 from pipeline.batch.backend import Backend
 from pipeline.batch.plan import Plan, PlannedPart, make_plan
 from pipeline.batch.work import Workplace, is_whole, make_shard, read_journal
+from pipeline.dataset.checksums import NAME as CHECKSUMS
 from pipeline.dataset.checksums import write_checksums
 from pipeline.dataset.description import describe
 from pipeline.dataset.folder import drop_leftovers, drop_parts, held
@@ -91,6 +92,7 @@ def generate(
                 "recipe": used,
                 "versions": made_by,
                 "files": identity["files"],
+                "checksums": CHECKSUMS,
                 "failed": failed,
             },
         )

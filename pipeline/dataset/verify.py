@@ -81,7 +81,9 @@ def verify(folder: Path, *, content: bool = False) -> Report:
             raise
         faults["dataset.json"].append(str(error))
         return _report(folder, faults, notes, None)
-    if listed is None and NAME not in faults:
+    if listed is None and said.get("checksums") == NAME and NAME not in faults:
+        faults[NAME] = ["missing"]
+    elif listed is None and NAME not in faults:  # made before there was such a list
         notes.append(f"{folder}: has no {NAME}; shards and tables are checked by their content")
         _check_shards(folder, said, faults)
     held = _stored(folder, said, faults, content=content or listed is None)

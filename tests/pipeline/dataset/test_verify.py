@@ -75,6 +75,13 @@ def test_a_lock_of_another_recipe_is_refused(once, recipe_path, tmp_path):
         compare_with_lock(other, lock)
 
 
+def test_a_list_of_checksums_that_was_removed_is_named(once):
+    (once / NAME).unlink()
+    report = verify(once)
+    assert report.wrong == 1
+    assert f"{NAME}: missing" in report.lines
+
+
 def test_every_flip_in_every_file_is_noticed(once):
     rng = np.random.default_rng(0)
     for name in [*own_files(once), NAME]:
