@@ -31,6 +31,13 @@ TURNED = tuple({**view, "heading_deg": 60.0 * k} for k, view in enumerate((*VIEW
 """Six orientations: a mounting shows where a sensor's errors agree in its own frame."""
 SLOW = {"profile_rate_hz": 0.5, "travel_speed_mm_s": 0.3}
 """A recording of minutes, in which an instrument warms up."""
+NOT_SEARCHED = frozenset(
+    {"axis_quantisation", "lateral_error", "light_falloff", "onboard_filter", "row_repeat"}
+)
+"""Effects that recordings are generated with and the diagnosis doesn't search: no strength is
+defined for what replaces readings, and place stands in for angle in the others. The bench of other
+formulas (`make diagnose-bench`) has them."""
+
 CASES = (
     Case(name="line_bow", scaled="sag_um", part="domes"),
     Case(name="lens_distortion", scaled="cubic_um", part="domes", more={"tilt_um": 0.0}),

@@ -335,11 +335,11 @@ def dask_seconds(recipe: Path) -> float | None:
 def batches(folder: Path) -> dict[str, Path]:
     """Write the recipes of the datasets that are timed; by name."""
     quick = (HOME / "pipeline" / "recipes" / "quickstart.yaml").read_text()
-    found = {"quickstart, 12 specimens, 24 scans of 240 × 512": quick}
+    found = {"quickstart, 12 specimens, 48 scans of 240 × 512": quick}
     larger = quick
     for old, new in (
         ("specimens: 4 ", "specimens: 8 "),
-        ("scans: 2 ", "scans: 8 "),
+        ("scans: 4 ", "scans: 8 "),
         ("profiles: 240\n", "profiles: 480\n"),
         ("points: 512\n", "points: 1024\n"),
     ):

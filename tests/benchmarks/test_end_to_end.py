@@ -35,7 +35,7 @@ def test_the_datasets_are_what_their_names_say(tmp_path):
         strict=True,
     )
     assert (parts, specimens, scans) == (
-        (3, 3, 1, 1), (4, 8, 1, 1), (2, 8, 200, 200),
+        (3, 3, 1, 1), (4, 8, 1, 1), (4, 8, 200, 200),
     )  # fmt: skip
 
 
