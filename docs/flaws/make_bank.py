@@ -97,8 +97,8 @@ within 2 % and 5 %, the volume within 2 %.
 ## A real recording
 
 A height map of SICK's AppSpace samples (`OCR_3D`, image 42, Unlicense): a panel with raised
-figures at a pitch of 0.1 mm. The nominal part is a plane. No flaw is known on these public
-recordings, so that a raised figure stands for one: its shape can be judged by eye.
+figures at a pitch of 0.1 mm. The nominal part is a plane. No flaw is marked on the public
+recordings looked at, so that a raised figure stands for one: its shape can be judged by eye.
 
 {real}
 
