@@ -29,7 +29,7 @@ class SensorModel:
     Raises
     ------
     RecipeError
-        For an effect in the datasheet that isn't right.
+        For a wrong effect in the datasheet.
     """
 
     datasheet: Datasheet

@@ -89,7 +89,7 @@ def make_study(
     Raises
     ------
     RecipeError
-        Where a file or a column isn't right.
+        Where a file or a column is wrong.
     """
     import json
 

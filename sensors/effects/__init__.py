@@ -109,7 +109,7 @@ def effects_of(datasheet: Datasheet) -> tuple[Effect, ...]:
     Raises
     ------
     RecipeError
-        For an entry that isn't right, naming the sensor and the entry.
+        For a wrong entry, naming the sensor and the entry.
     """
     place = f"sensor '{datasheet.name}'"
     return tuple(

@@ -76,7 +76,7 @@ def test_round_trip(tmp_path):
         ("name: a\nat_mm: [1, 2]\n", [":2", "'at_mm' has too few entries", "[1, 2]"]),
         ("name: a\nbounds: {low: 3, high: 1}\n", [":2", "'bounds.low': 3 must be below 1"]),
         ("name: a\nsizes: []\n", [":2", "at least one entry"]),
-        ("name: a\nsizes: [{size_mm: 0}]\n", [":2", "'sizes.0.size_mm' isn't right, got 0"]),
+        ("name: a\nsizes: [{size_mm: 0}]\n", [":2", "'sizes.0.size_mm' has a wrong value, got 0"]),
     ],
 )
 def test_errors_are_one_line(tmp_path, text, words):

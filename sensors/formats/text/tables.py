@@ -7,21 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.formats.clouds import Cloud, brightness, to_height_map
 from sensors.formats.height_map import Floats, HeightMap, scale_mm, unit_decision
 from sensors.formats.text.axes import without_axes
 from sensors.formats.text.cells import Rows, number, split
 from sensors.formats.text.decode import decoded
-from sensors.formats.text.fan import from_profiles
 from sensors.formats.text.gocator import CORNER, is_gocator, read_gocator
 from sensors.formats.text.headers import Header, read_header
 from sensors.formats.text.names import role_of
+from sensors.formats.text.points import MIN_POINTS, are_points, points_map
 from sensors.formats.units import LENGTHS_MM, length_in, time_in
 from sensors.typed_yaml import RecipeError
 
 MIN_PROFILE = 3  # rows from which two columns, the first rising, are a profile and no matrix
-LEAST_POINTS = 9  # points of a lattice
-MIN_POINTS = 64  # rows from which three columns are points and no matrix
 SIDE = ("counter", "quality", "time", "encoder", "brightness")
 
 
@@ -176,7 +173,7 @@ def _named(table: Table, roles: list[str | None], unit: str | None, path: Path) 
     if all(axis in kinds for axis in "xyz"):
         places = [roles.index(axis) for axis in "xyz"]
         bright = table.values[:, side["brightness"]] if "brightness" in side else None
-        found = _points(table.values[:, places], [units[k] for k in places], unit, path, bright)
+        found = points_map(table.values[:, places], [units[k] for k in places], unit, path, bright)
         return replace(found, decisions=(*words, *found.decisions))
     if kinds and kinds[0] == "x":
         found = _profiles(table, kept, units, unit, path)
@@ -264,10 +261,10 @@ def _unnamed(table: Table, unit: str | None, path: Path) -> HeightMap:
         found = _profiles(plain, [0, 1], pair, unit, path)
         return replace(found, decisions=(*words, *found.decisions))
     long = values.shape[1] == 3 and len(values) >= MIN_POINTS  # no scan has three columns
-    if values.shape[1] in (3, 4) and (long or _are_points(values)):
+    if values.shape[1] in (3, 4) and (long or are_points(values)):
         triple: list[str | None] = [*units, None, None, None][:3]
         bright = values[:, 3] if values.shape[1] == 4 else None
-        return _points(values[:, :3], triple, unit, path, bright)
+        return points_map(values[:, :3], triple, unit, path, bright)
     held = _held(table.header, units[:1])
     scale = scale_mm(unit, held)
     factor = table.header.factor_mm
@@ -361,42 +358,6 @@ def even_if_rounded(x: Floats, texts: list[str]) -> Floats:
         if np.abs(x - even).max() <= 1.01 * 10.0**-digits and 10.0**-digits > 0.05 * (x[1] - x[0]):
             return even
     return x
-
-
-def _points(
-    table: Floats, units: list[str | None], unit: str | None, path: Path, bright: Floats | None
-) -> HeightMap:
-    """Read points: on a lattice, or in unrectified profiles."""
-    one = next((held for held in units if held is not None), None)
-    scales = np.array([scale_mm(unit, held or one) for held in units])
-    points = table[:, :3] * scales
-    words = unit_decision(unit, units[2] or one)
-    cloud = Cloud(points_mm=points, intensity=None if bright is None else brightness(bright))
-    try:
-        found = to_height_map(cloud, path)
-    except RecipeError as error:
-        try:
-            found = from_profiles(points, path)
-        except RecipeError as other:
-            raise other if "common fan" in str(other) else error from None
-    stated = one is not None
-    return replace(
-        found, unit_mm=float(scales[2]), unit_stated=stated, decisions=(*words, *found.decisions)
-    )
-
-
-def _are_points(table: Floats) -> bool:
-    """Return whether columns run through a lattice, or stand in rows of one y."""
-    at = table[:, :2]
-    origin = (at == 0.0).all(axis=1)
-    at = at[np.isfinite(at).all(axis=1) & ~(origin & (origin.sum() > 1))]
-    if len(at) < LEAST_POINTS:
-        return False
-    columns, rows = np.unique(at[:, 0]).size, np.unique(at[:, 1]).size
-    lattice = columns * rows <= (4 if len(at) >= MIN_POINTS else 1) * len(at)
-    runs = 1 + int((np.diff(at[:, 1]) != 0).sum())
-    profiles = runs == rows and len(at) >= 8 * rows
-    return min(columns, rows) > 1 and (lattice or profiles)
 
 
 def _rises(numbers: list[float | None]) -> bool:
