@@ -71,7 +71,9 @@ def _extended(
         where = document.where(("extends",))
         name = document.data["extends"]
         if not isinstance(name, str):
-            raise RecipeError("'extends' has a wrong value", where=where, value=name, allowed="a text")
+            raise RecipeError(
+                "'extends' has a wrong value", where=where, value=name, allowed="a text"
+            )
         path = Path(name)
         if path.suffix in (".yaml", ".yml"):
             path = folders[-1] / path

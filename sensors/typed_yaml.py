@@ -284,7 +284,10 @@ def parse(cls: type[T], source: Document | Mapping[str, Any], *, where: str | No
             least = first["ctx"]["min_length"]
             allowed_text = "at least one entry" if least == 1 else f"at least {least} entries"
         raise RecipeError(
-            f"'{key}' has a wrong value{more}", where=place, value=first["input"], allowed=allowed_text
+            f"'{key}' has a wrong value{more}",
+            where=place,
+            value=first["input"],
+            allowed=allowed_text,
         ) from None
 
 
