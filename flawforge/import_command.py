@@ -105,6 +105,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--working-distance-mm", type=float, metavar="MM", help="sensor above height 0, mm"
     )
+    parser.add_argument(
+        "--optical-axis-x-mm",
+        type=float,
+        default=0.0,
+        metavar="MM",
+        help="x of the sensor's optical axis, from which effects along the line count (default: 0)",
+    )
     parser.add_argument("--rate-hz", type=float, metavar="HZ", help="profiles per second")
     parser.add_argument(
         "--travel",
@@ -170,6 +177,7 @@ def run(arguments: argparse.Namespace) -> int:
         pitch_x_mm=arguments.pitch_x_mm,
         pitch_y_mm=arguments.pitch_y_mm,
         working_distance_mm=arguments.working_distance_mm,
+        optical_axis_x_mm=arguments.optical_axis_x_mm,
         rate_hz=arguments.rate_hz,
         z_step_mm=arguments.z_step_mm,
         z_offset_mm=arguments.z_offset_mm,
@@ -251,6 +259,14 @@ def _check(arguments: argparse.Namespace) -> None:
     bare = all(path.suffix.lower() in BARE for path in arguments.files)
     if arguments.z_step_mm is not None and not bare:
         raise RecipeError("--z-step-mm is for bare numbers", allowed=", ".join(BARE))
+    from sensors.datasheet import MOST_AXIS_MM
+
+    axis_mm = arguments.optical_axis_x_mm
+    if not abs(axis_mm) <= MOST_AXIS_MM:
+        raise RecipeError(
+            "--optical-axis-x-mm isn't a place beside the sensor", value=axis_mm,
+            allowed=f"{-MOST_AXIS_MM:g} to {MOST_AXIS_MM:g}",
+        )  # fmt: skip
     for key in ("z_offset_mm", "start_time_s"):
         value = getattr(arguments, key)
         if value is not None and not abs(value) < float("inf"):

@@ -9,6 +9,9 @@ from typing import Any, Literal
 from quantity import quantity
 from sensors.typed_yaml import RecipeError, dump_yaml, load_yaml, parse, plain, record
 
+MOST_AXIS_MM = 5000.0
+"""How far the optical axis may lie from the sensor's origin: a field of the longest gantry."""
+
 
 @record
 class Datasheet:
@@ -38,6 +41,10 @@ class Datasheet:
         "speed along the path", unit="mm/s", low=0, above=True, default=100.0
     )
     columns: Literal["even_angle", "even_x"] = "even_angle"
+    optical_axis_x_mm: float = quantity(
+        "x of the optical axis in the sensor frame, which the fan comes from",
+        unit="mm", low=-MOST_AXIS_MM, high=MOST_AXIS_MM, default=0.0,
+    )
     triangulation_angle_deg: float | None = quantity(
         "angle between laser and camera at the working distance",
         unit="°", low=0, above=True, high=90, below=True, default=None,
@@ -89,6 +96,11 @@ class Datasheet:
         if self.columns == "even_x":
             return 0 * depth_mm + self.x_fov_mm / 2
         return depth_mm * self.x_fov_mm / (2 * self.working_distance_mm)
+
+    @property
+    def line_middle_mm(self) -> float:
+        """Sensor x of the middle of the laser line: the fan's axis, 0 of parallel rays, mm."""
+        return self.optical_axis_x_mm if self.columns == "even_angle" else 0.0
 
     @property
     def depth_min_mm(self) -> float:

@@ -272,6 +272,6 @@ def sweeps(
     local = np.einsum("nkj,nji->nki", points_mm - poses[:, None, :3, 3], poses[:, :3, :3])
     x, y, z = np.moveaxis(local, -1, 0)
     within = np.abs(z - datasheet.working_distance_mm) <= datasheet.z_range_mm / 2
-    within &= np.abs(x) <= datasheet.half_line_mm(z)
+    within &= np.abs(x - datasheet.line_middle_mm) <= datasheet.half_line_mm(z)
     crossed = np.diff(np.signbit(y), axis=0) & within[1:] & within[:-1]
     return np.asarray(crossed.any(axis=0))

@@ -37,9 +37,9 @@ class Laser:
     ) -> "Laser":
         """Build the rays of `datasheet`.
 
-        even_angle: m rays from the emitter, evenly spaced in angle from -FOV/2 to +FOV/2
-        (equation 2 of Sensors 2023, 23, 7624). even_x: m parallel rays, evenly spaced over x_fov,
-        or at `x_mm` where a recording gives them.
+        even_angle: m rays from the emitter on the optical axis, evenly spaced in angle from -FOV/2
+        to +FOV/2 (equation 2 of Sensors 2023, 23, 7624). even_x: m parallel rays, evenly spaced
+        over x_fov, or at `x_mm` where a recording gives them.
 
         Raises
         ------
@@ -51,7 +51,10 @@ class Laser:
             if x_mm is not None:
                 raise RecipeError("column positions /x go with 'columns: even_x' only")
             half = datasheet.fov_rad / 2
-            return cls(x_mm=np.zeros(count), slope_x=np.tan(np.linspace(-half, half, count)))
+            return cls(
+                x_mm=np.full(count, datasheet.optical_axis_x_mm),
+                slope_x=np.tan(np.linspace(-half, half, count)),
+            )
         if x_mm is None:
             half_mm = datasheet.x_fov_mm / 2
             x_mm = np.linspace(-half_mm, half_mm, count)

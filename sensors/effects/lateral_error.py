@@ -102,7 +102,7 @@ class LateralError(MotionEffect):
         return view.along(laser)
 
     def _along(self, view: View) -> Floats:
-        return np.asarray(view.column_x_mm / (view.datasheet.x_fov_mm / 2))
+        return np.asarray(view.column_off_axis_mm / (view.datasheet.x_fov_mm / 2))
 
     def _half_range_mm(self, view: View) -> float:
         return view.datasheet.z_range_mm / 2

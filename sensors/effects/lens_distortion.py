@@ -60,6 +60,6 @@ class LensDistortion(AdditiveEffect):
     def fields(self, view: View) -> tuple[Floats, ...]:
         """Return the cross term and the cube, each one at the corner +x, far."""
         sheet = view.datasheet
-        x = view.x_mm / (sheet.x_fov_mm / 2)
+        x = view.off_axis_mm / (sheet.x_fov_mm / 2)
         z = (view.depth_mm - sheet.working_distance_mm) / (sheet.z_range_mm / 2)
         return 1e-3 * x * z, 1e-3 * x**3

@@ -56,7 +56,7 @@ class LightFalloff(Effect):
         grid=(0.05, 0.3),
     )
     middle_mm: float = parameter(
-        "x at which the line is brightest",
+        "x from the optical axis at which the line is brightest",
         unit="mm",
         low=-1000.0,
         high=1000.0,
@@ -106,5 +106,5 @@ class LightFalloff(Effect):
     def log_signal(self, view: View) -> Floats:
         """Logarithm of the light over that at the brightest place, (n, m); 0 without a return."""
         half_mm = view.datasheet.x_fov_mm / 2
-        away = np.where(view.valid, view.x_mm - self.middle_mm, 0.0) / half_mm
+        away = np.where(view.valid, view.off_axis_mm - self.middle_mm, 0.0) / half_mm
         return np.asarray(math.log(self.ends) * np.square(away))

@@ -45,5 +45,5 @@ class LineBow(AdditiveEffect):
     )
 
     def fields(self, view: View) -> tuple[Floats, ...]:
-        """Return the parabola that is one at x = ±x_fov/2."""
-        return (1e-3 * np.square(view.x_mm / (view.datasheet.x_fov_mm / 2)),)
+        """Return the parabola that is one at x = ±x_fov/2 from the axis."""
+        return (1e-3 * np.square(view.off_axis_mm / (view.datasheet.x_fov_mm / 2)),)

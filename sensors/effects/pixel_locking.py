@@ -116,7 +116,8 @@ class PixelLocking(AdditiveEffect):
         rows = sheet.require("camera_rows") if self.rows is None else self.rows
         row = row_of_depth(view.depth_mm, sheet, rows)
         if self.smile_rows or self.keystone_rows:
-            across = view.column_x_mm / max(float(np.abs(view.column_x_mm).max()), 1e-9)
+            across = view.column_off_axis_mm
+            across = across / max(float(np.abs(across).max()), 1e-9)
             along = 2 * row / rows - 1
             row = row + self.smile_rows * across**2 + self.keystone_rows * across * along
         return depth_per_row(view.depth_mm, sheet, rows), np.asarray(2 * math.pi * row)

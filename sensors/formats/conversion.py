@@ -30,16 +30,17 @@ class Setup:
 
     `depth`: the readings are distances from the sensor already. `backwards`: the rows follow each
     other along -y. `missing`: the numbers that stand for a missing point. `z_step_mm`,
-    `z_offset_mm`: height of one count of an integer file, and of its count 0. `flip_x`: columns
-    run against x. `poses`: of each row, sensor to part. `checked`: whether what looks wrong is
-    refused. `unit_given`: whether the user named the unit. `options`: what was asked for, kept in
-    the recording so that it can be repeated.
+    `z_offset_mm`: height of one count of an integer file, and of its count 0. `flip_x`: columns run
+    against x. `poses`: of each row, sensor to part. `checked`: whether what looks wrong is refused.
+    `unit_given`: whether the user named the unit. `optical_axis_x_mm`: the sensor's own. `options`:
+    what was asked for, kept in the recording so that it can be repeated.
     """
 
     name: str
     pitch_x_mm: float | None = None
     pitch_y_mm: float | None = None
     working_distance_mm: float | None = None
+    optical_axis_x_mm: float = 0.0
     rate_hz: float | None = None
     z_step_mm: float | None = None
     z_offset_mm: float = 0.0
@@ -200,6 +201,7 @@ def convert(heights: HeightMap, setup: Setup) -> Imported:
         profile_rate_hz=rate,
         travel_speed_mm_s=travel * rate if travel > 0.0 else 100.0,
         columns="even_x",
+        optical_axis_x_mm=setup.optical_axis_x_mm,
     )
     return Imported(
         recording=recording, sensor=sensor, repeated=int((~keep).sum()), assumed=assumed,

@@ -92,7 +92,7 @@ ALL = (
         words="position along the laser line",
         unit="mm",
         frame="sensor",
-        values=lambda v: v.x_mm,
+        values=lambda v: v.off_axis_mm,
     ),
     Covariate(
         name="column",

@@ -170,6 +170,16 @@ class View:
         """Sensor x of the hit, (n, m) mm, NaN without a return."""
         return self.laser.x_mm + self.depth_mm * self.laser.slope_x
 
+    @property
+    def off_axis_mm(self) -> Floats:
+        """Place along the line: sensor x of the hit from the optical axis, (n, m) mm."""
+        return self.x_mm - self.datasheet.optical_axis_x_mm
+
+    @property
+    def column_off_axis_mm(self) -> Floats:
+        """Where each ray passes at the working distance, from the optical axis, (m,) mm."""
+        return self.column_x_mm - self.datasheet.optical_axis_x_mm
+
     @cached_property
     def column_x_mm(self) -> Floats:
         """Where each ray passes at the working distance, (m,) mm."""

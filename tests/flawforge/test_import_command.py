@@ -56,6 +56,17 @@ def test_keep_repeated_and_what_is_given(
     assert "assumed" not in said
 
 
+def test_the_optical_axis_is_kept_in_the_sensor(
+    scan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["import", str(scan), "--as", str(tmp_path / "r.h5"), *PITCH, "--optical-axis-x-mm"]
+    assert main([*words, "-1.5"]) == 0
+    assert Datasheet.load(tmp_path / "r-sensor.yaml").optical_axis_x_mm == -1.5
+    capsys.readouterr()
+    assert main([*words, "nan"]) == 2
+    assert "--optical-axis-x-mm isn't a place" in capsys.readouterr().err
+
+
 def test_what_was_imported_can_be_measured(scan: Path, tmp_path: Path) -> None:
     """The roughness command reads the recording with the pitch that was given."""
     from sensors.surface.topography import load_topography

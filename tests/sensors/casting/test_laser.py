@@ -5,8 +5,10 @@ import math
 
 import numpy as np
 import pytest
+import trimesh
 
 from sensors.casting.laser import Laser
+from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet, with_effects
 from sensors.typed_yaml import RecipeError
 
@@ -39,6 +41,20 @@ def test_even_angle_fan():
     assert laser.slope_x[-1] * 400 == pytest.approx(495 / 2)
     assert laser.slope_x[0] == -laser.slope_x[-1]
     assert not laser.x_mm.any()
+
+
+def test_the_fan_stands_on_the_optical_axis():
+    """The fan at 12 mm is that of the origin, moved; a plate below is as far in each ray."""
+    plain = Laser.from_datasheet(SHEET)
+    moved = Laser.from_datasheet(dataclasses.replace(SHEET, optical_axis_x_mm=12.0))
+    np.testing.assert_array_equal(moved.slope_x, plain.slope_x)
+    assert (moved.x_mm == 12.0).all()
+    depth = np.full(101, 400.0)
+    np.testing.assert_allclose(moved.points_mm(depth) - plain.points_mm(depth), [[12, 0, 0]] * 101)
+    plate = trimesh.creation.box((2000.0, 2000.0, 20.0))
+    scene, pose = Scene(plate.vertices, plate.faces), np.diag([-1.0, 1.0, -1.0, 1.0])[None]
+    pose[0, 2, 3] = 410.0
+    np.testing.assert_allclose(scene.cast(moved, pose).depth_mm, 400.0)
 
 
 def test_even_x_and_given_columns():

@@ -21,6 +21,7 @@ from sensors.effects.range_scale import RangeScale
 from sensors.effects.volume_scattering import VolumeScattering
 from sensors.law import geometric_law
 from sensors.view.camera import depth_per_row, row_of_depth
+from sensors.view.covariates import COVARIATES
 
 COT = 1 / math.tan(math.radians(30.0))
 
@@ -30,6 +31,21 @@ def test_bow_is_its_sag_at_the_ends(view_of):
     change = LineBow(sag_um=30.0).signature(view)
     assert np.allclose(change[:, [0, -1]], 0.030)
     assert np.allclose(change, 0.030 * (view.x_mm / 30.0) ** 2)
+
+
+def test_effects_of_the_place_along_the_line_count_from_the_optical_axis(view_of):
+    """An axis at 10 mm: what stood at x stands at x + 10, to the bit at an axis of 0."""
+    plain, moved = view_of("plate"), view_of("plate", sheet={"optical_axis_x_mm": 10.0})
+    np.testing.assert_array_equal(plain.off_axis_mm, plain.x_mm)
+    np.testing.assert_array_equal(moved.x_mm, plain.x_mm)  # columns of parallel rays stay
+    x = plain.x_mm - 10.0
+    bow = LineBow(sag_um=30.0).signature(moved)
+    np.testing.assert_allclose(bow, 0.030 * (x / 30.0) ** 2, atol=1e-12)
+    cubic = LensDistortion(tilt_um=0.0, cubic_um=20.0).signature(moved)
+    np.testing.assert_allclose(cubic, 0.020 * (x / 30.0) ** 3, atol=1e-12)
+    light = LightFalloff(ends=0.3).log_signal(moved)
+    np.testing.assert_allclose(light, math.log(0.3) * (x / 30.0) ** 2, atol=1e-12)
+    np.testing.assert_allclose(COVARIATES["x"].values(moved), x)
 
 
 def test_distortion_is_odd_in_x_and_turns_with_the_sensor(view_of):
