@@ -16,6 +16,7 @@ from diagnosis.registration import Placement, check_meets
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
+from sensors.formats.plausibility import sentinels
 from sensors.model import SensorModel
 from sensors.noise.perlin import grid_pitch
 from sensors.recording import Recording, repeated_rows
@@ -65,6 +66,8 @@ def checked(
     """
     check_names(recordings)
     laser = {r.name: laser_of(datasheet, r) for r in recordings}
+    for recording in (*recordings, *references):
+        check_marks(datasheet, recording)
     for recording in recordings:
         check_fits(datasheet, recording, notes)
         valid = np.isfinite(in_range(recording.depth_mm, datasheet))
@@ -111,6 +114,23 @@ def check_names(recordings: Sequence[Recording]) -> None:
     for name in names:
         if names.count(name) > 1:
             raise RecipeError("two recordings have the same name", value=name)
+
+
+def check_marks(datasheet: Datasheet, recording: Recording) -> None:
+    """Refuse depths that can be no readings: one number beyond the range, apart, that repeats.
+
+    Within the range a number that repeats may be a plane that was seen without noise.
+    """
+    low, high = datasheet.depth_min_mm, datasheet.depth_max_mm
+    for mark in sentinels(recording.depth_mm):
+        if not low <= mark.value <= high:
+            raise RecipeError(
+                f"holds what looks like a mark for missing points: depth {mark.value:.9g} mm "
+                f"{mark.count} times, all else lies in {mark.low:.6g} to {mark.high:.6g} mm",
+                where=recording.name,
+                allowed="NaN for missing: import the instrument's file again, with --missing and "
+                "the mark as it stands there",
+            )
 
 
 def check_fits(datasheet: Datasheet, recording: Recording, notes: list[str]) -> None:

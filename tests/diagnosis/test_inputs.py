@@ -8,7 +8,7 @@ import pytest
 
 import diagnosis.diagnose
 from benchmarks.relief import datasheet, part, record
-from diagnosis.inputs import repeats
+from diagnosis.inputs import check_marks, repeats
 from sensors.surface.surface import Surface
 from sensors.typed_yaml import RecipeError
 
@@ -59,3 +59,35 @@ def test_faults_of_the_inputs_are_told_before_the_first_registration(
             diagnosis.diagnose.diagnose(
                 recordings, scene.vertices_mm, scene.faces, sensor, **more
             )
+
+
+@pytest.mark.parametrize("mark", [-32768.0, 0.0, 65535.0, -99.9999])
+@pytest.mark.parametrize("role", ["recording", "reference"])
+def test_marks_for_missing_points_are_told_before_the_first_registration(
+    mark: float, role: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene, sheet = part("domes"), datasheet(60)
+    made = [
+        record(scene, sheet, [], name=f"r{k}", seed=k, profiles=40, pitch_mm=0.7) for k in range(2)
+    ]
+    depth = made[1].depth_mm.copy()
+    depth[10:15, 20:30] = mark
+    marked = replace(made[1], depth_mm=depth, name="marked")
+    recordings, references = ([made[0], marked], []) if role == "recording" else (made, [marked])
+    monkeypatch.setattr(diagnosis.diagnose, "register", no_registration)
+    with pytest.raises(RecipeError, match=r"marked: .*depth \S+ mm 50 times.*--missing") as fault:
+        diagnosis.diagnose.diagnose(
+            recordings, scene.vertices_mm, scene.faces, sheet, references=references
+        )
+    assert f"depth {mark:.9g} mm" in str(fault.value)
+
+
+def test_a_plane_seen_without_noise_and_stray_readings_are_no_marks() -> None:
+    sheet = datasheet(60)
+    made = record(part("domes"), sheet, [], name="r", seed=4, profiles=40, pitch_mm=0.7)
+    check_marks(sheet, made)
+    depth = made.depth_mm.copy()
+    depth[:, :30] = sheet.depth_max_mm  # a floor far below, to the bit
+    check_marks(sheet, replace(made, depth_mm=depth))
+    depth[0, :3] = sheet.depth_max_mm + np.array([1.0, 2.0, 3.0])
+    check_marks(sheet, replace(made, depth_mm=depth))
