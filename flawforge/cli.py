@@ -38,6 +38,9 @@ examples:
 """
 STOPPED: Final = {"SIGINT": "interrupted", "SIGTERM": "terminated"}
 GO_ON: Final = "what is finished stays; the same command goes on from there"
+START_AGAIN: Final = "the same command starts again from the beginning"
+GOES_ON: Final = ("generate", "challenge")
+"""Commands that find what an earlier run of them finished."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -58,15 +61,22 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     0: done. 1: done in part, or a check failed. 2: bad input. 130, 143: interrupted, terminated.
     """
+    words = sys.argv[1:] if argv is None else argv
     with stoppable():
         try:
-            return _main(_joined(sys.argv[1:] if argv is None else argv))
+            return _main(_joined(words))
         except BaseException:
             stop = heard()
             if stop is None:
                 raise
-            print(f"flawforge: {STOPPED[stop.name]}; {GO_ON}", file=sys.stderr)
+            then = GO_ON if _chosen(words) in GOES_ON else START_AGAIN
+            print(f"flawforge: {STOPPED[stop.name]}; {then}", file=sys.stderr)
             return 128 + stop
+
+
+def _chosen(words: Sequence[str]) -> str | None:
+    """Return the command among the words."""
+    return next((word for word in words if not word.startswith("-")), None)
 
 
 def _joined(words: Sequence[str]) -> list[str]:
@@ -99,7 +109,7 @@ def _main(words: Sequence[str]) -> int:
     parser.add_argument("--version", action="store_true", help="print the version and stop")
     parser.add_argument("--debug", action="store_true", help="show where an error came from")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
-    chosen = next((word for word in words if not word.startswith("-")), None)
+    chosen = _chosen(words)
     asked: argparse.ArgumentParser = parser
     for name, summary in COMMANDS.items():
         command = commands.add_parser(

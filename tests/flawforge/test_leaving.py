@@ -1,10 +1,14 @@
 """How the command line's process ends: with its exit code, and what is to be done at exit done."""
 
+import importlib
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from flawforge import cli
 
 HOME = Path(__file__).resolve().parents[2]
 
@@ -40,3 +44,24 @@ def test_a_fault_is_shown_and_counts_as_one():
     run = subprocess.run([sys.executable, "-c", text], cwd=HOME, capture_output=True, text=True)
     assert run.returncode == 1
     assert "ZeroDivisionError" in run.stderr
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("name", ["generate", "diagnose", "import"])
+def test_a_command_that_is_stopped_says_whether_it_goes_on(name, number, monkeypatch, capsys):
+    words = {
+        "generate": ["recipe.yaml", "--out", "o"],
+        "diagnose": ["a.h5", "--part", "p.stl", "--sensor", "s.yaml", "--out", "o"],
+        "import": ["a.csv", "--as", "a.h5"],
+    }
+
+    def run(arguments):
+        signal.raise_signal(number)
+        raise AssertionError("wasn't stopped")
+
+    monkeypatch.setattr(importlib.import_module(f"flawforge.{name}_command"), "run", run)
+    assert cli.main(["--debug", name, *words[name]]) == 128 + number
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert ("goes on from there" in said) == (name == "generate")
+    assert ("starts again from the beginning" in said) == (name != "generate")
