@@ -2,14 +2,15 @@
 
 import argparse
 from pathlib import Path
+from shlex import quote
 
 EPILOG = """\
-Unit, look direction and sensor are guessed from the part; the recipe says so in its comments.
+Unit, look direction and sensor are guessed from the part; the recipe's comments name each guess.
 
 example:
   flawforge init bracket.stl
-  flawforge preview bracket.yaml --out setup.png
-  flawforge generate bracket.yaml --out data
+  flawforge preview bracket.yaml --out bracket-setup.png
+  flawforge generate bracket.yaml --out bracket-data
 """
 
 
@@ -47,8 +48,12 @@ def run(arguments: argparse.Namespace) -> int:
         part, where=str(where), unit=arguments.unit, thicken_mm=arguments.thicken_mm
     )
     write_whole(out, text)
-    parts = "" if inside else f" --parts {part.resolve().parent}"
+    for line in text.splitlines():
+        if "check it" in line:
+            key, _, comment = line.partition("#")
+            print(f"{out}: {key.strip()}, {comment.strip()}")
+    recipe = quote(str(out)) + ("" if inside else f" --parts {quote(str(part.resolve().parent))}")
     print(f"{out}: read it, then")
-    print(f"  flawforge preview {out}{parts} --out setup.png")
-    print(f"  flawforge generate {out}{parts} --out data")
+    print(f"  flawforge preview {recipe} --out {quote(f'{out.stem}-setup.png')}")
+    print(f"  flawforge generate {recipe} --out {quote(f'{out.stem}-data')}")
     return 0

@@ -8,7 +8,7 @@ Open the file in a browser; it needs no network. Filter by split, part, kind, si
 detectability; click a scan for its flaws.
 
 example:
-  flawforge view out/quickstart --out quickstart.html
+  flawforge view out/quickstart      # quickstart.html
 """
 
 
@@ -17,7 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     parser.add_argument("dataset", type=Path, metavar="DIR", help="folder of the dataset")
     parser.add_argument(
-        "--out", type=Path, default=Path("view.html"), metavar="HTML", help="default: view.html"
+        "--out", type=Path, metavar="HTML", help="the page (default: DIR.html, here)"
     )
 
 
@@ -27,11 +27,12 @@ def run(arguments: argparse.Namespace) -> int:
     from pipeline.gallery.page import write_gallery
     from sensors.typed_yaml import RecipeError
 
-    if arguments.out.suffix.lower() not in (".html", ".htm"):
+    out = arguments.out or Path(f"{arguments.dataset.resolve().name}.html")
+    if out.suffix.lower() not in (".html", ".htm"):
         raise RecipeError(
-            "isn't a page's name", where="--out", value=str(arguments.out), allowed="NAME.html"
+            "isn't a page's name", where="--out", value=str(out), allowed="NAME.html"
         )
     with shown("flawforge.export"):
-        count = write_gallery(arguments.dataset, arguments.out)
-    print(f"{arguments.out}: {count} scan{'' if count == 1 else 's'}")
+        count = write_gallery(arguments.dataset, out)
+    print(f"{out}: {count} scan{'' if count == 1 else 's'}")
     return 0

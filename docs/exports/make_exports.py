@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 import textwrap
+import venv
 from pathlib import Path
 
 import flawforge
@@ -58,7 +59,8 @@ NOTES = {
     "webdataset": "A key is the scan's id, its dots as %2E.",
     "tiff": "Resolution tags hold points per centimetre; GDAL's tag names NaN as missing.",
     "las": "Metres, scale 0.1 µm, part frame; `gps_time` is the profile's time.",
-    "ply": "Part frame, mm; floats, bytes and int32 alone. Open3D did not run here.",
+    "ply": "Part frame, mm; floats, bytes and int32 alone. The points are the scan's"
+    " valid readings, which the manifest counts, too.",
     "png": "Masks are 8-bit grey, the class; instances 16-bit grey.",
     "recording": "What an instrument would deliver, with its sensor: ready for `flawforge diagnose`"
     " and for a round trip.",
@@ -134,12 +136,19 @@ print("LAS", cloud.header.version, len(cloud.points), "points, scale", cloud.hea
 print("classes", sorted(set(cloud.classification)), "instances", sorted(set(cloud.instance)))
 """,
     "ply": """\
+from csv import DictReader
+from json import loads
 from pathlib import Path
-import trimesh
+import open3d
 
-cloud = trimesh.load(sorted(Path("train").iterdir())[0])
-data = cloud.metadata["_ply_raw"]["vertex"]["data"]
-print(len(cloud.vertices), "points,", *data.dtype.names)
+path, data = sorted(Path("train").iterdir())[0], Path("../quickstart")
+points = open3d.t.io.read_point_cloud(str(path)).point
+print("Open3D", open3d.__version__, "reads", len(points.positions), "points with", *sorted(points))
+with open(data / "manifest.csv") as rows:
+    row = next(row for row in DictReader(rows) if row["scan_id"] == path.stem)
+recipe = loads((data / "dataset.json").read_text())["recipe"]
+valid = float(row["share_valid"]) * recipe["profiles"] * recipe["points"]
+print("manifest: share_valid * profiles * points =", valid)
 """,
     "png": """\
 import json
@@ -162,6 +171,18 @@ with h5py.File(sorted(Path(".").glob("*.h5"))[0]) as file:
     print(file.attrs["format"], {name: array.shape for name, array in file.items()})
 """,
 }
+ELSEWHERE = {"ply": "open3d==0.20.0"}  # large readers, installed beside the project for one snippet
+
+
+def interpreter(name: str, folder: Path) -> str:
+    """Python that runs a form's snippet: ours, or one of a new environment with its reader."""
+    if name not in ELSEWHERE:
+        return sys.executable
+    home = folder / f"{name}-environment"
+    venv.create(home, with_pip=True)
+    python = str(home / "bin" / "python")
+    subprocess.run([python, "-m", "pip", "install", "--quiet", ELSEWHERE[name]], check=True)
+    return python
 
 
 def main() -> None:
@@ -175,7 +196,7 @@ def main() -> None:
             out = Path(folder) / name
             written = flawforge.export(data, out, name)
             run = subprocess.run(
-                [sys.executable, "-W", "ignore", "-c", SNIPPETS[name]],
+                [interpreter(name, Path(folder)), "-W", "ignore", "-c", SNIPPETS[name]],
                 cwd=out, env=environment, capture_output=True, text=True, check=False,
             )  # fmt: skip
             assert run.returncode == 0, run.stderr

@@ -1,5 +1,6 @@
 """A drafted recipe loads, names what it guessed, and looks at the part from a sensible side."""
 
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -76,20 +77,21 @@ def test_the_draft_is_a_recipe(tmp_path: Path) -> None:
 def test_the_command_says_what_comes_next_and_that_works(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "cad").mkdir()
+    (tmp_path / "cad of mine").mkdir()
     (tmp_path / "work").mkdir()
-    part = box(tmp_path / "cad", (60, 40, 8), "plate.stl")
+    part = box(tmp_path / "cad of mine", (60, 40, 8), "my plate.stl")
     monkeypatch.chdir(tmp_path / "work")
     assert main(["init", str(part)]) == 0
-    said = capsys.readouterr().out.splitlines()
-    assert said[0] == "plate.yaml: read it, then"
-    words = said[1].split()[1:]
+    guess, *said = capsys.readouterr().out.splitlines()
+    assert guess.startswith("my plate.yaml: unit: mm, guessed from the size; check it: the part")
+    assert said[0] == "my plate.yaml: read it, then"
+    words = shlex.split(said[1])[1:]
     assert main(words) == 0
-    assert (tmp_path / "work" / "setup.png").stat().st_size > 10_000
+    assert (tmp_path / "work" / "my plate-setup.png").stat().st_size > 10_000
     assert main(["init", str(part)]) == 2
-    assert "plate.yaml: is there already; allowed: another name" in capsys.readouterr().err
+    assert "my plate.yaml: is there already; allowed: another name" in capsys.readouterr().err
     small = ["--set", "specimens=1", "--set", "profiles=12", "--set", "points=30"]
-    assert main([*said[2].split()[1:], *small]) == 0
+    assert main([*shlex.split(said[2])[1:], *small]) == 0
     # the mesh alone is enough for a look
     assert main(["preview", str(part), "--out", "look.png"]) == 0
     assert (tmp_path / "work" / "look.png").stat().st_size > 10_000

@@ -116,8 +116,15 @@ def test_names_are_text(small_dataset: Path, tmp_path: Path) -> None:
 
 
 def test_the_commands(
-    small_dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    small_dataset: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["view", str(small_dataset)]) == 0
+    assert capsys.readouterr().out == f"{small_dataset.name}.html: 4 scans\n"
+    assert (tmp_path / f"{small_dataset.name}.html").is_file()
     assert main(["view", str(small_dataset), "--out", str(tmp_path / "v.html")]) == 0
     assert "v.html: 4 scans" in capsys.readouterr().out
     assert main(["view", str(small_dataset), "--out", "v.pdf"]) == 2
