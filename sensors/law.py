@@ -121,14 +121,7 @@ class Law:
         """Return mean and standard deviation of the speckle before its gain, on the grid, mm."""
         if self.speckle is None:
             return 0.0, 0.0
-        if self.speckle.heights is not None:
-            nodes, weights = np.polynomial.hermite_e.hermegauss(60)
-            heights = self.speckle.amplitude_mm * self.speckle.heights(nodes)
-            weights = weights / weights.sum()
-            mean = weights @ heights
-            return float(mean), float(np.sqrt(weights @ (heights - mean) ** 2))
-        pitch_x, pitch_y = grid_pitch(view.column_x_mm), grid_pitch(view.travel_mm)
-        return 0.0, self.speckle.amplitude_mm * self.speckle.sd(pitch_x, pitch_y)
+        return self.speckle.moments_mm(grid_pitch(view.column_x_mm), grid_pitch(view.travel_mm))
 
     def speckle_sd_mm(self, view: View) -> float:
         """Return the standard deviation of the speckle before its gain, on the scan's grid, mm."""

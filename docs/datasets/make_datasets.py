@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from measure_aim import MOTION, SCANS, SEEDS
 from measure_aim import table as aim_table
 
+import flawforge
 import flawforge.dataset
 from flawforge.cli import main
 from pipeline.batch.splits import Unit, assign
@@ -91,6 +92,39 @@ def hidden_dent(folder: Path) -> dict[str, float | str]:
     return {key: row[key] for key in ("kind", "pixels", "snr", "response", "deviation_max_mm")}
 
 
+def planned(folder: Path) -> dict[str, str]:
+    """Plan a part that has faces which nothing sees; keep the picture."""
+    words = ("plan", "bearing_cap", "--sensor", "KEYENCE-LJ-X8200", "--angle", "30",
+             "--surface", "steel_plate")  # fmt: skip
+    printed = said(*words, "--out", str(folder / "plan"))
+    (HERE / "plan.png").write_bytes((folder / "plan" / "plan.png").read_bytes())
+    printed = printed.replace(f"{folder}", "out")
+    return {"words": " ".join(words) + " --out out/plan", "printed": printed}
+
+
+def brightness(folder: Path) -> dict[str, float]:
+    """Return how far the brightness of flaws stands off from that of the part around them."""
+    recipe = {
+        **STUDY, "name": "brightness", "specimens": 2, "scans": 4, "intensity": {},
+        "flaws": {"dent": {"number": 2, "length_mm": 8, "depth_mm": 0.5}},
+    }  # fmt: skip
+    flawforge.generate(recipe, folder / "brightness")
+    data = flawforge.dataset.open(folder / "brightness")
+    flawed, clean, saturated = [], [], []
+    for scan in data:
+        bright, returned = scan["intensity"].astype(float), np.isfinite(scan["depth"])
+        on = scan["instance"] > 0
+        flawed.append(bright[on & returned])
+        clean.append(bright[~on & returned])
+        saturated.append(bright[returned] == 255)
+    on_flaw, off_flaw = np.concatenate(flawed), np.concatenate(clean)
+    return {
+        "points": len(on_flaw), "flawed_mean": on_flaw.mean(), "flawed_sd": on_flaw.std(),
+        "clean_mean": off_flaw.mean(), "clean_sd": off_flaw.std(),
+        "saturated": np.concatenate(saturated).mean(),
+    }  # fmt: skip
+
+
 def calibration(folder: Path) -> dict[str, float]:
     """Return how far responses scatter about their ratio, in their own standard deviations."""
     flaws = pd.read_parquet(folder / "flaws.parquet")
@@ -101,13 +135,11 @@ def calibration(folder: Path) -> dict[str, float]:
 
 def make() -> None:
     """Measure, draw and write."""
-    import flawforge as api
-
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         check = said("check", "quickstart", "--jobs", "2")
         made = said("generate", "quickstart", "--out", str(folder / "quickstart"))
-        api.generate(STUDY, folder / "study")
+        flawforge.generate(STUDY, folder / "study")
         pod = said("pod", str(folder / "study"), "--out", str(folder / "pod.html"))
         (HERE / "pod.png").write_bytes((folder / "pod.png").read_bytes())
         template = Environment(undefined=StrictUndefined, keep_trailing_newline=True).from_string(
@@ -117,7 +149,8 @@ def make() -> None:
             aim=aim_table(), aim_scans=SCANS, aim_seeds=SEEDS, aim_motion=MOTION.rstrip(),
             splits=split_rows(), check=check, made=made.replace(f"{folder}", "out"),
             pod=pod.replace(f"{folder}", "out"), dent=hidden_dent(folder / "study"),
-            calibration=calibration(folder / "study"), study=STUDY,
+            calibration=calibration(folder / "study"), study=STUDY, plan=planned(folder),
+            brightness=brightness(folder),
         )  # fmt: skip
     (HERE.parent / "datasets.md").write_text(text, encoding="utf-8")
 

@@ -64,7 +64,7 @@ def planned_passes(
     return plan_cover(tried, cover).passes
 
 
-def plan_cover(candidates: Sequence[Pass], cover: float) -> Plan:
+def plan_cover(candidates: Sequence[Pass], cover: float, *, per_mm: bool = True) -> Plan:
     """Take the pass that sees most per mm of what is not yet seen, until `cover` is reached.
 
     Greedy cover needs at most 1 + ln k times the least length (Chvátal, Math. Oper. Res. 4 (1979)
@@ -76,11 +76,13 @@ def plan_cover(candidates: Sequence[Pass], cover: float) -> Plan:
         Passes over one set of samples.
     cover
         Share of the surface that is wanted; what no candidate sees can't be had.
+    per_mm
+        False: the pass that sees most, whatever its length.
     """
     every = np.stack([one.seen for one in candidates])
     reachable = every.any(axis=0)
     wanted = min(cover, float(reachable.mean()))
-    lengths = np.array([one.length_mm for one in candidates])
+    lengths = np.array([one.length_mm if per_mm else 1.0 for one in candidates])
     seen = np.zeros(every.shape[1], dtype=np.bool_)
     taken: list[int] = []
     while seen.mean() < wanted:

@@ -32,7 +32,8 @@ class Evidence:
         Mean output of the matched filter over its standard deviation. Returns that the flaw took
         or gave count by the log likelihood of their loss on the unflawed surface.
     response : float
-        The same filter's output on these readings: normal about `snr` with standard deviation 1.
+        `snr` plus the same filter's noise on these readings: normal about `snr` with standard
+        deviation 1, or `snr` itself where the flaw shows by its lost returns alone.
     deviation_max_mm : float
         Largest deviation of the noise-free depth from the unflawed part's, mm; 0 where no point
         returns on both.
@@ -104,9 +105,9 @@ class MatchedFilter:
         white, speckle = self._white_mm2[box], self._speckle_mm[box]
         weight = deviation / (white + speckle**2 + self._rounding_mm2)
         power = self._rounding_mm2 * float(np.sum(weight**2))
-        power += _power(weight * np.sqrt(white), self._smoothing)
+        power += noise_power(weight * np.sqrt(white), self._smoothing)
         if self._kernel is not None:
-            power += _power(weight * speckle, self._kernel)
+            power += noise_power(weight * speckle, self._kernel)
         snr = response = 0.0
         if power > 0:
             read = np.where(used, off - self._offset_mm[box], 0.0)
@@ -114,11 +115,12 @@ class MatchedFilter:
             response = float(np.sum(weight * read)) / math.sqrt(power)
         if gone == 0:
             return snr, response
-        returns = math.sqrt(2 * gone * self._loss_nats)
-        return math.hypot(snr, returns), math.hypot(max(response, 0.0), returns)
+        # sure returns lost move the mean; a root of squares would shrink the readings' noise
+        both = math.hypot(snr, math.sqrt(2 * gone * self._loss_nats))
+        return both, both + response - snr
 
 
-def _power(sent: Floats, correlation: Floats | None) -> float:
+def noise_power(sent: Floats, correlation: Floats | None) -> float:
     """Variance of a sum of unit noise with these weights; of white noise without correlation."""
     if correlation is None:
         return float(np.sum(sent**2))

@@ -110,6 +110,16 @@ class PerlinField:
         gains = [gain for gain, _, _ in self.drawn_octaves(pitch_x_mm, pitch_y_mm)]
         return OCTAVE_SD * math.sqrt(sum(gain * gain for gain in gains))
 
+    def moments_mm(self, pitch_x_mm: float, pitch_y_mm: float) -> tuple[float, float]:
+        """Return mean and standard deviation on a grid of these steps, mm."""
+        if self.heights is None:
+            return 0.0, self.amplitude_mm * self.sd(pitch_x_mm, pitch_y_mm)
+        nodes, weights = np.polynomial.hermite_e.hermegauss(60)
+        heights = self.amplitude_mm * self.heights(nodes)
+        weights = weights / weights.sum()
+        mean = weights @ heights
+        return float(mean), float(np.sqrt(weights @ (heights - mean) ** 2))
+
     def sample(self, x_mm: Floats, y_mm: Floats, rng: np.random.Generator) -> Floats:
         """Draw one field on the grid of rows y and columns x.
 

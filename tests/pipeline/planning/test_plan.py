@@ -5,6 +5,8 @@ import numpy as np
 import pandas as pd
 import pytest
 import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from flawforge.cli import main
 from pipeline.batch.run import generate
@@ -12,10 +14,13 @@ from pipeline.batch.trial import try_recipe
 from pipeline.motion.recorded_path import replay
 from pipeline.parts.part import Part
 from pipeline.planning.cover import plan_cover
+from pipeline.planning.pareto import front, trade
 from pipeline.planning.passes import Pass, Samples, candidates
+from pipeline.planning.reference_flaw import PIT_MM, ReferencePit, smallest_depth_mm
 from pipeline.recipe import Recipe
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
+from sensors.surface.surface import Surface
 from sensors.typed_yaml import RecipeError
 
 SHEET = Datasheet(
@@ -117,3 +122,56 @@ def test_a_recipe_with_cover_takes_pass_after_pass(recipe_path, tmp_path):
 def test_cover_and_path_exclude_each_other(recipe_path):
     with pytest.raises(RecipeError, match="either"):
         Recipe.load(recipe_path, sets=["motion={cover: 0.9, path: a.csv}"])
+
+
+def test_the_front_holds_the_plans_that_no_other_beats():
+    points = [(10, [1, 0, 0, 0]), (10, [1, 1, 0, 0]), (20, [1, 1, 0, 0]), (15, [1, 0, 0, 0]),
+              (30, [1, 1, 1, 1]), (10, [0, 1, 1, 0])]  # fmt: skip
+    plans = [plan_cover([made_up(seen, length)], 1.0) for length, seen in points]
+    assert front(plans).tolist() == [False, True, False, False, True, False]
+
+
+@given(seed=st.integers(0, 10**6))
+@settings(max_examples=30, deadline=None)
+def test_each_plan_is_on_the_front_or_beaten_by_one_that_is(seed):
+    rng = np.random.default_rng(seed)
+    tried = [made_up(rng.random(40) < 0.3, rng.uniform(5, 50)) for _ in range(8)]
+    plans = trade(tried, 0.95)
+    optimal = front(plans)
+    ends = [(plan.length_mm[-1], plan.coverage[-1]) for plan in plans]
+    best = [end for end, good in zip(ends, optimal, strict=True) if good]
+    for length, coverage in ends:
+        assert any(a <= length and b >= coverage for a, b in best)
+    for a, b in best:
+        assert not any((x <= a and y > b) or (x < a and y >= b) for x, y in ends)
+
+
+@pytest.mark.parametrize("degrees", [0, 30, 60])
+def test_a_pit_in_white_noise_has_the_closed_form(degrees):
+    angle, px, py, sd = np.radians(degrees), 0.02, 0.03, 0.01
+    closed = 5 * sd * np.sqrt(12 * px * py * np.cos(angle) / (np.pi * PIT_MM**2))
+    assert smallest_depth_mm(angle, px, py, sd) == pytest.approx(closed, rel=1e-3)
+
+
+def test_correlation_over_the_whole_pit_leaves_one_reading():
+    """With all noise in common a filter gains nothing by more readings."""
+    depths = [
+        smallest_depth_mm(0.0, pitch, pitch, 0.0, 0.01, np.ones((401, 401)))
+        for pitch in (0.02, 0.04)
+    ]
+    # Σd² / (s Σd) of a paraboloid: mean square 1/3 over mean 1/2
+    assert depths == pytest.approx([5 * 0.01 * 1.5] * 2, rel=1e-2)
+
+
+def test_roughness_and_sparse_profiles_hide_pits():
+    _, tried = looked_at(trimesh.creation.box(extents=(30, 30, 30)), 300)
+    one = next(one for one in tried if one.look[2] == -1)
+
+    def pit(surface, profiles):
+        depths = ReferencePit(datasheet=SHEET, surface=surface, profiles=profiles).depths_mm(one)
+        assert np.isinf(depths[~one.seen]).all()
+        return depths[one.seen].mean()
+
+    smooth = pit(None, 400)
+    assert pit(None, 100) == pytest.approx(2 * smooth, rel=0.05)  # square root of the readings
+    assert pit(Surface.load("steel_plate"), 400) > 10 * smooth
