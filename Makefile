@@ -6,7 +6,7 @@ STAMP  := $(VENV)/.installed
 DEV    := $(VENV)/.installed-dev
 PEERS  := $(VENV)/.installed-bench
 
-.PHONY: campaign demo test test-all lint bench effects flaws datasets recipe paper pictures diagnose-bench proof proof-small payoff clean exports
+.PHONY: fuzz test-oldest audit campaign demo test test-all lint bench effects flaws datasets recipe paper pictures diagnose-bench proof proof-small payoff clean exports
 
 demo: $(STAMP)
 	$(BIN)/flawforge generate quickstart --out out/quickstart
@@ -18,6 +18,36 @@ test: $(DEV)
 
 test-all: $(DEV)
 	$(BIN)/python -m pytest -n 2
+
+# Fresh examples, FUZZ of each test (5000: about twenty minutes); what fails is kept in .hypothesis.
+FUZZ ?= 5000
+
+fuzz: $(DEV)
+	FUZZ=$(FUZZ) $(BIN)/python -m pytest tests/fuzz
+
+# The oldest versions that pyproject.toml allows, in an environment of their own.
+OLDEST := $(VENV)-oldest
+
+test-oldest: $(OLDEST)/.installed
+	$(OLDEST)/bin/python -m pytest -o addopts="--import-mode=importlib -q" -o filterwarnings= \
+	  -m "not slow" tests/test_arrows.py tests/sensors/test_recording.py tests/sensors/formats \
+	  tests/pipeline/test_recipe.py tests/pipeline/pod tests/fuzz
+	rm -rf out/oldest
+	$(OLDEST)/bin/flawforge generate quickstart --set specimens=1 --set scans=1 --out out/oldest
+	$(OLDEST)/bin/flawforge verify out/oldest
+
+$(OLDEST)/.installed: pyproject.toml constraints/oldest.txt
+	$(PYTHON) -m venv $(OLDEST)
+	$(OLDEST)/bin/python -m pip install --quiet --disable-pip-version-check --editable . \
+	  --constraint constraints/oldest.txt 'pytest>=8.0' 'hypothesis>=6.100'
+	touch $@
+
+# Known weaknesses of what is installed. Needs the network: see SECURITY.md.
+audit: $(STAMP)
+	test -x $(VENV)-audit/bin/pip-audit || { $(PYTHON) -m venv $(VENV)-audit && \
+	  $(VENV)-audit/bin/python -m pip install --quiet 'pip-audit>=2.7'; }
+	$(VENV)-audit/bin/pip-audit --strict --progress-spinner off --skip-editable \
+	  --path $$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')
 
 lint: $(DEV)
 	$(BIN)/ruff check .
@@ -100,4 +130,4 @@ $(PEERS): pyproject.toml | $(DEV)
 	touch $@
 
 clean:
-	rm -rf $(VENV) out
+	rm -rf $(VENV) $(VENV)-oldest $(VENV)-audit out

@@ -4,12 +4,12 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
-import h5py
 import numpy as np
 
 from diagnosis.diagnose import Diagnosis
 from diagnosis.printed import Print
 from sensors.effects.reflectance_edge import ReflectanceEdge
+from sensors.hdf5_output import created
 from sensors.typed_yaml import plain
 
 FORMAT = "profilometer-diagnosis"
@@ -30,7 +30,7 @@ def write_outputs(
     text = json.dumps(plain(as_json(result)), indent=1, ensure_ascii=False)
     (folder / "diagnosis.json").write_text(text + "\n", encoding="utf-8")
     result.datasheet.save(folder / "sensor.yaml")
-    with h5py.File(folder / "mismatch.h5", "w") as file:
+    with created(folder / "mismatch.h5") as file:
         file.attrs["format"] = "profilometer-mismatch"
         file.attrs["version"] = 1
         for maps in result.maps:

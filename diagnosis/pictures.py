@@ -52,7 +52,8 @@ def mismatch_map(result: Diagnosis) -> bytes:
         overlay = np.zeros((*maps.mask[thin].shape, 4))
         overlay[maps.mask[thin]] = (0.76, 0.27, 0.18, 0.45)
         left.imshow(overlay, aspect="auto", extent=extent, interpolation="nearest")
-    left.set_title(f"{maps.name}\ndepth; red where it contradicts the simulation", fontsize=9)
+    title = f"{maps.name}\ndepth; red where it contradicts the simulation"
+    left.set_title(title, fontsize=9, parse_math=False)  # a file's name is no formula
     residual = 1e3 * (maps.depth_mm - maps.simulated)[thin]
     known = residual[np.isfinite(residual)]
     limit = float(np.quantile(np.abs(known), 0.97)) if known.size else 1.0
@@ -181,7 +182,8 @@ def profile_picture(result: Diagnosis) -> bytes | None:
     left.axhline(0, color="#b9c2c9", lw=0.8, zorder=0)
     left.set_xlabel("x, mm", fontsize=8)
     left.set_ylabel("reading - expectation, µm", fontsize=8)
-    left.set_title(f"held out: {patch.name}\nprofile {patch.rows.start + row}", fontsize=9)
+    title = f"held out: {patch.name}\nprofile {patch.rows.start + row}"
+    left.set_title(title, fontsize=9, parse_math=False)
     left.legend(fontsize=7, frameon=False)
     right.set_xlabel("reading - expectation, µm", fontsize=8)
     right.set_yticks([])

@@ -47,7 +47,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Plan, write the passes, and say the trade."""
     from dataclasses import replace
 
-    import h5py
     import numpy as np
 
     from pipeline.parts import builtin
@@ -58,6 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     from pipeline.planning.reference_flaw import ReferencePit
     from sensors.casting.scene import Scene
     from sensors.datasheet import Datasheet
+    from sensors.hdf5_output import created
     from sensors.surface.surface import Surface
     from sensors.typed_yaml import RecipeError
 
@@ -101,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
         )
     print("*: Pareto front of length against coverage")
     for k, each in enumerate(plan.passes):
-        with h5py.File(arguments.out / f"pass-{k:02d}.h5", "w") as file:
+        with created(arguments.out / f"pass-{k:02d}.h5") as file:
             file["pose"] = each.poses(arguments.profiles)
     title = f"{part.name}, {sheet.name}: {len(plan.passes)} passes see {plan.coverage[-1]:.1%}"
     draw_plan(plan, plans, samples, title, arguments.out / "plan.png")

@@ -116,7 +116,8 @@ def _sick(z: np.ndarray) -> bytes:
     raw = (z * 1000).astype("<u2")
     pixels = {"data": base64.b64encode(raw.tobytes()).decode(), "elemTypes": ["uint16"],
               "endian": "little"}  # fmt: skip
-    image = {"class": "Image", "data": {"Data": {"Width": 30, "Height": 24, "Pixels": pixels},
+    image = {"class": "Image", "data": {"Data": {"Width": 30, "Height": 24, "ImageType": "uint16",
+             "Pixels": pixels},
              "PixelSize": {"x": 0.2, "y": 0.2, "z": 0.001}, "Origin": {"x": 0, "y": 0, "z": 0},
              "HandleZeroPixels": "MissingData"}}  # fmt: skip
     return json.dumps([image]).encode()

@@ -34,7 +34,7 @@ def draw_plan(plan: Plan, plans: Sequence[Plan], samples: Samples, title: str, o
         axes.tick_params(labelsize=7)
     figure.colorbar(shown, ax=figure.axes, label="incidence, °; red: not seen", shrink=0.7)
     _draw_trade(figure.add_subplot(1, 3, 3), plans, plan)
-    figure.suptitle(title, fontsize=11)
+    figure.suptitle(title, fontsize=11, parse_math=False)
     figure.savefig(out, dpi=100, metadata={"Software": None})
 
 

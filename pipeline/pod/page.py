@@ -114,9 +114,10 @@ def _draw(axes: Any, group: Group, study: Study) -> None:
     axes.xaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_ylim(-0.03, 1.03)
-    axes.set_title(f"{group.name}: {int(group.hit.sum())} of {len(group.size)} found", fontsize=10)
+    title = f"{group.name}: {int(group.hit.sum())} of {len(group.size)} found"
+    axes.set_title(title, fontsize=10, parse_math=False)  # a kind's name is no formula
     label = study.size_column.removeprefix("size_").replace("_mm", ", mm")
-    axes.set_xlabel(label.replace("_", " "))
+    axes.set_xlabel(label.replace("_", " "), parse_math=False)
     axes.set_ylabel("probability of detection")
     if any(isinstance(curve, Curve) for curve in group.curves.values()):
         axes.legend(fontsize=8, loc="lower right", framealpha=0.8)

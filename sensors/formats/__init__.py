@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from sensors.budget import regular
 from sensors.formats.arrays import read_npy
 from sensors.formats.bcr import read_bcr
@@ -86,7 +88,8 @@ def read_height_map(
     try:
         if columns:
             return read_csv(path, unit, columns)
-        return READERS[path.suffix.lower()](path, unit)
+        with np.errstate(invalid="ignore", over="ignore"):  # of damaged numbers: NaN says it
+            return READERS[path.suffix.lower()](path, unit)
     except RecipeError:
         raise
     except OSError as error:

@@ -73,6 +73,24 @@ def test_the_page_holds_the_estimates(dataset, tmp_path, capsys):
     assert first["a90"] < first["a90_95"]
 
 
+def test_names_from_tables_are_text_on_the_page(dataset, tmp_path):
+    names = ["<script>alert(1)</script>", "$\\frac{$"]  # the second is no formula in the picture
+    table = tmp_path / "<img src=x onerror=alert(2)>.parquet"
+    evil = tmp_path / "evil"
+    evil.mkdir()
+    (evil / "dataset.json").write_text((dataset.folder / "dataset.json").read_text())
+    kinds = np.where(dataset.flaws["kind"] == "dent", *names)
+    dataset.flaws.assign(kind=kinds).to_parquet(evil / "flaws.parquet")
+    pd.read_parquet(dataset.folder / "hits.parquet").to_parquet(table)
+    page = tmp_path / "pod.html"
+    assert main(["pod", str(evil), "--predictions", str(table), "--out", str(page)]) == 0
+    text = page.read_text()
+    assert "&lt;script&gt;alert(1)" in text
+    assert names[1] in text
+    assert "<script>alert" not in text
+    assert "<img src=x" not in text
+
+
 def test_wrong_tables_are_one_line(dataset, tmp_path):
     table = tmp_path / "t.parquet"
     with pytest.raises(RecipeError, match="Parquet"):
