@@ -90,7 +90,7 @@ class Corrosion(Kind):
         loss = self.loss_ratio * self.depth_mm
         depth = np.maximum(depth, loss * (1 - share**8))
         height = np.minimum(-depth, 0.3 * self.depth_mm)
-        return dig(patch, height, height < 0, max(0.02, 0.25 * self.depth_mm))
+        return dig(patch, height, height < 0, self.depth_mm)
 
     def _pits(self, a: float, b: float, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """Return places (n, 2) and depths (n,) of the pits, the oldest, in the middle, first."""

@@ -87,4 +87,4 @@ class EdgeChip(Kind):
         waves = np.cos(2 * np.pi * rings * np.sqrt(square) + phase)
         floor = floor + self.ripple * depth * window * waves
         height = np.minimum(section.skin(u_at) - floor, 0.4 * depth)
-        return dig(patch, height, height < 0, max(0.02, 0.25 * depth))
+        return dig(patch, height, height < 0, depth)

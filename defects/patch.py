@@ -293,7 +293,7 @@ def reshape(
     )
 
 
-def dig(patch: Patch, height_mm: Floats, under: NDArray[np.bool_], margin_mm: float) -> Cutter:
+def dig(patch: Patch, height_mm: Floats, under: NDArray[np.bool_], depth_mm: float) -> Cutter:
     """Take away what lies above a wanted surface.
 
     Parameters
@@ -303,10 +303,11 @@ def dig(patch: Patch, height_mm: Floats, under: NDArray[np.bool_], margin_mm: fl
         normals; above zero, so in the air, at the patch's rim.
     under
         (n,) which points belong to the footprint.
-    margin_mm
-        How far above the highest of them the air begins.
+    depth_mm
+        Of the flaw: the solid rises a quarter of it, at least 20 µm, above the highest point, so
+        that its roof lies clearly in the air.
     """
-    rise = float(height_mm.max()) + margin_mm
+    rise = float(height_mm.max()) + max(0.02, 0.25 * depth_mm)
     return Cutter(
         removed=patch.solid(height_mm, np.full(len(height_mm), rise)),
         added=None,

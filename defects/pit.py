@@ -81,4 +81,4 @@ class Pit(Kind):
         waves = np.cos(x[:, None] * wave[:, 0] + y[:, None] * wave[:, 1] + phase).mean(axis=1)
         fall = 1.0 - patch.first**self.steepness
         height = -depth * fall * (1 + 1.5 * self.irregularity * waves)
-        return dig(patch, height, patch.first <= 1.0, max(0.02, 0.25 * depth))
+        return dig(patch, height, patch.first <= 1.0, depth)

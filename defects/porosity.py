@@ -84,4 +84,4 @@ class Porosity(Kind):
         patch = Patch.disk(surface, site, np.full(sectors, radius), rho)
         height = -depth * np.sqrt(np.maximum(1.0 - patch.first**2, 0.0))
         height = np.where(patch.first > 1.0, 0.3 * depth, height)
-        return dig(patch, height, patch.first <= 1.0, max(0.02, 0.25 * depth))
+        return dig(patch, height, patch.first <= 1.0, depth)

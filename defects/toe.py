@@ -130,4 +130,4 @@ def _groove(
     fall = 1 - patch.first**4 - np.abs(patch.second / wide) ** exponent
     height = np.where(fall > 0, -depth_mm * deep * fall, -0.5 * min(depth_mm, reach_mm) * fall)
     height = np.minimum(height, 0.4 * depth_mm)
-    return dig(patch, height, height < 0, max(0.02, 0.25 * depth_mm))
+    return dig(patch, height, height < 0, depth_mm)

@@ -76,4 +76,4 @@ class Wear(Kind):
         floor = section.plane(patch.second) - depth * fade**2
         floor = floor + 0.5 * self.groove_ratio * depth * np.clip(groove, -2, 2)
         height = np.minimum(section.skin(patch.second) - floor, 0.4 * depth)
-        return dig(patch, height, height < 0, max(0.02, 0.25 * depth))
+        return dig(patch, height, height < 0, depth)

@@ -46,7 +46,7 @@ def without_axes(table: Floats) -> Axes:
             )  # fmt: skip
     if table.shape[0] > 2 * LEAST and table.shape[1] > LEAST:
         first, rest = table[:, 0], table[:, 1:]
-        if _is_counter(first) and not _whole(rest):
+        if is_counter(first) and not _whole(rest):
             return Axes(table=rest, x=None, y=None, dropped=("the first column counts the rows",))
         if is_axis(first, rest.T):
             return Axes(table=rest, x=None, y=first, dropped=("the first column is an axis",))
@@ -92,7 +92,8 @@ def even(values: Floats) -> bool:
     return middle != 0.0 and bool(np.abs(steps - middle).max() <= max(EVEN, 1e-9) * abs(middle))
 
 
-def _is_counter(values: Floats) -> bool:
+def is_counter(values: Floats) -> bool:
+    """Return whether numbers count rows: 0, 1, 2 ... or 1, 2, 3 ..."""
     whole = np.isfinite(values).all() and np.array_equal(values, np.rint(values))
     return bool(whole) and values[0] in (0.0, 1.0) and bool((np.diff(values) == 1.0).all())
 

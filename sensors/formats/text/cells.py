@@ -99,7 +99,7 @@ def _without_trailing(rows: Rows) -> tuple[Rows, bool]:
 
     A name over them makes a column whose values are all missing; that one stays.
     """
-    at = [k for k, row in enumerate(rows) if len(row) > 1 and _is_numbers(row)]
+    at = [k for k, row in enumerate(rows) if len(row) > 1 and is_numbers(row)]
     if len(at) < 2:
         return rows, False
     head = next((row for row in reversed(rows[: at[0]]) if row), [])
@@ -119,6 +119,7 @@ def _trailing(row: list[str]) -> int:
     return count
 
 
-def _is_numbers(row: list[str]) -> bool:
+def is_numbers(row: list[str]) -> bool:
+    """Return whether a row holds nothing but numbers, one at least that isn't missing."""
     values = [number(cell) for cell in row]
     return None not in values and any(value == value for value in values)

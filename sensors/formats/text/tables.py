@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from sensors.formats.height_map import Floats, HeightMap, scale_mm, unit_decision
-from sensors.formats.text.axes import without_axes
-from sensors.formats.text.cells import Rows, number, split
+from sensors.formats.text.axes import is_counter, without_axes
+from sensors.formats.text.cells import Rows, is_numbers, number, split
 from sensors.formats.text.decode import decoded
 from sensors.formats.text.gocator import CORNER, is_gocator, read_gocator
 from sensors.formats.text.headers import Header, read_header
@@ -36,15 +36,12 @@ class Table:
         Names of the columns, or none.
     header
         What the lines before state.
-    decisions
-        What was recognised on the way.
     """
 
     values: Floats
     texts: Rows
     names: tuple[str, ...]
     header: Header
-    decisions: tuple[str, ...]
 
 
 def read_csv(
@@ -106,12 +103,12 @@ def _table(rows: Rows, path: Path, lines: list[str] | None) -> Table:
     The numbers begin with the first row as wide as most rows of numbers are: before it may stand
     a line with their count.
     """
-    widths = [len(row) for row in rows if _is_numbers(row)]
+    widths = [len(row) for row in rows if is_numbers(row)]
     if not widths:
         raise RecipeError("holds no numbers", where=path)
     counts = np.bincount(widths)
     width = int(np.flatnonzero(counts == counts.max())[-1])
-    start = next(k for k, row in enumerate(rows) if _is_numbers(row) and len(row) == width)
+    start = next(k for k, row in enumerate(rows) if is_numbers(row) and len(row) == width)
     head = [row for row in rows[:start] if row]
     for k, row in enumerate(rows[:start]):
         numbers = [number(cell) for cell in row]
@@ -127,12 +124,8 @@ def _table(rows: Rows, path: Path, lines: list[str] | None) -> Table:
             names = tuple(cells)
             break
     plain = [" ".join(row) for row in head]
-    said = read_header(lines[: _line_of(lines, start)] if lines is not None else plain)
-    return Table(values=values, texts=texts, names=names, header=said, decisions=())
-
-
-def _line_of(lines: list[str], start: int) -> int:
-    return min(start, len(lines))
+    said = read_header(lines[:start] if lines is not None else plain)
+    return Table(values=values, texts=texts, names=names, header=said)
 
 
 def _numbers(rows: Rows, start: int, width: int, path: Path) -> tuple[Floats, Rows]:
@@ -250,7 +243,7 @@ def _unnamed(table: Table, unit: str | None, path: Path) -> HeightMap:
     values, units = table.values, list(table.header.column_units)
     words: tuple[str, ...] = ()
     texts = table.texts
-    counted = values.shape[1] == 3 and len(values) >= MIN_PROFILE and _counts(values[:, 0])
+    counted = values.shape[1] == 3 and len(values) >= MIN_PROFILE and is_counter(values[:, 0])
     if counted and (np.diff(values[:, 1]) > 0.0).all():
         values, words = values[:, 1:], ("the first column counts the rows",)
         texts = [row[1:] for row in texts]
@@ -366,14 +359,5 @@ def _rises(numbers: list[float | None]) -> bool:
     return bool((steps > 0).all() or (steps < 0).all())
 
 
-def _counts(values: Floats) -> bool:
-    return bool(values[0] in (0.0, 1.0) and (np.diff(values) == 1.0).all())
-
-
 def _is_unit(cell: str) -> bool:
     return cell.lower().strip("[]() ") in LENGTHS_MM
-
-
-def _is_numbers(row: list[str]) -> bool:
-    numbers = [number(cell) for cell in row]
-    return bool(row) and None not in numbers and any(value == value for value in numbers)
