@@ -33,7 +33,7 @@ class Placed:
     ----------
     places : of each recording
     model : with each recording's own parameters, held-out ones included
-    shifts : what is left of each placement to first order, in prior deviations
+    shifts : residual of each placement to first order, in prior deviations
     """
 
     places: tuple[Place, ...]

@@ -67,7 +67,7 @@ class _Pieces:
 
     Attributes
     ----------
-    shift : what is left of the placement to first order, in prior deviations
+    shift : residual of the placement to first order, in prior deviations
     """
 
     recorded: Recorded

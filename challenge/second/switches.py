@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,12 +62,12 @@ class Fault:
     slow: bool = False
 
 
-def _device(**change: Callable[[Device, float], object]) -> Apply:
+def _device(**change: Callable[[Device, float], Any]) -> Apply:
     """Change fields of the device, each by a function of it and the size."""
 
     def apply(world: World, size: float, _rng: np.random.Generator) -> World:
         fields = {name: value(world.device, size) for name, value in change.items()}
-        return replace(world, device=replace(world.device, **fields))  # type: ignore[arg-type]
+        return replace(world, device=replace(world.device, **fields))
 
     return apply
 
