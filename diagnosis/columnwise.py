@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize, minimize_scalar
+from scipy.sparse import csr_matrix
 
 from diagnosis.noise import Field, Mask
 from diagnosis.patch import Patch
-from diagnosis.rowwise import weights_matrix
 from diagnosis.score import CLIP, Whitened
 
 COMB = 6
@@ -160,3 +160,10 @@ def _half(gram: Field) -> tuple[Field, int]:
     values, vectors = np.linalg.eigh(gram / np.outer(size, size))
     kept = values > 1e-3
     return (vectors[:, kept] / np.sqrt(values[kept])) / size[:, None], int(kept.sum())
+
+
+def weights_matrix(owners: Field, values: Field, rows: int) -> csr_matrix:
+    """Sparse (rows, N): each innovation's weight in the sums of the rows it touches."""
+    count, reach = owners.shape
+    columns = np.repeat(np.arange(count), reach)
+    return csr_matrix((values.ravel(), (owners.ravel(), columns)), shape=(rows, count))

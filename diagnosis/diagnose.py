@@ -8,12 +8,20 @@ from numpy.typing import NDArray
 
 from diagnosis.calibration import calibrated_noise, nominal_noise, nominal_sd_mm
 from diagnosis.candidates import candidates_of
-from diagnosis.empirical_fit import fit_empirical
+from diagnosis.cause import Cause, Strange
+from diagnosis.evidence.population import population
 from diagnosis.explain import Explanation, explain
-from diagnosis.finding import Finding
 from diagnosis.finish import averaged_grain, finish_effects, finish_estimates, sunken
 from diagnosis.firmware import filtered_instead
-from diagnosis.found import FoundEffect, at_limits, found_effects, plainly_found, sheet_with
+from diagnosis.found import (
+    FoundEffect,
+    at_limits,
+    found_effects,
+    lawless,
+    plainly_found,
+    probability,
+    sheet_with,
+)
 from diagnosis.heldout import Judgement, judge
 from diagnosis.inputs import (
     check_overlap,
@@ -23,7 +31,6 @@ from diagnosis.inputs import (
     tiles,
     with_brightness,
 )
-from diagnosis.leftover import held_findings
 from diagnosis.locate import Region
 from diagnosis.maps import RecordingMaps, map_recording
 from diagnosis.mounting import LEAST_NATS, mounting_error
@@ -32,7 +39,7 @@ from diagnosis.patch import Patch, in_range
 from diagnosis.recorded import Recorded
 from diagnosis.registration import Placement, register
 from diagnosis.residual_structure import Residual, residual_structure
-from diagnosis.select import LEAST_GAIN, Selection
+from diagnosis.settings import SETTINGS
 from diagnosis.shrinkage import shrunk_at_edges
 from diagnosis.uncertainty import refined
 from diagnosis.workspace import Model, Workspace
@@ -47,9 +54,6 @@ from sensors.surface.surface import Surface
 from sensors.typed_yaml import RecipeError
 
 Progress = Callable[[str], None]
-STILL_BENT = 0.4
-"""Departure of the mean, in units of the noise, that is never passed over as a remainder."""
-
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Diagnosis:
@@ -58,7 +62,9 @@ class Diagnosis:
     verdict: str
     effects: tuple[FoundEffect, ...]
     left: tuple[Residual, ...]
-    found: tuple[Finding, ...]
+    none_of_these: float
+    population: str
+    assumed: Mapping[str, object]
     regions: tuple[Region, ...]
     share_of_points: float
     before: Judgement
@@ -67,9 +73,9 @@ class Diagnosis:
     datasheet: Datasheet
     model: Model
     noise: NoiseModel
-    threshold: float
     fitted: tuple[str, ...]
     held: tuple[str, ...]
+    baselines: tuple[str, ...]
     held_patches: tuple[Patch, ...]
     fit_patches: tuple[Patch, ...]
     notes: tuple[str, ...]
@@ -85,6 +91,7 @@ def diagnose(
     surface: Surface | None = None,
     references: Sequence[Recording] = (),
     holdout: Sequence[Recording] = (),
+    baselines: Sequence[Recording] = (),
     seed: int = 0,
     withheld: Iterable[str] = (),
     progress: Progress = lambda text: None,
@@ -97,6 +104,7 @@ def diagnose(
     vertices_mm, faces : the part's closed mesh, part frame
     surface : nominal roughness, if any is claimed
     references : scans of a flat plate by the same instrument
+    baselines : recordings of the part by the same instrument when it was known to be good
     withheld : names of effects that must not be considered
 
     Raises
@@ -108,17 +116,17 @@ def diagnose(
         raise RecipeError("no recording to diagnose")
     withheld = frozenset(withheld)
     scene = Scene(vertices_mm, faces)
-    rng = np.random.default_rng(seed)
     notes: list[str] = []
     fit_on, held = list(recordings), list(holdout)
     if not held and len(fit_on) > 1:
         held = [fit_on.pop()]
     single = not held
     everything = [*fit_on, *held]
-    inputs = checked(everything, references, scene, datasheet, surface, notes)
+    good = [replace(b, name=f"baseline {b.name}") for b in baselines]
+    inputs = checked([*everything, *good], references, scene, datasheet, surface, notes)
     laser, surface = inputs.laser, inputs.surface
 
-    placed = _registered(everything, scene, datasheet, laser, progress)
+    placed = _registered([*everything, *good], scene, datasheet, laser, progress)
     scene, everything = with_brightness(everything, placed, scene, datasheet, laser)
     recorded = Recorded(
         recordings=tuple(everything), scene=scene, datasheet=datasheet, laser=laser,
@@ -132,19 +140,20 @@ def diagnose(
     check_overlap(patches)
     progress("calibrating the noise")
     noise, nominal = calibrated_noise(patches, inputs.plates, notes)
+    before_now = _baseline_patches(good, recorded, placed)
+    if before_now and nominal is None:
+        nominal, _ = calibrated_noise(before_now, (), [])
     repeated = repeats(everything, notes)
+    usual_sizes = population()
     explanation = explain(
-        patches, noise, recorded, placed, rng, withheld=withheld, share_own=not single,
-        notes=notes, progress=progress,
+        patches, noise, recorded, placed, usual_sizes.weights, baseline=before_now,
+        withheld=withheld, notes=notes, progress=progress,
     )  # fmt: skip
-    selection, model, ws = explanation.selection, explanation.model, explanation.ws
-    held_patches = explanation.held
-    last = held_findings(
-        selection.last.significant(), held_patches, ws, model, least_gain=LEAST_GAIN, rng=rng
-    )
-    verdict, left = _verdict(selection, last)
-    bent = any(f.channel == "mean" and f.size > STILL_BENT for f in left)
-    beside, strange, plain_noise = _finished(
+    model, ws, recorded = explanation.model, explanation.ws, explanation.recorded
+    causes, held_patches = list(explanation.causes), explanation.held
+    strange = list(explanation.strange)
+    bent = any(s.channel == "mean" for s in strange)
+    beside, plain_noise = _finished(
         explanation, noise, nominal, surface, bent=bent, withheld=withheld, share_own=not single
     )
     if plain_noise is not noise and nominal is not None:
@@ -154,13 +163,9 @@ def diagnose(
         # what the model takes for physics is no misplacement; a warped part's low waves turn and
         # shift it, so that how it lies can't be told from how the sensor sits
         beside += _mounted(ws, model, everything, explanation.placed, held_patches)
-    verdict, left = _joined(verdict, left, bool(beside), [*repeated, *strange])
-    described = residual_structure(left, ws, model)
-    if verdict in ("unexplained", "partly_explained"):
-        progress("describing what is left")
-        empirical = fit_empirical(ws, model, left)
-        if empirical is not None:
-            model = model.with_effect(empirical)
+    beside += [f for f in repeated if f.name not in withheld]
+    verdict = _verdict(bool(causes or beside), bool(strange))
+    described = residual_structure(strange, ws, model)
     model = refined(ws, model)
     progress("judging on held-out readings")
     candidates = candidates_of(
@@ -169,10 +174,8 @@ def diagnose(
     )  # fmt: skip
     nominally = candidates.placed(Model())
     before = judge(nominally.held, plain_noise, Model(), share_own=not single)
-    found, after = found_effects(ws, model, selection.choices, candidates)
-    if any(f.name == "empirical" and f.heldout_gain < LEAST_GAIN for f in found):
-        model = model.without("empirical")
-        found, after = found_effects(ws, model, selection.choices, candidates)
+    found, after = found_effects(ws, model, causes, candidates)
+    found = (*found, *lawless(causes, [f.name for f in found]))
     found, beside = averaged_grain(found, beside, withheld)
     found = tuple(sorted([*found, *beside], key=lambda f: -f.heldout_gain))
     notes += at_limits(found)
@@ -196,23 +199,42 @@ def diagnose(
         verdict=verdict,
         effects=found,
         left=described,
-        found=tuple(selection.first.significant()),
+        none_of_these=_none_of_these(causes, beside, strange),
+        population=usual_sizes.name,
+        assumed={
+            key: getattr(recorded.datasheet, key)
+            for key in ("triangulation_angle_deg", "camera_side")
+            if getattr(recorded.datasheet, key) != getattr(datasheet, key)
+        },
         regions=regions,
         share_of_points=float(sum(m.mask.sum() for m in maps)) / max(counted, 1),
         before=before,
         after=after,
         maps=tuple(maps),
-        datasheet=sheet_with(datasheet, [f.effect.shared() for f in found]),
+        datasheet=sheet_with(recorded.datasheet, [f.effect.shared() for f in found]),
         model=model,
         noise=noise,
-        threshold=selection.first.threshold,
         fitted=tuple(r.name for r in fit_on),
         held=tuple(r.name for r in held),
+        baselines=tuple(r.name for r in baselines),
         held_patches=tuple(nominally.held),
         fit_patches=ws.patches,
         notes=tuple(notes),
         seed=seed,
     )
+
+
+def _baseline_patches(
+    good: Sequence[Recording], recorded: Recorded, placed: Mapping[str, Placement]
+) -> list[Patch]:
+    """Look at baselines from where they were registered."""
+    if not good:
+        return []
+    theirs = replace(
+        recorded, recordings=tuple(good),
+        held_out=tuple(np.zeros(r.depth_mm.shape, dtype=bool) for r in good),
+    )  # fmt: skip
+    return [p for k, r in enumerate(good) for p in theirs.cut(k, placed[r.name])]
 
 
 def _registered(
@@ -243,22 +265,22 @@ def _finished(
     bent: bool,
     withheld: Collection[str],
     share_own: bool,
-) -> tuple[list[FoundEffect], list[Finding], NoiseModel]:
-    """Compare the noise with what plates or the surface's file claim.
+) -> tuple[list[FoundEffect], NoiseModel]:
+    """Compare the noise with what plates, baselines or the surface's file claim.
 
     Returns
     -------
-    effects on the surface's texture; findings that none of them explains; the nominal noise
+    effects on the surface's texture; the nominal noise
     """
     model, ws = explanation.model, explanation.ws
     view = ws.patches[0].view
     claimed = nominal_sd_mm(nominal, surface, view)
-    effects, findings = finish_effects(ws, model, noise, nominal, claimed, bent=bent)
+    effects = finish_effects(ws, model, noise, nominal, claimed, bent=bent)
     if surface is not None and nominal is None and OnboardFilter.name not in withheld:
         effects = filtered_instead(effects, noise, surface, view)
     effects = [e for e in effects if e.name not in withheld]
     if not effects:
-        return [], findings, noise
+        return [], noise
     plain_noise = nominal_noise(noise, nominal, surface, view)
     plain, level, whole = (
         judge(explanation.held, n, model, share_own=share_own).log_score
@@ -268,12 +290,16 @@ def _finished(
     gains = {e.name: plain - whole for e in effects}
     if len(effects) > 1:
         gains["roughness_level"] = min(plain - level, plain - whole)
+    readings = sum(int(p.scored.sum()) for p in explanation.held)
     found = [
-        plainly_found(e, gains[e.name], finish_estimates(e))
+        plainly_found(
+            e, gains[e.name], finish_estimates(e),
+            probability=probability(readings * gains[e.name], e.name),
+        )
         for e in effects
-        if gains[e.name] >= LEAST_GAIN
-    ]
-    return found, [], plain_noise
+        if readings * gains[e.name] + SETTINGS.log_odds(e.name) > 0
+    ]  # fmt: skip
+    return found, plain_noise
 
 
 def _mounted(
@@ -300,7 +326,12 @@ def _mounted(
     if gain < LEAST_NATS:
         return []
     per_reading = gain / max(sum(int(p.counted.sum()) for p in held), 1)
-    return [plainly_found(mounting.effect, per_reading, mounting.intervals)]
+    return [
+        plainly_found(
+            mounting.effect, per_reading, mounting.intervals,
+            probability=1.0 - np.exp(-gain),
+        )
+    ]  # fmt: skip
 
 
 def _travelled_mm(ws: Workspace, model: Model) -> float:
@@ -313,26 +344,20 @@ def _blurs(model: Model) -> list[MotionBlur]:
     return [e for e in model.effects if isinstance(e, MotionBlur)]
 
 
-def _verdict(selection: Selection, last: list[Finding]) -> tuple[str, list[Finding]]:
-    """Judge what the findings that are left after the explanation amount to."""
-    if not selection.choices:
-        return ("unexplained" if last else "match"), last
-    explained = sum(c.gain for c in selection.choices)
-    rest = max((f.gain for f in last), default=0.0)
-    bent = any(f.channel == "mean" and f.size > STILL_BENT for f in last)
-    if not last or (rest < 0.05 * explained and not bent):
-        return "explained", []
-    if rest > 2 * explained:
-        return "unexplained", last
-    return "partly_explained", last
+def _verdict(named: bool, strange: bool) -> str:
+    """Sum up: whether causes were named, and whether something is left that none explains."""
+    if named:
+        return "partly_explained" if strange else "explained"
+    return "unexplained" if strange else "match"
 
 
-def _joined(
-    verdict: str, left: list[Finding], known: bool, more: list[Finding]
-) -> tuple[str, list[Finding]]:
-    """Join a verdict with what was found beside the selection, known by name or left over."""
-    if known:
-        verdict = {"match": "explained", "unexplained": "partly_explained"}.get(verdict, verdict)
-    if more:
-        verdict = {"match": "unexplained", "explained": "partly_explained"}.get(verdict, verdict)
-    return verdict, [*left, *more]
+def _none_of_these(
+    causes: Sequence[Cause], beside: Sequence[FoundEffect], strange: Sequence[Strange]
+) -> float:
+    """Probability that none of the names given holds, or that what departs has no name at all."""
+    if not causes and not beside:
+        return 1.0
+    missed = 1.0
+    for probability in [1 - c.none_of_these for c in causes] + [f.probability for f in beside]:
+        missed *= 1 - probability
+    return float(max(missed, 0.0))

@@ -1,93 +1,48 @@
-"""Explanation: selection, placing anew under what was chosen, and the word of held-out readings.
+"""Explanation: causes by evidence, their laws, placing anew under them, and what is left then."""
 
-What gains nothing on held-out readings is no explanation: it is dropped with what was chosen after
-it, and the selection goes on without that name.
-"""
-
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
-from diagnosis.edges import BESIDE_EDGES, EDGE_COVARIATES, READ_AT_EDGES, on_edges
-from diagnosis.found import heldout_gains
-from diagnosis.heldout import judge
-from diagnosis.linear import phase_is_own
-from diagnosis.noise import Mask, NoiseModel
+from diagnosis.cause import Cause, Strange, reported, without_kin
+from diagnosis.edges import BESIDE_EDGES, EDGE_COVARIATES
+from diagnosis.evidence.assess import RATES, Seen, assessed, good_factors, informed, seen
+from diagnosis.noise import Field, NoiseModel
 from diagnosis.patch import Patch
-from diagnosis.prediction import predict
+from diagnosis.physics import assumed_sheets, fit_laws, refit, seen_by
 from diagnosis.recorded import Recorded
 from diagnosis.registration import Placement
-from diagnosis.reregistration import placed_anew
-from diagnosis.screen import lists_edges
-from diagnosis.select import (
-    LEAST_GAIN,
-    SEARCHED_READINGS,
-    Progress,
-    Selection,
-    drop_idle,
-    refit,
-    refit_linear,
-    screen,
-    select,
-)
+from diagnosis.reregistration import log_density, placed_anew
+from diagnosis.settings import SETTINGS
 from diagnosis.workspace import Model, Workspace
-from sensors.effects.base import Effect
-from sensors.effects.motion_blur import MotionBlur
 
-LEAST_SHARE = 0.06
-"""Share of the largest effect's gain below which another one mends what its law leaves."""
-MUCH = 0.03
-"""Nats per held-out reading that are more than a law leaves, however much it gains."""
-LEAST_SHOWN = 0.05
-"""Rms departure, in deviations, below which held-out readings can't speak of an effect."""
-LEAST_UNSHOWN = 0.03
-"""The same in the fitted recording that shows it most, below which its word isn't enough."""
-NOISY = 0.9
-"""Flicker beyond which a blur scatters about as much as it may."""
-LEAST_NOISY = 0.06
-"""Nats per held-out reading below which such a blur is of no use.
-
-All that it says may be that edges are noisier than a coarse law has them: four of the sixteenth
-sealed set that weren't there gained 0.02 to 0.05; the five true ones, whose flicker is 0.3 to 0.7,
-0.08 and more.
-"""
-LEAST_BLUR = 0.03
-"""The same for any blur where the sensor's file says what depth edges do: one that wasn't there
-gained 0.025, and one 0.04 in place of what has no name.
-"""
-LEAST_LISTED = 0.01
-"""The same for an effect on depth edges of which the sensor's file says what they do.
-
-It may mend the maker's coarse law: of opened cases, four such effects that weren't there gained
-less, and all true ones more.
-"""
-TRIALS = 4
-PLACED = 3
-"""Times that recordings are placed under a model at most, where that still moves them."""
-TURNS = 2
-"""Times that blurred recordings are placed by the law of the model, which is fitted again."""
-LONG_BLUR = 2.0
-"""Profiles during one exposure from which silhouettes alone don't tell a part of a pitch."""
+Progress = Callable[[str], None]
 SETTLED = EDGE_COVARIATES | BESIDE_EDGES | {"wall_distance"}
 """Covariates of effects that are fitted again where the recordings lie then."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Explanation:
-    """What was chosen, and the patches at their placement under it."""
+    """What was found, and the patches at their placement under it.
 
-    selection: Selection
+    Attributes
+    ----------
+    causes : catalogued, strongest first
+    strange : components that no catalogued effect claims
+    first : the recordings as they were seen under the nominal model
+    scales : what a good instrument has of each component
+    """
+
+    model: Model
+    causes: tuple[Cause, ...]
+    strange: tuple[Strange, ...]
     patches: tuple[Patch, ...]
     placed: Mapping[str, Placement]
+    recorded: Recorded
     ws: Workspace
-
-    @property
-    def model(self) -> Model:
-        """The effects chosen."""
-        return self.selection.model
+    first: Seen
+    scales: Mapping[str, Field]
 
     @property
     def held(self) -> list[Patch]:
@@ -95,167 +50,121 @@ class Explanation:
         return [p for p in self.patches if p.scored.any()]
 
 
-def shows(effect: Effect, patches: Sequence[Patch], noise: NoiseModel) -> bool:
-    """Whether held-out readings can speak of an effect, or fitted ones show it no better.
-
-    What fades with time may be over before the held-out recording begins, a slip along the
-    travel moves nothing where that recording looks at flats, and an error of the range is a tilt
-    and a shift where it sees planes that lie as one.
-    """
-    if effect.frame == "part" or on_edges(effect):
-        return True
-    waves = [effect]
-    if phase_is_own(effect):
-        waves = [effect.with_parameters(phase_rad=phase) for phase in (0.0, 0.5 * math.pi)]
-    held, fitted = (
-        max(left_by_placement(wave, patches, masks, noise) for wave in waves)
-        for masks in ([p.scored for p in patches], [p.fit for p in patches])
-    )
-    return held > LEAST_SHOWN or fitted < max(LEAST_UNSHOWN, 2 * held)
-
-
-def _least_of(effect: Effect, listed: bool) -> float:
-    """Nats per held-out reading that an effect must gain, whatever the others do.
-
-    Parameters
-    ----------
-    listed : whether the sensor's file says what depth edges do
-    """
-    if isinstance(effect, MotionBlur):
-        if effect.flicker > NOISY:
-            return LEAST_NOISY
-        if listed:
-            return LEAST_BLUR
-    at_edges = effect.covariate in READ_AT_EDGES
-    return LEAST_LISTED if listed and at_edges else LEAST_GAIN
-
-
-def left_by_placement(
-    effect: Effect, patches: Sequence[Patch], masks: Sequence[Mask], noise: NoiseModel
-) -> float:
-    """Rms of what an effect does to the mean beyond a placement, in units of the noise.
-
-    In the recording where that is largest.
-    """
-    sums = {p.recording: np.zeros(2) for p in patches}
-    for patch, mask in zip(patches, masks, strict=True):
-        if not mask.any():
-            continue
-        plain, with_it = (predict(patch.view, e, noise) for e in ((), (effect,)))
-        pick = mask & plain.seen & with_it.seen & ~patch.edge
-        change = ((with_it.mean_mm - plain.mean_mm) / plain.sd_mm)[pick]
-        columns = patch.columns[pick] / plain.sd_mm[pick][:, None]
-        ridge = np.eye(columns.shape[1])
-        left = change - columns @ np.linalg.solve(columns.T @ columns + ridge, columns.T @ change)
-        sums[patch.recording] += float(left @ left), left.size
-    return max(float(np.sqrt(squares / max(count, 1))) for squares, count in sums.values())
-
-
 def explain(
     patches: Sequence[Patch],
     noise: NoiseModel,
     recorded: Recorded,
     placed: Mapping[str, Placement],
-    rng: np.random.Generator,
+    population: Mapping[str, Field],
     *,
-    withheld: Iterable[str],
-    share_own: bool,
+    baseline: Sequence[Patch] = (),
+    withheld: frozenset[str] = frozenset(),
     notes: list[str],
     progress: Progress,
 ) -> Explanation:
-    """Choose effects that hold on held-out readings, too.
+    """Find the causes of what departs, and fit their laws.
 
     Parameters
     ----------
     placed : placements by name, from which patches are seen
-    share_own : whether a part of the held-out readings serves each recording's own parameters
+    population : what good instruments have of each component
+    baseline : patches of recordings of this instrument when it was good
     """
-    banned = set(withheld)
-    listed = lists_edges(patches[0])
-    ws = _fitted(patches, noise)
-    selection: Selection | None = None
-    for trial in range(TRIALS):
-        selection = select(ws, rng, withheld=banned, progress=progress, start=selection)
-        model = selection.model
-        if not model.effects:
+    progress("weighing causes")
+    ws = fitted_part(patches, noise)
+    first = now = seen(ws.patches, noise, Model())
+    before = seen(baseline, noise, Model(), like=first) if baseline else None
+    scales = population if before is None else informed(population, good_factors(before))
+    model, causes, strange = Model(), [], []
+    explained = 0.0
+    for _ in range(SETTINGS.rounds):
+        found = assessed(now, scales, before, withheld=withheld, channels=("mean",),
+                         explained=explained)  # fmt: skip
+        named, strange = reported(found)
+        new = without_kin(named, [c.name for c in causes])
+        if not new:
             break
-        progress("registering again under the model")
-        model, patches, placed = _settle(model, patches, placed, recorded, noise)
-        ws = _fitted(patches, noise)
-        model, kept = drop_idle(ws, refit_linear(ws, model), selection.choices, rng)
-        held = [p for p in patches if p.scored.any()]
-        gains, _ = heldout_gains(
-            ws, model, partial(judge, held, noise, share_own=share_own)
-        )
-        least = min(LEAST_SHARE * max(gains.values()), MUCH)
-        idle = {e.name for e in model.effects if gains[e.name] < max(least, _least_of(e, listed))}
-        unseen = {e.name for e in model.effects if e.name in idle and not shows(e, patches, noise)}
-        if unseen:
-            notes.append(f"{', '.join(sorted(unseen))}: the held-out readings can't show it")
-            idle -= unseen
-        if not idle:
-            selection = replace(selection, model=model, choices=kept)
-            break
-        dropped = set(idle)
-        order = [c.name for c in kept]
-        denied = [name for name in order if name in idle and gains[name] < LEAST_GAIN]
-        if denied and trial < TRIALS - 1:
-            # what joined after an effect that doesn't hold may have mended its remainder
-            dropped = set(order[order.index(denied[0]) :])
-            idle = {denied[0]}
-        notes.append(f"{', '.join(sorted(idle))}: fitted, but of no use on held-out readings")
-        banned |= idle
-        for name in dropped:
-            model = model.without(name)
-        model = refit_linear(ws, model)
-        selection = replace(
-            selection, model=model, choices=tuple(c for c in kept if c.name not in dropped)
-        )
-        if trial == TRIALS - 1:
-            selection = replace(selection, last=screen(ws, model, rng, banned))
-    assert selection is not None
+        explained = float(np.sqrt(explained**2 + sum(m.size**2 for m in found.mean)))
+        progress(f"fitting {', '.join(c.name for c in new)}")
+        recorded, patches = _complete(recorded, patches, [*causes, *new], noise, model, notes)
+        model, new = fit_laws(new, fitted_part(patches, noise), model)
+        causes += new
+        patches, placed = _settled(model, patches, placed, recorded, noise)
+        ws = fitted_part(patches, noise)
+        if _needs_refit(model):
+            model = refit(ws.thin(SETTINGS.fitted_readings), model)
+        # baselines were seen under the nominal model: beside a law they say nothing more
+        now, before = seen(ws.patches, noise, model), None
+    found = assessed(now, scales, withheld=withheld, channels=RATES)
+    named, odd = reported(found)
+    new = without_kin(named, [c.name for c in causes])
+    if new:
+        progress(f"fitting {', '.join(c.name for c in new)}")
+        recorded, patches = _complete(recorded, patches, [*causes, *new], noise, model, notes)
+        ws = fitted_part(patches, noise)
+        model, new = fit_laws(new, ws, model)
+        causes += new
     return Explanation(
-        selection=selection, patches=tuple(patches), placed=placed, ws=ws
-    )
+        model=model, causes=tuple(causes), strange=(*strange, *odd), patches=tuple(patches),
+        placed=placed, recorded=recorded, ws=ws, first=first, scales=scales,
+    )  # fmt: skip
 
 
-def _settle(
+def fitted_part(patches: Sequence[Patch], noise: NoiseModel) -> Workspace:
+    """Return a workspace of the patches that may be fitted."""
+    return Workspace.build([p for p in patches if p.fit.any()], noise)
+
+
+def _needs_refit(model: Model) -> bool:
+    return any(e.covariate in SETTLED for e in model.effects)
+
+
+def _settled(
     model: Model,
     patches: Sequence[Patch],
     placed: Mapping[str, Placement],
     recorded: Recorded,
     noise: NoiseModel,
-) -> tuple[Model, Sequence[Patch], Mapping[str, Placement]]:
-    """Settle where edges are and what they do, by turns."""
-    for _ in range(PLACED):
+) -> tuple[Sequence[Patch], Mapping[str, Placement]]:
+    """Place recordings anew under a model while that still moves them."""
+    if not model.effects:
+        return patches, placed
+    for _ in range(SETTINGS.placed):
         before = patches
         patches, placed = placed_anew(model, patches, recorded, placed, noise, by_law=False)
-        if _same(before, patches):
+        if all(a is b for a, b in zip(before, patches, strict=True)):
             break
-    if any(e.covariate in SETTLED for e in model.effects):
-        model = refit(_fitted(patches, noise).thin(SEARCHED_READINGS), model)
-    if _long_blur(model, patches):
-        for _ in range(TURNS):
-            before = patches
-            patches, placed = placed_anew(model, patches, recorded, placed, noise, by_law=True)
-            if _same(before, patches):
-                break
-            model = refit(_fitted(patches, noise).thin(SEARCHED_READINGS), model)
-    return model, patches, placed
+    return patches, placed
 
 
-def _long_blur(model: Model, patches: Sequence[Patch]) -> bool:
-    """Whether the model's blur spreads silhouettes over many pitches."""
-    interval_ms = 1e3 * float(np.median(np.diff(patches[0].view.time_s)))
-    return any(
-        isinstance(e, MotionBlur) and (e.exposure_ms or 0.0) > LONG_BLUR * interval_ms
-        for e in model.effects
+def _complete(
+    recorded: Recorded,
+    patches: Sequence[Patch],
+    causes: Sequence[Cause],
+    noise: NoiseModel,
+    model: Model,
+    notes: list[str],
+) -> tuple[Recorded, Sequence[Patch]]:
+    """Complete the sensor's file where a named cause's law needs what it leaves out.
+
+    Each completion is tried; the one under which the readings are most probable stands.
+    """
+    sheets = assumed_sheets(recorded.datasheet, causes)
+    if len(sheets) == 1:
+        return recorded, patches
+    best = None
+    for sheet in sheets:
+        views = seen_by(patches, sheet)
+        ws = fitted_part(views, noise).thin(SETTINGS.fitted_readings)
+        trial, _ = fit_laws(causes, ws, model)
+        density = log_density(ws.patches, noise, trial)
+        if best is None or density > best[0]:
+            best = density, sheet, views
+    assert best is not None
+    _, sheet, views = best
+    notes.append(
+        "the sensor's file states no triangulation angle: of those tried, "
+        f"{sheet.triangulation_angle_deg:g}° with the camera at {sheet.camera_side} suits the "
+        "readings best"
     )
-
-
-def _same(before: Sequence[Patch], after: Sequence[Patch]) -> bool:
-    return all(a is b for a, b in zip(before, after, strict=True))
-
-
-def _fitted(patches: Sequence[Patch], noise: NoiseModel) -> Workspace:
-    return Workspace.build([p for p in patches if p.fit.any()], noise)
+    return replace(recorded, datasheet=sheet), views

@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.finding import Finding
 from diagnosis.fit import fit_effect
 from diagnosis.found import FoundEffect
 from diagnosis.noise import Field, NoiseModel, calibrate, mad_sd
@@ -112,7 +111,7 @@ def finish_effects(
     nominal_sd_mm: float,
     *,
     bent: bool = False,
-) -> tuple[list[Effect], list[Finding]]:
+) -> list[Effect]:
     """Effects on the noise's level and direction against a nominal noise.
 
     Parameters
@@ -124,7 +123,6 @@ def finish_effects(
         that is far smaller all the same
     """
     effects: list[Effect] = []
-    findings: list[Finding] = []
     white = sigma_mm(ws.patches[0].view.datasheet)
     if nominal_sd_mm > 0:
         ratio = level_change(ws, model, nominal_sd_mm)
@@ -145,9 +143,6 @@ def finish_effects(
                     peaks=float(np.clip(peaks, 0.05, 20)),
                 )
             )
-            findings.append(
-                _finding("variance", "level of the noise", abs(math.expm1(ratio)), ratio)
-            )
     if nominal is not None:
         level = next((e for e in effects if isinstance(e, RoughnessLevel)), None)
         rougher = level is not None and level.amplitude > 1
@@ -158,14 +153,9 @@ def finish_effects(
                 effects = []
                 lay = replace(lay, amplitude=min(level.amplitude, lay.parameter("amplitude").high))
             effects.append(lay)
-            findings.append(
-                _finding(
-                    "correlation", "direction of the noise", lay.ratio - 1, math.log(lay.ratio)
-                )
-            )
     if bent:
-        return [e for e in effects if _stands_out(e)], []
-    return effects, findings
+        return [e for e in effects if _stands_out(e)]
+    return effects
 
 
 def _stands_out(effect: Effect) -> bool:
@@ -188,14 +178,6 @@ def _plates_doubt(model: Model) -> float:
         elif isinstance(effect, MotionBlur):
             doubt += MOVING_DOUBT
     return doubt
-
-
-def _finding(channel: str, words: str, size: float, strength: float) -> Finding:
-    return Finding(
-        channel=channel, name=f"{channel}:level", words=words, frame="part",
-        z=10 * abs(strength) / LEVEL_TOLERANCE, size=size, tolerance=0.0, gain=0.0,
-        coefficients=np.array([strength]),
-    )  # fmt: skip
 
 
 def _lay(

@@ -17,7 +17,6 @@ from diagnosis.linear import Fitted, has_fields, is_linear, solve_linear
 from diagnosis.noise import Field, Mask
 from diagnosis.prediction import Prediction, starting
 from diagnosis.rangewise import strongest_rows
-from diagnosis.rowwise import row_powers
 from diagnosis.score import Whitened
 from diagnosis.workspace import Model, Workspace
 from sensors.effects.base import Effect
@@ -141,8 +140,6 @@ def _grid(kind: type[Effect], ws: Workspace, states: Sequence[Whitened]) -> tupl
     if effect.name == "form_error":
         return tuple(effect.with_parameters(coefficients_um=(0.0,) * n) for n in (5, 14, 27, 44))
     longest = max(ws.patches, key=lambda p: p.shape[0])
-    if effect.name in ("stage_vibration", "travel_ripple"):
-        return _peaks(effect, ws, states)
     unstated = longest.view.datasheet.camera_rows is None
     if isinstance(effect, PixelLocking) and effect.rows is None and unstated:
         return _row_counts(effect, ws, states)
@@ -150,33 +147,6 @@ def _grid(kind: type[Effect], ws: Workspace, states: Sequence[Whitened]) -> tupl
     points += tuple(other for point in points for other in point.variants(longest.view))
     step = max(1, math.ceil(len(points) / MAX_GRID))
     return points[::step]
-
-
-def _peaks(effect: Effect, ws: Workspace, states: Sequence[Whitened]) -> tuple[Effect, ...]:
-    """Put an effect at the strongest frequencies of the rows' offsets or slips."""
-    kind = "row_offset" if effect.name == "stage_vibration" else "row_slip"
-    total: dict[float, float] = {}
-    for recording in sorted({p.recording for p in ws.patches}):
-        own = [k for k, p in enumerate(ws.patches) if p.recording == recording]
-        for hertz, power in row_powers(
-            [ws.patches[k] for k in own], [states[k] for k in own], kind
-        ):
-            total[hertz] = total.get(hertz, 0.0) + power
-    strongest = sorted(total, key=lambda f: -total[f])
-    picked: list[float] = []
-    step = min(np.diff(sorted(total))) if len(total) > 1 else 1.0
-    for f in strongest:
-        if all(abs(f - g) > 2.5 * step for g in picked):
-            picked.append(f)
-        if len(picked) == PEAKS:
-            break
-    view = ws.patches[0].view
-    speed = float(np.ptp(view.travel_mm) / max(np.ptp(view.time_s), 1e-12))
-    near = [f + d * step for f in picked for d in (-0.5, 0.0, 0.5)]
-    name = "frequency_hz" if kind == "row_offset" else "period_mm"
-    values = near if kind == "row_offset" else [speed / f for f in near if f > 0]
-    low, high = _bounds(effect, name, ws)
-    return tuple(effect.with_parameters({name: float(v)}) for v in values if low <= v <= high)
 
 
 def _row_counts(

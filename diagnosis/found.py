@@ -1,17 +1,22 @@
 """The effects of a diagnosis as they are reported: what each gains, its intervals, its rivals."""
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
+from scipy.special import expit
+
 from diagnosis.candidates import Candidates
+from diagnosis.cause import Cause
 from diagnosis.edges import on_edges
 from diagnosis.heldout import Judgement, judge
-from diagnosis.select import Choice, refit_linear
+from diagnosis.physics import refit_linear
+from diagnosis.settings import SETTINGS
 from diagnosis.shrinkage import shrunk_at_edges
 from diagnosis.uncertainty import Estimate, intervals
 from diagnosis.workspace import Model, Workspace
 from sensors.datasheet import Datasheet, with_effects
-from sensors.effects import effects_of
+from sensors.effects import CATALOGUE, effects_of
 from sensors.effects.base import Effect
 from sensors.model import as_wide
 from sensors.view.covariates import COVARIATES
@@ -19,7 +24,15 @@ from sensors.view.covariates import COVARIATES
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class FoundEffect:
-    """One effect of the diagnosis as it is reported."""
+    """One effect of the diagnosis as it is reported.
+
+    Attributes
+    ----------
+    probability : that this cause is at work, the other reported ones given
+    alternatives : (name, nats per fitted reading, probability) of other causes in its place
+    none_of_these : probability that neither it nor an alternative is at work
+    doubt : what speaks against its law, not against the cause
+    """
 
     name: str
     effect: Effect
@@ -29,14 +42,17 @@ class FoundEffect:
     covariate: str
     covariate_key: str
     frame: str
-    alternatives: tuple[tuple[str, float], ...]
+    alternatives: tuple[tuple[str, float, float], ...]
     separating: str
+    probability: float
+    none_of_these: float
+    doubt: str = ""
 
 
 def found_effects(
     ws: Workspace,
     model: Model,
-    choices: Sequence[Choice],
+    causes: Sequence[Cause],
     candidates: Candidates,
 ) -> tuple[tuple[FoundEffect, ...], Judgement]:
     """Estimate what each effect of the model gains on held-out readings, and judge the whole.
@@ -49,35 +65,62 @@ def found_effects(
         return judge(placed.held, ws.noise, placed.model, share_own=candidates.share_own)
 
     gains, after = heldout_gains(ws, model, judged)
-    chosen: dict[str, Choice] = {c.name: c for c in choices}
+    chosen = {c.name: c for c in causes}
     bounds = intervals(ws, model)
     out = []
     for effect in model.effects:
-        choice = chosen.get(effect.name)
-        rivals = choice.alternatives if choice else ()
-        covariate = COVARIATES[getattr(effect, "against", effect.covariate)]
-        statement = effect.describe()
-        if rivals:
-            names = " or ".join(name for name, _ in rivals)
-            statement += (
-                f" These recordings can't tell it from {names}; to separate them: "
-                f"{effect.separating}."
-            )
-        out.append(
-            FoundEffect(
-                name=effect.name,
-                effect=effect,
-                statement=statement,
-                parameters=bounds.get(effect.name, {}),
-                heldout_gain=gains[effect.name],
-                covariate=covariate.words,
-                covariate_key=covariate.name,
-                frame=covariate.frame if effect.name == "empirical" else effect.frame,
-                alternatives=tuple((n, g / max(ws.count(), 1)) for n, g in rivals),
-                separating=effect.separating,
-            )
-        )
+        cause = chosen[effect.name]
+        if gains[effect.name] < 0:
+            cause = cause.doubted("Its law doesn't improve the held-out readings.")
+        out.append(_found(
+            effect, effect.describe(), bounds.get(effect.name, {}), gains[effect.name], cause,
+            ws.count(),
+        ))  # fmt: skip
     return tuple(sorted(out, key=lambda f: -f.heldout_gain)), after
+
+
+def lawless(causes: Sequence[Cause], known: Sequence[str]) -> list[FoundEffect]:
+    """Report causes that were recognised by what they follow, whose law doesn't fit."""
+    return [
+        _found(CATALOGUE[c.name].none(), CATALOGUE[c.name].summary, {}, 0.0, c, 1)
+        for c in causes
+        if c.name not in known
+    ]
+
+
+def _found(
+    effect: Effect,
+    statement: str,
+    parameters: dict[str, Estimate],
+    gain: float,
+    cause: Cause,
+    readings: int,
+) -> FoundEffect:
+    covariate = COVARIATES[getattr(effect, "against", effect.covariate)]
+    if cause.alternatives:
+        names = " or ".join(name for name, _ in cause.alternatives)
+        statement += (
+            f" These recordings can't tell it from {names}; to separate them: "
+            f"{effect.separating}."
+        )
+    if cause.doubt:
+        statement += f" {cause.doubt}"
+    return FoundEffect(
+        name=effect.name, effect=effect, statement=statement, parameters=parameters,
+        heldout_gain=gain, covariate=covariate.words, covariate_key=covariate.name,
+        frame=effect.frame,
+        alternatives=tuple(
+            (n, max(cause.nats + math.log(p / cause.probability), 0.0) / max(readings, 1), p)
+            for n, p in cause.alternatives
+        ),
+        separating=effect.separating, probability=cause.probability,
+        none_of_these=cause.none_of_these, doubt=cause.doubt,
+    )  # fmt: skip
+
+
+def probability(nats: float, name: str) -> float:
+    """Probability of a cause from its log Bayes factor and its odds before any reading."""
+    return float(expit(nats + SETTINGS.log_odds(name)))
 
 
 def heldout_gains(
@@ -95,7 +138,7 @@ def heldout_gains(
     gains = {}
     for effect in model.effects:
         rest = model.without(effect.name)
-        if len(rest.effects) > 1 or (rest.effects and rest.effects[0].name != "empirical"):
+        if rest.effects:
             rest = refit_linear(ws, rest)
         if "variance" in effect.channels:
             # the noise's level is free with it: that alone is no gain of the effect's
@@ -109,22 +152,14 @@ def heldout_gains(
 
 
 def plainly_found(
-    effect: Effect, gain: float, parameters: dict[str, Estimate]
+    effect: Effect, gain: float, parameters: dict[str, Estimate], *, probability: float
 ) -> FoundEffect:
     """Report an effect that was measured by itself."""
-    covariate = COVARIATES[effect.covariate]
-    return FoundEffect(
-        name=effect.name,
-        effect=effect,
-        statement=effect.describe(),
-        parameters=parameters,
-        heldout_gain=gain,
-        covariate=covariate.words,
-        covariate_key=covariate.name,
-        frame=effect.frame,
-        alternatives=(),
-        separating=effect.separating,
-    )
+    cause = Cause(
+        name=effect.name, channel=effect.channels[0], probability=probability, alternatives=(),
+        none_of_these=1 - probability, nats=0.0,
+    )  # fmt: skip
+    return _found(effect, effect.describe(), parameters, gain, cause, 1)
 
 
 def at_limits(found: Iterable[FoundEffect]) -> list[str]:

@@ -6,16 +6,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.brightness import surface_brightness
-from diagnosis.finding import Finding
+from diagnosis.found import FoundEffect, plainly_found
 from diagnosis.noise import LAG_PART, Mask
 from diagnosis.patch import Patch, in_range
 from diagnosis.plates import Plate, plate_residual
 from diagnosis.prediction import law_of
 from diagnosis.printed import MOST_READINGS, find_print
 from diagnosis.registration import Placement, check_meets
+from diagnosis.uncertainty import Estimate
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
+from sensors.effects.row_repeat import RowRepeat
 from sensors.formats.plausibility import sentinels
 from sensors.model import SensorModel
 from sensors.noise.perlin import grid_pitch
@@ -175,9 +177,12 @@ def check_overlap(patches: Sequence[Patch]) -> None:
             raise RecipeError("nowhere meets the part after registration", where=patch.name)
 
 
-def repeats(recordings: Sequence[Recording], notes: list[str]) -> list[Finding]:
-    """Note profiles that repeat the one before; a finding where they are more than stray ones."""
-    found = []
+def repeats(recordings: Sequence[Recording], notes: list[str]) -> list[FoundEffect]:
+    """Note profiles that repeat the one before; an effect where they are more than stray ones.
+
+    Readings have noise: profiles that agree in every reading weren't measured anew.
+    """
+    shares = []
     for r in recordings:
         count = int(repeated_rows(r.depth_mm).sum())
         if count:
@@ -185,18 +190,12 @@ def repeats(recordings: Sequence[Recording], notes: list[str]) -> list[Finding]:
                 f"{r.name}: {count} of {len(r.depth_mm)} profiles repeat the one before, "
                 "reading for reading; they measured nothing and are left out"
             )
-        found.append(count / len(r.depth_mm))
-    share = float(np.mean(found))
+        shares.append(count / len(r.depth_mm))
+    share = float(np.mean(shares))
     if share < LEAST_REPEATS:
         return []
-    return [
-        Finding(
-            channel="missing", name="repeats", words="time since the first profile", frame="time",
-            z=float(np.sqrt(sum(r.depth_mm.size for r in recordings) * share)), size=share,
-            tolerance=LEAST_REPEATS, gain=0.0, coefficients=np.array([share]),
-            detail=f"{share:.1%} of the profiles repeat the one before, reading for reading",
-        )
-    ]  # fmt: skip
+    effect = RowRepeat(share=min(share, RowRepeat.parameter("share").high))
+    return [plainly_found(effect, 0.0, {"share": Estimate(value=share)}, probability=1.0)]
 
 
 def laser_of(datasheet: Datasheet, recording: Recording) -> Laser:

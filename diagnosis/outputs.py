@@ -8,6 +8,7 @@ import numpy as np
 
 from diagnosis.diagnose import Diagnosis
 from diagnosis.printed import Print
+from diagnosis.settings import SETTINGS
 from sensors.effects.reflectance_edge import ReflectanceEdge
 from sensors.hdf5_output import created
 from sensors.typed_yaml import plain
@@ -65,16 +66,30 @@ def as_json(result: Diagnosis) -> dict[str, object]:
                 "heldout_gain": e.heldout_gain,
                 "covariate": e.covariate,
                 "frame": e.frame,
-                "alternatives": [{"name": n, "heldout_gain": g} for n, g in e.alternatives],
+                "probability": e.probability,
+                "none_of_these": e.none_of_these,
+                "alternatives": [
+                    {"name": n, "heldout_gain": g, "probability": p}
+                    for n, g, p in e.alternatives
+                ],
+                "doubt": e.doubt,
             }
             for e in result.effects
         ],
+        "none_of_these": result.none_of_these,
         "mismatch": {
             "share_of_points": result.share_of_points,
             "regions": [r.as_json() for r in result.regions],
         },
         "left": [r.as_json() for r in result.left],
         "heldout": {"before": result.before.as_json(rng), "after": result.after.as_json(rng)},
-        "recordings": {"fitted": list(result.fitted), "held_out": list(result.held)},
+        "recordings": {
+            "fitted": list(result.fitted),
+            "held_out": list(result.held),
+            "baselines": list(result.baselines),
+        },
+        "assumed": dict(result.assumed),
+        "calibration_population": result.population,
+        "settings": SETTINGS.as_json(),
         "notes": list(result.notes),
     }

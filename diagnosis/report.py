@@ -143,7 +143,7 @@ def _effect(result: Diagnosis, found: FoundEffect) -> str:
     )  # fmt: skip
     rivals = ""
     if found.alternatives:
-        names = ", ".join(n for n, _ in found.alternatives)
+        names = ", ".join(f'{n} ({p:.0%})' for n, _, p in found.alternatives)
         rivals = f"<p><b>Can't be told from:</b> {html.escape(names)}.</p>"
     frame = "" if found.name == "empirical" else f"<p>{FRAMES.get(found.frame, '')}</p>"
     picture = covariate_picture(result, found)

@@ -1,31 +1,21 @@
 """Residual structure: what no named effect explains, with channel, covariate, size, period, place.
 
-A finding is a statistic; a `Residual` is what a reader or a program needs of it. A departure of
-the mean that follows a covariate is drawn on the fitted recordings from the coefficients of its
-fields, and marked where it is large against the noise.
+A departure of the mean is drawn on the fitted recordings from the residuals, averaged over
+neighbours, and marked where it is large against the noise.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import uniform_filter
 
-from diagnosis.families import Family, free_families
-from diagnosis.finding import Finding, family_of
-from diagnosis.locate import Region, departure_mask, regions_of
-from diagnosis.prediction import Prediction
+from diagnosis.cause import Strange
+from diagnosis.components.component import UNKNOWN
+from diagnosis.locate import NEIGHBOURS, Region, departure_mask, regions_of
+from diagnosis.settings import SETTINGS
 from diagnosis.workspace import Model, Workspace
-
-MOST = 6
-"""Findings that are listed, strongest first."""
-CHANNELS = {
-    "mean": "mean",
-    "variance": "scale",
-    "correlation": "scale",
-    "missing": "missing",
-    "tails": "outliers",
-}
-"""Channel of the predictive distribution of each channel of the statistics."""
+from sensors.view.covariates import COVARIATES
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -36,8 +26,9 @@ class Residual:
     ----------
     channel : mean, scale, missing or outliers
     covariate, frame : what it follows, and what that moves with
-    size, unit : typical departure, µm (mean); relative change of the noise (scale) or share of
-        the readings (missing, outliers), unit 1
+    size, unit : typical departure, µm (mean); change of the logarithm of the noise (scale) or of
+        the share of readings (missing, outliers), unit 1
+    probability : that there is something that no catalogued effect explains
     period, period_unit : of a periodic one
     regions : where a departure of the mean is large against the noise
     """
@@ -47,6 +38,7 @@ class Residual:
     frame: str
     size: float
     unit: str
+    probability: float = 1.0
     detail: str = ""
     period: float | None = None
     period_unit: str = ""
@@ -60,6 +52,7 @@ class Residual:
             "frame": self.frame,
             "size": self.size,
             "unit": self.unit,
+            "probability": self.probability,
         }
         if self.period is not None:
             out["period"] = {"value": self.period, "unit": self.period_unit}
@@ -71,56 +64,54 @@ class Residual:
 
 
 def residual_structure(
-    findings: Sequence[Finding], ws: Workspace, model: Model
+    strange: Sequence[Strange], ws: Workspace, model: Model
 ) -> tuple[Residual, ...]:
-    """Describe the strongest findings that are left beside a model.
+    """Describe unknown components that are left beside a model, most probable first.
 
     Parameters
     ----------
     ws : the patches that were fitted
-    model : with which the findings were made
     """
-    findings = sorted(findings, key=lambda f: -f.z)[:MOST]
-    names = {f.name for f in findings if f.family is not None}
-    free = {f.name: f for f in free_families(ws.patches) if f.name in names} if names else {}
-    base = ws.predict(model) if names else []
+    in_mean = any(s.channel == "mean" for s in strange)
+    regions = _regions(ws, model) if in_mean else ()
     out = []
-    for found in findings:
-        in_mean = found.channel == "mean"
-        period, unit = (None, "") if found.period is None else found.period
-        out.append(
-            Residual(
-                channel=CHANNELS[found.channel],
-                covariate=found.words,
-                frame=found.frame,
-                size=1e3 * ws.noise.sd_mm * found.size if in_mean else found.size,
-                unit="µm" if in_mean else "1",
-                detail=found.detail,
-                period=period,
-                period_unit=unit,
-                regions=_regions(found, free, base, ws, model),
-            )
-        )
+    for one in sorted(strange, key=lambda s: -s.nats):
+        words, frame = _follows(one)
+        mean = one.channel == "mean"
+        out.append(Residual(
+            channel=one.channel, covariate=words, frame=frame,
+            size=1e3 * ws.noise.sd_mm * one.size if mean else one.size, unit="µm" if mean else "1",
+            probability=one.probability, detail=f"{one.component}, {one.nats:.0f} nats",
+            regions=regions if mean else (),
+        ))  # fmt: skip
     return tuple(out)
 
 
-def _regions(
-    found: Finding,
-    free: dict[str, Family],
-    base: Sequence[Prediction],
-    ws: Workspace,
-    model: Model,
-) -> tuple[Region, ...]:
-    family = family_of(found, free, ws.patches, base, ws.noise, model.effects)
-    if family is None:
-        return ()
+def _follows(one: Strange) -> tuple[str, str]:
+    """Words and frame of what a component follows."""
+    for component in UNKNOWN:
+        if component.name == one.component:
+            relaxed = component.relaxed
+            if relaxed.each == "column":
+                return COVARIATES["column"].words, "sensor"
+            if relaxed.along:
+                names = [COVARIATES[a] for a in relaxed.along]
+                return " and ".join(n.words for n in names), names[0].frame
+    return COVARIATES["time"].words, "time"
+
+
+def _regions(ws: Workspace, model: Model) -> tuple[Region, ...]:
     regions: list[Region] = []
-    for patch, fields, plain in zip(ws.patches, family.fields, base, strict=True):
-        if fields is None or len(fields) != found.coefficients.size:
+    for patch, law, state in zip(
+        ws.patches, ws.predict(model), ws.states(ws.predict(model)), strict=True
+    ):
+        known = state.used & ~patch.edge
+        share = np.maximum(uniform_filter(known.astype(float), NEIGHBOURS), 1e-9)
+        smooth = uniform_filter(np.where(known, state.residual_mm, 0.0), NEIGHBOURS) / share
+        smooth[~known] = 0.0
+        if not np.any(np.abs(smooth) > SETTINGS.sharp * law.sd_mm):
             continue
-        departure = np.tensordot(found.coefficients, fields, axes=1)
-        departure[~(patch.observed & plain.seen)] = 0.0
-        mask = departure_mask(departure, np.zeros(patch.shape), plain.sd_mm)
-        for region in regions_of(patch.name, mask, 1e3 * departure, ()):
+        mask = departure_mask(smooth, np.zeros(patch.shape), law.sd_mm)
+        for region in regions_of(patch.name, mask, 1e3 * smooth, ()):
             regions.append(region.below(patch.rows.start))
     return tuple(regions)

@@ -119,14 +119,16 @@ def diagnose(
     surface: str | Path | None = None,
     references: Sequence[str | Path] = (),
     holdout: Sequence[str | Path] = (),
+    baselines: Sequence[str | Path] = (),
     seed: int = 0,
 ) -> "Diagnosis":
     """Say where recordings differ from their simulation, and which physics explains it.
 
     Parameters
     ----------
-    recordings, references, holdout : sequence of path
-        recording.h5 files: to explain, of a flat plate, for judging alone.
+    recordings, references, holdout, baselines : sequence of path
+        recording.h5 files: to explain, of a flat plate, for judging alone, of the part when the
+        instrument was known to be good.
     part : path
         The part's closed mesh.
     sensor, surface : path or str
@@ -157,6 +159,7 @@ def diagnose(
         surface=None if surface is None else Surface.load(surface),
         references=[Recording.load(path) for path in references],
         holdout=[Recording.load(path) for path in holdout],
+        baselines=[Recording.load(path) for path in baselines],
         seed=seed,
     )
     if out is not None:

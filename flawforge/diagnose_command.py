@@ -39,6 +39,11 @@ example:
         "--holdout", nargs="+", default=[], metavar="REC.h5",
         help="recordings for judging alone (default: the last one; of a single one, blocks)",
     )  # fmt: skip
+    parser.add_argument(
+        "--baseline", nargs="+", default=[], metavar="REC.h5",
+        help="recordings of the part when the instrument was known to be good, from acceptance: "
+        "then the question is what has changed since",
+    )  # fmt: skip
     parser.add_argument("--out", required=True, help="folder for diagnosis.json, report.html, ...")
     parser.add_argument("--seed", type=int, default=0, help="of the null's draws (default: 0)")
     parser.add_argument("--quiet", action="store_true", help="no progress on stderr")
@@ -74,10 +79,11 @@ def run(args: argparse.Namespace) -> int:
         surface=None if args.surface is None else Surface.load(args.surface),
         references=[Recording.load(path) for path in args.reference],
         holdout=[Recording.load(path) for path in args.holdout],
+        baselines=[Recording.load(path) for path in args.baseline],
         seed=args.seed,
         progress=progress,
     )
     write_outputs(result, out, part_name=part.name, progress=progress)
-    names = ", ".join(e.name for e in result.effects) or "none"
+    names = ", ".join(f"{e.name} ({e.probability:.0%})" for e in result.effects) or "none"
     print(f"{result.verdict}; effects: {names}; see {out / 'report.html'}")
     return 0

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from quantity import quantities
 from sensors.effects.basis import Basis
 from sensors.effects.parameter import Parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.law import Law, geometric_law
 from sensors.line.beam import Beam
 from sensors.typed_yaml import RecipeError
@@ -50,6 +51,8 @@ class Effect(ABC):
     faint : whether `fields` hold for a faint effect alone, so that a fit has to go on from there
     frame : what its signature follows
     covariate : key of `sensors.view.covariates.COVARIATES` against which it shows
+    relaxed : the components by which a diagnosis recognises it, whatever the exact law; () for an
+        effect that is recognised otherwise
     rivals : effects that look alike
     separating : the measurement that tells them apart
     needs : keys of the datasheet without which it can't be computed
@@ -69,6 +72,7 @@ class Effect(ABC):
     faint: ClassVar[bool] = False
     frame: ClassVar[Frame]
     covariate: ClassVar[str]
+    relaxed: ClassVar[tuple[Relaxed, ...]] = ()
     rivals: ClassVar[tuple[str, ...]]
     separating: ClassVar[str]
     needs: ClassVar[tuple[str, ...]] = ()

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.line.beam import Beam
 from sensors.line.line_operator import gaussian_weights, read_line, sub_lines
@@ -38,6 +39,7 @@ class CameraOcclusion(Effect):
     channels: ClassVar = ("missing",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "hidden"
+    relaxed: ClassVar = (Relaxed(channel="missing", spanned=True),)
     rivals: ClassVar = ("specular_dropout", "random_dropout")
     line_width: ClassVar = "line_sd_um"
     separating: ClassVar = (

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sensors.effects.base import AdditiveEffect
 from sensors.effects.parameter import parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.piecewise_linear import hats
 from sensors.view.view import View
@@ -44,6 +45,7 @@ class ColumnOffset(AdditiveEffect):
     channels: ClassVar = ("mean",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "column"
+    relaxed: ClassVar = (Relaxed(channel="mean", each="column"),)
     rivals: ClassVar = ("line_bow", "anisotropic_lay")
     separating: ClassVar = "shift the part along the line: the stripes stay with the columns"
 

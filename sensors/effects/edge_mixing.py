@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.line.beam import Beam
 from sensors.line.line_operator import gaussian_weights, line_sd_mm, read_line, sub_lines
@@ -39,6 +40,7 @@ class EdgeMixing(Effect):
     channels: ClassVar = ("mean",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "edge_y"
+    relaxed: ClassVar = (Relaxed(channel="mean", spanned=True),)
     rivals: ClassVar = ("finite_spot", "camera_occlusion", "reflectance_edge")
     separating: ClassVar = (
         "turn the sensor by 180° about the laser's axis: the error at an edge changes its sign; "

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from sensors.effects.base import Effect
 from sensors.effects.parameter import Parameter, parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.line.beam import Beam, listed_sd_mm, wider_mm
 from sensors.line.line_operator import gaussian_weights, lean_mm, line_sd_mm, read_line, sub_lines
@@ -48,6 +49,7 @@ class FiniteSpot(Effect):
     channels: ClassVar = ("mean",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "curvature_y"
+    relaxed: ClassVar = (Relaxed(channel="mean", spanned=True),)
     rivals: ClassVar = ("motion_blur", "edge_mixing")
     line_width: ClassVar = "line_sd_um"
     separating: ClassVar = (

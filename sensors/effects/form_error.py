@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sensors.effects.base import AdditiveEffect, Effect
 from sensors.effects.parameter import Parameter, parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.typed_yaml import RecipeError
 from sensors.view.creases import filled_mm
@@ -54,6 +55,9 @@ class FormError(AdditiveEffect):
     channels: ClassVar = ("mean",)
     frame: ClassVar = "part"
     covariate: ClassVar = "part_x"
+    relaxed: ClassVar = (
+        Relaxed(channel="mean", along=("part_x", "part_y", "part_z"), times="raised"),
+    )
     rivals: ClassVar = ("line_bow", "lens_distortion", "incidence_bias", "stage_vibration")
     separating: ClassVar = (
         "shift or turn the part under the sensor: its form moves along, the instrument's errors "

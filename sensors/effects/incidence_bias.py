@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sensors.effects.base import AdditiveEffect
 from sensors.effects.parameter import parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.view.view import View
 
 Floats = NDArray[np.float64]
@@ -39,6 +40,7 @@ class IncidenceBias(AdditiveEffect):
     channels: ClassVar = ("mean",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "slope_y"
+    relaxed: ClassVar = (Relaxed(channel="mean", along=("slope_y",)),)
     rivals: ClassVar = ("pose_error", "volume_scattering", "form_error", "travel_ripple")
     separating: ClassVar = (
         "scan the same part in several poses: the bias follows the angle, not the part"

@@ -8,6 +8,7 @@ import numpy as np
 
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.view.view import View
 
@@ -37,6 +38,7 @@ class IncidenceNoise(Effect):
     channels: ClassVar = ("variance",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "incidence"
+    relaxed: ClassVar = (Relaxed(channel="scale", along=("incidence",)),)
     rivals: ClassVar = ("roughness_level",)
     separating: ClassVar = "scan a flat plate of this material at several tilts"
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.view.view import View
 
@@ -48,6 +49,7 @@ class Interreflection(Effect):
     faint: ClassVar = True
     frame: ClassVar = "part"
     covariate: ClassVar = "wall_distance"
+    relaxed: ClassVar = (Relaxed(channel="mean", spanned=True),)
     rivals: ClassVar = ("finite_spot", "form_error", "incidence_bias")
     separating: ClassVar = "spray the part matt: a true fillet stays, a reflection goes"
     needs: ClassVar = ("triangulation_angle_deg",)

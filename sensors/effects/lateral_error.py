@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from sensors.casting.laser import Laser
 from sensors.effects.base import MotionEffect
 from sensors.effects.parameter import parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.view.view import View
 
 Floats = NDArray[np.float64]
@@ -43,6 +44,7 @@ class LateralError(MotionEffect):
     also: ClassVar = ("missing",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "slope_x"
+    relaxed: ClassVar = (Relaxed(channel="mean", along=("x",), times="slope_x"),)
     rivals: ClassVar = ("lens_distortion", "pose_error", "incidence_bias")
     separating: ClassVar = (
         "scan a plate tilted along the line, then tilted the other way: an error of x changes "

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from sensors.effects.base import AdditiveEffect
 from sensors.effects.parameter import parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.view.view import View
 
 Floats = NDArray[np.float64]
@@ -33,6 +34,7 @@ class LensDistortion(AdditiveEffect):
     channels: ClassVar = ("mean",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "x"
+    relaxed: ClassVar = (Relaxed(channel="mean", along=("x", "depth")),)
     rivals: ClassVar = ("form_error", "line_bow", "pose_error", "range_scale")
     separating: ClassVar = (
         "shift the part in x and in range: the error stays with the field of view"

@@ -10,6 +10,7 @@ from scipy.special import expit
 
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.view.view import View
 
@@ -41,6 +42,10 @@ class LightFalloff(Effect):
     channels: ClassVar = ("missing", "variance")
     frame: ClassVar = "sensor"
     covariate: ClassVar = "x"
+    relaxed: ClassVar = (
+        Relaxed(channel="missing", along=("x",)),
+        Relaxed(channel="scale", along=("x",)),
+    )
     rivals: ClassVar = ("random_dropout", "specular_dropout", "incidence_noise")
     separating: ClassVar = (
         "shift the part along the line: what is missing or noisy by the line's light stays at the "

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from sensors.effects.base import AdditiveEffect
 from sensors.effects.parameter import parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.view.view import View
 
 Floats = NDArray[np.float64]
@@ -28,6 +29,7 @@ class LineBow(AdditiveEffect):
     channels: ClassVar = ("mean",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "x"
+    relaxed: ClassVar = (Relaxed(channel="mean", along=("x",), even=True),)
     rivals: ClassVar = ("form_error", "column_offset", "lens_distortion")
     separating: ClassVar = (
         "shift or turn the part under the sensor: the bow stays with the line, a warped part "

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.line.beam import listed_sd_mm, listed_shift_mm, read_beam, standing
 from sensors.line.line_operator import STEEPEST, between_rows
@@ -54,6 +55,7 @@ class MotionBlur(Effect):
     channels: ClassVar = ("mean", "variance")
     frame: ClassVar = "travel"
     covariate: ClassVar = "curvature_y"
+    relaxed: ClassVar = (Relaxed(channel="mean", spanned=True),)
     rivals: ClassVar = ("finite_spot", "travel_ripple", "pose_error")
     separating: ClassVar = (
         "vary the speed: blur and shift grow with it; reverse the travel: the shift changes sides"

@@ -7,6 +7,7 @@ import numpy as np
 
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.view.view import View
 
@@ -23,6 +24,7 @@ class OutlierSpikes(Effect):
     channels: ClassVar = ("tails",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "time"
+    relaxed: ClassVar = (Relaxed(channel="outliers", grows=True),)
     rivals: ClassVar = ("edge_mixing",)
     separating: ClassVar = "look where they sit: spikes are anywhere, mixed readings at edges"
 

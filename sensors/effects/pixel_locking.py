@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sensors.effects.base import AdditiveEffect
 from sensors.effects.parameter import parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.view.camera import depth_per_row, row_of_depth
 from sensors.view.view import View
@@ -47,6 +48,9 @@ class PixelLocking(AdditiveEffect):
     channels: ClassVar = ("mean", "variance")
     frame: ClassVar = "sensor"
     covariate: ClassVar = "camera_row"
+    relaxed: ClassVar = (
+        Relaxed(channel="mean", along=("camera_row",), periodic=True, frequency="rows"),
+    )
     rivals: ClassVar = ("stage_vibration", "travel_ripple")
     separating: ClassVar = (
         "scan a plate tilted along the line: the ripple follows range, a vibration follows time"

@@ -5,6 +5,7 @@ from typing import ClassVar
 
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.view.view import View
 
@@ -21,6 +22,7 @@ class RandomDropout(Effect):
     channels: ClassVar = ("missing",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "time"
+    relaxed: ClassVar = (Relaxed(channel="missing", grows=True),)
     rivals: ClassVar = ("specular_dropout", "camera_occlusion")
     separating: ClassVar = "repeat the scan: random dropouts move, those of gloss and shadow stay"
 

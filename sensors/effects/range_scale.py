@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from sensors.effects.base import AdditiveEffect
 from sensors.effects.parameter import parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.view.view import View
 
 Floats = NDArray[np.float64]
@@ -28,6 +29,7 @@ class RangeScale(AdditiveEffect):
     channels: ClassVar = ("mean",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "depth"
+    relaxed: ClassVar = (Relaxed(channel="mean", along=("depth",)),)
     rivals: ClassVar = ("thermal_drift", "lens_distortion")
     separating: ClassVar = "measure a certified step, cold and warm"
 

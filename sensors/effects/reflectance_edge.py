@@ -8,6 +8,7 @@ import numpy as np
 
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.line.beam import Beam
 from sensors.line.line_operator import lean_mm, line_sd_mm
@@ -45,6 +46,7 @@ class ReflectanceEdge(Effect):
     channels: ClassVar = ("mean",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "brightness_slope"
+    relaxed: ClassVar = (Relaxed(channel="mean", spanned=True),)
     rivals: ClassVar = ("edge_mixing", "form_error")
     separating: ClassVar = (
         "compare with the intensity image, and turn the sensor by 180°: true relief keeps its "

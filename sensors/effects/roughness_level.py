@@ -5,6 +5,7 @@ from typing import ClassVar
 
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.view.view import View
 
@@ -26,6 +27,10 @@ class RoughnessLevel(Effect):
     channels: ClassVar = ("variance", "correlation")
     frame: ClassVar = "part"
     covariate: ClassVar = "part_x"
+    relaxed: ClassVar = (
+        Relaxed(channel="scale"),
+        Relaxed(channel="scale", along=("part_x", "part_y", "part_z")),
+    )
     rivals: ClassVar = ("incidence_noise", "anisotropic_lay")
     separating: ClassVar = (
         "scan a plate of the same finish flat: this level holds everywhere, incidence noise on "

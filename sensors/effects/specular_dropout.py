@@ -10,6 +10,7 @@ from scipy.special import expit
 
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.line.line_operator import Line, bright_line, line_sd_mm
 from sensors.view.kept import Kept
@@ -49,6 +50,7 @@ class SpecularDropout(Effect):
     also: ClassVar = ("mean",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "half_vector"
+    relaxed: ClassVar = (Relaxed(channel="missing", along=("half_vector",)),)
     rivals: ClassVar = ("camera_occlusion", "random_dropout", "reflectance_edge")
     separating: ClassVar = (
         "spray the part matt: these come back; shadows, which are sharp and geometric, stay"

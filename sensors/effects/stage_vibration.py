@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sensors.effects.base import AdditiveEffect
 from sensors.effects.parameter import parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.view.view import View
 
 Floats = NDArray[np.float64]
@@ -29,6 +30,9 @@ class StageVibration(AdditiveEffect):
     channels: ClassVar = ("mean",)
     frame: ClassVar = "time"
     covariate: ClassVar = "time"
+    relaxed: ClassVar = (
+        Relaxed(channel="mean", each="profile", periodic=True, frequency="frequency_hz"),
+    )
     rivals: ClassVar = ("travel_ripple", "form_error", "pixel_locking")
     separating: ClassVar = (
         "change the speed: a vibration keeps its frequency in Hz, waviness of the part its length"

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from sensors.effects.base import AdditiveEffect
 from sensors.effects.parameter import parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.view.rigid import rigid_jacobian
 from sensors.view.view import View
 
@@ -36,6 +37,7 @@ class ThermalDrift(AdditiveEffect):
     channels: ClassVar = ("mean",)
     frame: ClassVar = "time"
     covariate: ClassVar = "clock"
+    relaxed: ClassVar = (Relaxed(channel="mean", along=("clock",)),)
     rivals: ClassVar = ("range_scale", "pose_error", "stage_vibration")
     separating: ClassVar = (
         "repeat the same scan after some minutes, with a clock common to all recordings"

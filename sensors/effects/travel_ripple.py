@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sensors.effects.base import MotionEffect
 from sensors.effects.parameter import parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.view.rigid import rigid_jacobian
 from sensors.view.view import View
 
@@ -33,6 +34,9 @@ class TravelRipple(MotionEffect):
     channels: ClassVar = ("mean",)
     frame: ClassVar = "travel"
     covariate: ClassVar = "travel"
+    relaxed: ClassVar = (
+        Relaxed(channel="mean", each="profile", periodic=True, period="period_mm", times="slope_y"),
+    )
     rivals: ClassVar = ("stage_vibration", "form_error", "incidence_bias")
     separating: ClassVar = (
         "compare flats with slopes: uneven travel leaves flats alone; change the speed: it keeps "

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
+from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.line.line_operator import line_mean, line_sd_mm
 from sensors.view.view import View
@@ -52,6 +53,7 @@ class VolumeScattering(Effect):
     channels: ClassVar = ("mean", "variance")
     frame: ClassVar = "sensor"
     covariate: ClassVar = "incidence"
+    relaxed: ClassVar = (Relaxed(channel="mean", along=("incidence",)),)
     rivals: ClassVar = ("incidence_bias", "pose_error")
     separating: ClassVar = (
         "scan an opaque reference beside the part, or the part with an opaque coat"

@@ -73,6 +73,19 @@ def hidden_from(view: View, camera_y_mm: float) -> Floats:
     return np.where(view.valid, (~view.visible_from(camera_y_mm)).astype(np.float64), np.nan)
 
 
+MOST_RAISED = 3.0
+"""Change of depth, in units of what the surface is raised by, beyond which no wall is steeper."""
+
+
+def raised(view: View) -> Floats:
+    """Return the change of depth (n, m) by a surface raised along the part's thinnest side."""
+    low, high = view.scene.vertices_mm.min(axis=0), view.scene.vertices_mm.max(axis=0)
+    thin = int(np.argmin(high - low))
+    out = np.einsum("nk,nmk->nm", view.poses[:, thin, :3], view.normal)
+    nearer = np.clip(out / np.maximum(view.cos_incidence, 1e-9), -MOST_RAISED, MOST_RAISED)
+    return np.asarray(-nearer / np.hypot(1.0, view.laser.slope_x))
+
+
 def _camera_row(view: View) -> Floats:
     rows = view.datasheet.require("camera_rows")
     return np.asarray(row_of_depth(view.depth_mm, view.datasheet, rows) % 1.0)
@@ -215,6 +228,13 @@ ALL = (
         unit="mm",
         frame="part",
         values=lambda v: v.part_mm[..., 2],
+    ),
+    Covariate(
+        name="raised",
+        words="change of depth by a surface raised by 1 mm along the part's thinnest side",
+        unit="",
+        frame="part",
+        values=raised,
     ),
     Covariate(
         name="brightness",

@@ -1,0 +1,140 @@
+"""Causes as they are reported: a name with its probability, and what else it could be."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from diagnosis.components.component import Component
+from diagnosis.evidence.assess import Assessment
+from diagnosis.settings import SETTINGS
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Cause:
+    """One catalogued cause.
+
+    Attributes
+    ----------
+    name : of the effect
+    channel : of the law of a reading by which it was found
+    probability : of this name, the other causes given
+    alternatives : other names with their probabilities, likeliest first
+    none_of_these : probability that it is no catalogued effect, or nothing at all
+    nats : log Bayes factor of the component against its absence
+    repeats : frequency (of what repeats) found; 0 for others
+    component : by which it was found
+    doubt : what speaks against the law, not against the cause; "" for nothing
+    """
+
+    name: str
+    channel: str
+    probability: float
+    alternatives: tuple[tuple[str, float], ...]
+    none_of_these: float
+    nats: float
+    repeats: float = 0.0
+    component: Component | None = None
+    doubt: str = ""
+
+    def doubted(self, why: str) -> "Cause":
+        """Return the cause with a doubt about its law."""
+        return replace(self, doubt=f"{self.doubt} {why}".strip())
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Strange:
+    """A component that no catalogued effect claims.
+
+    Attributes
+    ----------
+    size : whitened rms (mean), or rms of the linear predictor (other channels)
+    repeats : frequency or place of its form, where it has one
+    """
+
+    component: str
+    channel: str
+    probability: float
+    nats: float
+    size: float
+    repeats: float = 0.0
+
+
+def shares_by_effect(
+    shares: Mapping[str, float], effects: Mapping[str, str]
+) -> tuple[dict[str, float], float]:
+    """Sum probabilities by catalogued effect; and what is left for no effect at all."""
+    named: dict[str, float] = {}
+    rest = 0.0
+    for component, share in shares.items():
+        effect = effects.get(component, "")
+        if effect:
+            named[effect] = named.get(effect, 0.0) + share
+        else:
+            rest += share
+    return named, rest
+
+
+def reported(assessment: Assessment) -> tuple[list[Cause], list[Strange]]:
+    """Split what was found into catalogued causes and unknown physics.
+
+    A place in the set is a catalogued effect's where the catalogued effects together are more
+    probable than the unknown and nothing.
+    """
+    causes: dict[str, Cause] = {}
+    strange: list[Strange] = []
+    for channel, member, shares, component in _members(assessment):
+        effects = {name: effect for name, effect in member_effects(assessment, channel).items()}
+        named, rest = shares_by_effect(shares, effects)
+        if named and 1 - rest > SETTINGS.reported:
+            order = sorted(named, key=lambda n: -named[n])
+            own = component.effect if component.effect in named else order[0]
+            best = own if named[own] >= named[order[0]] else order[0]
+            others = tuple(
+                (n, named[n]) for n in order if n != best and named[n] > SETTINGS.offered
+            )
+            cause = Cause(
+                name=best, channel=channel, probability=named[best], alternatives=others,
+                none_of_these=rest, nats=member.nats,
+                repeats=member.repeats if best == component.effect else 0.0,
+                component=component if best == component.effect else None,
+            )  # fmt: skip
+            if best not in causes or causes[best].nats < cause.nats:
+                causes[best] = cause
+        elif not component.effect and shares.get(member.name, 0.0) > SETTINGS.reported:
+            strange.append(Strange(
+                component=member.name, channel=channel, probability=shares[member.name],
+                nats=member.nats, size=member.size, repeats=member.repeats,
+            ))  # fmt: skip
+        elif not component.effect and 1 - shares.get("", 0.0) > SETTINGS.reported:
+            strange.append(Strange(
+                component=member.name, channel=channel, probability=1 - shares.get("", 0.0),
+                nats=member.nats, size=member.size, repeats=member.repeats,
+            ))  # fmt: skip
+    return sorted(causes.values(), key=lambda c: -c.nats), strange
+
+
+def _members(assessment: Assessment) -> Iterable[tuple[str, "_Plain", Mapping[str, float], Component]]:
+    for m in assessment.mean:
+        label = m.candidate.labels[m.variant]
+        plain = _Plain(name=m.candidate.name, nats=m.nats, size=m.size, repeats=label)
+        yield "mean", plain, m.shares, m.candidate.component
+    for r in assessment.rates:
+        plain = _Plain(name=r.candidate.name, nats=r.nats, size=r.size, repeats=0.0)
+        yield r.channel, plain, r.shares, r.candidate.component
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Plain:
+    name: str
+    nats: float
+    size: float
+    repeats: float
+
+
+def member_effects(assessment: Assessment, channel: str) -> dict[str, str]:
+    """Effect of each component of a channel, by the component's name."""
+    return dict(assessment.effects[channel])
+
+
+def without_kin(causes: Sequence[Cause], known: Sequence[str]) -> list[Cause]:
+    """Return the causes whose names aren't known already."""
+    return [c for c in causes if c.name not in known]

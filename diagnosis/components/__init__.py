@@ -1,0 +1,1 @@
+"""Components: the relaxed form of each cause, as columns of a linear model."""

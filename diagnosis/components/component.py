@@ -1,0 +1,217 @@
+"""Components of the mean: columns that each cause adds, from its relaxed form alone."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.components.smooth import Ranges, periodic_columns, smooth_columns
+from diagnosis.noise import NoiseModel
+from diagnosis.patch import Patch
+from diagnosis.prediction import law_of
+from diagnosis.rangewise import strongest_rows
+from diagnosis.score import Whitened
+from diagnosis.settings import SETTINGS
+from sensors.effects import CATALOGUE
+from sensors.effects.base import Effect
+from sensors.effects.relaxed import Relaxed
+from sensors.model import SensorModel
+from sensors.typed_yaml import RecipeError
+from sensors.view.camera import row_of_depth
+from sensors.view.covariates import COVARIATES
+from sensors.view.view import View
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Component:
+    """One component: a cause's, or one that no cause claims.
+
+    Attributes
+    ----------
+    name : unique
+    effect : the effect's name; "" for unknown physics
+    relaxed : its form
+    own : whether each recording has its own coefficients
+    pitch : periods over the working range (or per mm of depth where no camera is stated), of a
+        periodic component
+    """
+
+    name: str
+    effect: str
+    relaxed: Relaxed
+    own: bool = False
+    pitch: float = 0.0
+
+    @property
+    def group(self) -> str:
+        """Name of the component whose variants differ in pitch alone."""
+        return self.name.partition(" at ")[0]
+
+
+UNKNOWN: tuple[Component, ...] = (
+    Component(name="map of the scan", effect="", own=True,
+              relaxed=Relaxed(channel="mean", along=("travel", "x"))),
+    *(Component(name=f"{word} of profiles", effect="", relaxed=Relaxed(channel=c, each="profile"))
+      for c, word in (("scale", "noise"), ("missing", "losses"), ("outliers", "outliers"))),
+    *(Component(name=f"{word} of columns", effect="", relaxed=Relaxed(channel=c, each="column"))
+      for c, word in (("scale", "noise"), ("missing", "losses"), ("outliers", "outliers"))),
+    *(Component(name=f"{word} over line and range", effect="",
+                relaxed=Relaxed(channel=c, along=("x", "depth")))
+      for c, word in (("scale", "noise"), ("missing", "losses"), ("outliers", "outliers"))),
+)  # fmt: skip
+
+
+def components_of(channel: str) -> tuple[Component, ...]:
+    """Return all components of a channel, catalogued and unknown."""
+    known = [
+        Component(name=name, effect=name, relaxed=relaxed)
+        for name, kind in CATALOGUE.items()
+        for relaxed in kind.relaxed
+        if relaxed.channel == channel
+    ]
+    return (*known, *(u for u in UNKNOWN if u.relaxed.channel == channel))
+
+
+def with_pitches(
+    components: Sequence[Component], patches: Sequence[Patch], states: Sequence[Whitened]
+) -> tuple[Component, ...]:
+    """Give periodic components the pitches at which the readings ripple most."""
+    masks = [~p.edge for p in patches]
+    out: list[Component] = []
+    for c in components:
+        if c.relaxed.periodic and not c.relaxed.each:
+            for pitch in strongest_rows(patches, states, masks, SETTINGS.pitches):
+                out.append(replace(c, name=f"{c.name} at {pitch:.4g}", pitch=pitch))
+        else:
+            out.append(c)
+    return tuple(out)
+
+
+def ranges_of(patches: Sequence[Patch], names: Sequence[str]) -> Ranges:
+    """Range of each covariate over the readings off edges, without its rare extremes."""
+    out = {}
+    for name in names:
+        values = []
+        for patch in patches:
+            try:
+                value = np.broadcast_to(COVARIATES[name].values(patch.view), patch.shape)
+            except RecipeError:
+                continue
+            value = value[patch.observed & ~patch.edge]
+            values.append(value[np.isfinite(value)][::3])
+        every = np.concatenate(values) if values else np.zeros(0)
+        if every.size:
+            low, high = np.quantile(every, [0.002, 0.998])
+            if high > low:
+                out[name] = (float(low), float(high))
+    return out
+
+
+def mean_columns(
+    component: Component, patch: Patch, ranges: Ranges, noise: NoiseModel
+) -> list[Floats] | None:
+    """Columns (n, m) of a component on a patch, mm; None where it can't act there."""
+    relaxed, view = component.relaxed, patch.view
+    if relaxed.periodic and not relaxed.each:
+        return periodic_columns(component.pitch * row_place(view), SETTINGS.harmonics)
+    if relaxed.spanned:
+        return _spanned(CATALOGUE[component.effect], patch, noise)
+    axes = _axes(relaxed, ranges)
+    if not axes:
+        return None
+    values = [np.broadcast_to(COVARIATES[a].values(view), view.shape) for a in axes]
+    columns = smooth_columns(values, [ranges[a] for a in axes], even=relaxed.even)
+    if relaxed.times:
+        factor = np.nan_to_num(COVARIATES[relaxed.times].values(view))
+        columns = [factor * c for c in [np.ones(()), *columns]]
+    return columns
+
+
+def plain_columns(component: Component, patch: Patch, ranges: Ranges) -> list[Floats] | None:
+    """Columns (n, m) of a component of scale, missing or outliers; None where it can't act."""
+    relaxed, view = component.relaxed, patch.view
+    if not relaxed.along:
+        return [np.ones(view.shape)]
+    axes = _axes(relaxed, ranges)
+    if not axes:
+        return None
+    values = [np.broadcast_to(COVARIATES[a].values(view), view.shape) for a in axes]
+    return smooth_columns(values, [ranges[a] for a in axes], even=relaxed.even)
+
+
+def cell_of(component: Component, patch: Patch, ranges: Ranges) -> NDArray[np.int64]:
+    """Cell of each reading (n, m) in a grid over the component's covariates."""
+    out = np.zeros(patch.shape, dtype=np.int64)
+    for axis in _axes(component.relaxed, ranges):
+        low, high = ranges[axis]
+        value = np.broadcast_to(COVARIATES[axis].values(patch.view), patch.shape)
+        u = (np.nan_to_num(value, nan=0.5 * (low + high)) - low) / (high - low)
+        cell = np.clip((SETTINGS.cells * u).astype(np.int64), 0, SETTINGS.cells - 1)
+        out = out * SETTINGS.cells + cell
+    return out
+
+
+def missing_columns(component: Component, patch: Patch) -> list[Floats]:
+    """What the law does to the share of lost readings at the points of its grid, 0 to 1 each."""
+    kind, view = CATALOGUE[component.effect], patch.view
+    before = np.asarray(law_of(view, (), None).p_missing)
+    out = []
+    words = [p for p in kind.parameters() if len(p.choices) > 1]
+    for point in kind.example().grid(view):
+        variants = [point.with_parameters({p.name: c}) for p in words for c in p.choices] or [point]
+        for variant in variants:
+            lost = np.asarray(law_of(view, (variant,), None).p_missing)
+            out.append(np.broadcast_to(np.clip(lost - before, 0, 1), view.shape))
+    return out
+
+
+def row_place(view: View) -> Floats:
+    """Place of a reading's image on the camera, 1 over the working range; depth in mm without it."""
+    if view.datasheet.triangulation_angle_deg is None:
+        return np.nan_to_num(view.depth_mm)
+    return np.nan_to_num(row_of_depth(view.depth_mm, view.datasheet, 1.0))
+
+
+def _axes(relaxed: Relaxed, ranges: Ranges) -> list[str]:
+    axes = [a for a in relaxed.along if a in ranges]
+    if len(axes) < len(relaxed.along):
+        return []
+    if len(axes) > 2:  # a part's two longest sides
+        axes = sorted(axes, key=lambda a: ranges[a][0] - ranges[a][1])[:2]
+    return axes
+
+
+def _spanned(kind: type[Effect], patch: Patch, noise: NoiseModel) -> list[Floats] | None:
+    """What the law does to the mean at the points of its grid, in all cameras it may have."""
+    out = []
+    for view in _possible(patch.view, kind):
+        try:
+            plain = law_of(view, (), noise).mean_mm
+            points = kind.example().grid(view)
+            for point in dict.fromkeys((points[0], points[len(points) // 2], points[-1])):
+                change = law_of(view, (point,), noise).mean_mm - plain
+                out.append(np.nan_to_num(change))
+        except (RecipeError, TypeError):
+            continue
+    return out or None
+
+
+ANGLES = (30.0,)
+
+
+def _possible(view: View, kind: type[Effect]) -> list[View]:
+    sheet = view.datasheet
+    if "triangulation_angle_deg" not in kind.needs or sheet.triangulation_angle_deg is not None:
+        return [view]
+    return [with_sheet(view, replace(sheet, triangulation_angle_deg=a, camera_side=side))
+            for a in ANGLES for side in ("+y", "-y")]  # fmt: skip
+
+
+def with_sheet(view: View, sheet) -> View:
+    return View(
+        view.scene, SensorModel(sheet), view.poses, view.time_s, laser=view.laser, hits=view.hits,
+        intensity=view.intensity, start_time_s=view.start_time_s, travel_mm=view.travel_mm,
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Evidence: which components the readings need, by marginal likelihoods of one linear model."""

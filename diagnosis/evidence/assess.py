@@ -1,0 +1,170 @@
+"""What the readings need beyond a model, in all channels: causes with their probabilities."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from diagnosis.components.component import Component, components_of, ranges_of, with_pitches
+from diagnosis.evidence.candidates import Candidate, candidates_of
+from diagnosis.evidence.causes import CauseSearch, Member, Scales
+from diagnosis.evidence.gram import Gram, gram_of, scaled, shared_only
+from diagnosis.evidence.posterior import Equations, Posterior, Term
+from diagnosis.evidence.rates import Channel, RateMember, RateSearch, channel_of
+from diagnosis.noise import NoiseModel
+from diagnosis.patch import Patch
+from diagnosis.settings import SETTINGS
+from diagnosis.workspace import Model, Workspace
+
+Floats = NDArray[np.float64]
+RATES = ("scale", "missing", "outliers")
+COVARIATES = ("x", "depth", "travel", "slope_y", "incidence", "half_vector", "clock",
+              "part_x", "part_y", "part_z")  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Assessment:
+    """Causes found in each channel.
+
+    Attributes
+    ----------
+    mean : members of the mean's set
+    rates : members of the other channels
+    effects : by channel, the effect of each candidate ("" of unknown ones)
+    """
+
+    mean: tuple[Member, ...]
+    rates: tuple[RateMember, ...]
+    effects: Mapping[str, Mapping[str, str]]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Seen:
+    """Recordings under a model, as equations and channels.
+
+    Attributes
+    ----------
+    gram : normal equations of the mean's components
+    candidates : of the mean
+    channels : scale, missing and outliers, where there is something to see
+    """
+
+    gram: Gram
+    candidates: tuple[Candidate, ...]
+    channels: tuple[Channel, ...]
+    components: tuple[Component, ...]
+    ranges: Mapping[str, tuple[float, float]]
+
+
+def seen(
+    patches: Sequence[Patch],
+    noise: NoiseModel,
+    model: Model,
+    *,
+    like: Seen | None = None,
+) -> Seen:
+    """Look at recordings under a model.
+
+    Parameters
+    ----------
+    like : recordings whose components are taken, for baselines of the same instrument
+    """
+    ws = Workspace.build(patches, noise)
+    laws = ws.predict(model)
+    states = ws.states(laws)
+    ranges = ranges_of(patches, COVARIATES) if like is None else like.ranges
+    if like is None:
+        components = with_pitches(components_of("mean"), patches, states)
+    else:
+        components = like.components
+    gram = gram_of(components, patches, states, ranges, noise)
+    times: dict[int, list[Floats]] = {}
+    ways: dict[int, list[Floats]] = {}
+    for p in patches:
+        times.setdefault(p.recording, []).append(p.view.time_s)
+        ways.setdefault(p.recording, []).append(p.view.travel_mm)
+    gram = scaled(gram, None if like is None else like.gram)
+    candidates = candidates_of(
+        gram, {k: np.concatenate(v) for k, v in times.items()},
+        {k: np.concatenate(v) for k, v in ways.items()},
+    )  # fmt: skip
+    made = (channel_of(n, patches, laws, states, ranges, noise) for n in RATES)
+    kept = {b.component.name for b in gram.blocks}
+    return Seen(
+        gram=gram, candidates=tuple(candidates), channels=tuple(c for c in made if c is not None),
+        components=tuple(c for c in components if c.name in kept), ranges=ranges,
+    )  # fmt: skip
+
+
+def good_factors(one: Seen) -> dict[str, Floats]:
+    """Log Bayes factor of each size of each component, by its name, in recordings of one kind.
+
+    Where the recordings are of a good instrument this is the likelihood of its discrepancy.
+    """
+    sizes = SETTINGS.mean_sizes()
+    quiet = np.full(len(one.gram.right), sizes[0])
+    posterior = Posterior(Equations(matrix=one.gram.matrix, right=one.gram.right), quiet)
+    out = {}
+    for c in one.candidates:
+        factors = c.log_factors(posterior.cavity(Term(at=c.at)), sizes)
+        out[c.name] = logsumexp(factors - np.log(len(factors)), axis=0)
+    for channel in one.channels:
+        search = RateSearch(channel, Scales(sizes=SETTINGS.rate_sizes(), weights={}))
+        for c in channel.candidates:
+            factors, _ = search.factors(channel.responses, c)
+            out[f"{channel.name}: {c.name}"] = logsumexp(factors - np.log(len(factors)), axis=0)
+    return out
+
+
+def informed(scales: Mapping[str, Floats], factors: Mapping[str, Floats]) -> dict[str, Floats]:
+    """Weights of each component's size given recordings of the same good instrument."""
+    out = dict(scales)
+    for name, likelihood in factors.items():
+        rate = ": " in name
+        flat = Scales(
+            sizes=SETTINGS.rate_sizes() if rate else SETTINGS.mean_sizes(), weights=scales
+        )
+        log = np.log(np.maximum(flat.of(name), 1e-300)) + likelihood
+        out[name] = np.exp(log - logsumexp(log))
+    return out
+
+
+def assessed(
+    found: Seen,
+    scales: Mapping[str, Floats],
+    baseline: Seen | None = None,
+    *,
+    withheld: frozenset[str] = frozenset(),
+    channels: Sequence[str] = ("mean", *RATES),
+    explained: float = 0.0,
+) -> Assessment:
+    """Weigh all causes.
+
+    Parameters
+    ----------
+    scales : weights of each component's size in a good instrument
+    baseline : recordings of the same instrument when it was good
+    withheld : effects that must not be considered
+    explained : whitened rms of what the model explains already
+    """
+    mean: list[Member] = []
+    if "mean" in channels:
+        before = None if baseline is None else shared_only(baseline.gram, found.gram, SETTINGS)
+        search = CauseSearch(
+            Equations(matrix=found.gram.matrix, right=found.gram.right), found.gram.readings,
+            [c for c in found.candidates if c.effect not in withheld or not c.effect],
+            Scales(sizes=SETTINGS.mean_sizes(), weights=scales), before, explained=explained,
+        )  # fmt: skip
+        mean = search.search()
+    rates: list[RateMember] = []
+    for channel in found.channels:
+        if channel.name in channels:
+            rates += RateSearch(
+                channel, Scales(sizes=SETTINGS.rate_sizes(), weights=scales), withheld
+            ).search()
+    effects: dict[str, dict[str, str]] = {"mean": {c.name: c.effect for c in found.candidates}}
+    for channel in found.channels:
+        effects[channel.name] = {c.name: c.component.effect for c in channel.candidates}
+    return Assessment(mean=tuple(mean), rates=tuple(rates), effects=effects)

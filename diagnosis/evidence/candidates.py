@@ -1,0 +1,140 @@
+"""Candidates: how the columns of the equations may change, cause by cause.
+
+A component whose values are free for each profile is a candidate in several ways: a band of one
+frequency for causes that oscillate; free values or steps for what no cause claims.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+
+from diagnosis.components.component import Component
+from diagnosis.evidence.gram import Block, Gram
+from diagnosis.evidence.posterior import Cavity, Term
+from diagnosis.settings import SETTINGS
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Candidate:
+    """One way in which readings may depart.
+
+    Attributes
+    ----------
+    name : unique
+    effect : the catalogued effect's name; "" for unknown physics
+    component : whose columns they are; of no effect where they change as no cause does
+    at : columns of the equations
+    shapes : combinations of these columns, each a variant; None for the columns as they are
+    labels : of the variants, a frequency or a place
+    """
+
+    name: str
+    effect: str
+    component: Component
+    at: NDArray[np.int64]
+    shapes: tuple[Floats | None, ...] = (None,)
+    labels: tuple[float, ...] = (0.0,)
+
+    def term(self, variant: int) -> Term:
+        """Return a variant as a term."""
+        return Term(at=self.at, weights=self.shapes[variant])
+
+    def log_factors(self, cavity: Cavity, sizes: Floats) -> Floats:
+        """Log Bayes factors (variants, sizes), given the cavity of the columns as they are."""
+        return np.stack([
+            (cavity if w is None else cavity.combined(w)).log_factors(sizes) for w in self.shapes
+        ])
+
+
+def candidates_of(
+    gram: Gram, times: dict[int, Floats], ways: dict[int, Floats]
+) -> list[Candidate]:
+    """List the candidates of all components.
+
+    Parameters
+    ----------
+    times, ways : time (s) and travel (mm) of each recording's profiles
+    """
+    by_name: dict[str, list[Block]] = {}
+    for block in gram.blocks:
+        by_name.setdefault(block.component.group, []).append(block)
+    out = []
+    for name, blocks in by_name.items():
+        component = blocks[0].component
+        at = np.concatenate([np.arange(b.columns.start, b.columns.stop) for b in blocks])
+        if component.relaxed.each == "profile":
+            axis = ways if component.relaxed.times else times
+            out += _by_profile(component, blocks, at, gram, axis)
+        elif component.relaxed.periodic:
+            starts = [np.arange(b.columns.start, b.columns.stop) - at[0] for b in blocks]
+            shapes = tuple(np.eye(len(at))[:, s] for s in starts)
+            labels = tuple(b.component.pitch for b in blocks)
+            out.append(Candidate(name=name, effect=component.effect, component=component, at=at,
+                                 shapes=shapes, labels=labels))  # fmt: skip
+        else:
+            out.append(Candidate(name=name, effect=component.effect, component=component, at=at))
+    return out
+
+
+def _by_profile(component, blocks: Sequence[Block], at, gram: Gram, axis: dict[int, Floats]):
+    """Bands, free values, and single steps of the profiles."""
+    sizes = [b.columns.stop - b.columns.start for b in blocks]
+    starts = np.cumsum([0, *sizes])
+    inner = gram.matrix[np.ix_(at, at)]
+    what = "slips" if component.relaxed.times else "offsets"
+
+    def scaled(shape: Floats) -> Floats:
+        rows = np.flatnonzero(shape.any(axis=1))
+        own = shape[rows]
+        energy = float((own * (inner[np.ix_(rows, rows)] @ own)).sum())
+        return shape * np.sqrt(gram.readings / max(energy, 1e-12))
+
+    bands, frequencies = [], []
+    span = max(float(np.ptp(axis[b.recording])) for b in blocks)
+    finest = min(float(np.median(np.abs(np.diff(axis[b.recording])))) for b in blocks)
+    count = int(span / finest / 2 / SETTINGS.band_step)
+    for k in range(count):
+        f = (SETTINGS.least_cycles + k * SETTINGS.band_step) / span
+        if f > 0.5 / finest:
+            break
+        shape = np.zeros((starts[-1], len(blocks) * _band(np.zeros(2), 1.0, finest).shape[1]))
+        width = shape.shape[1] // len(blocks)
+        for i, b in enumerate(blocks):
+            own = _band(axis[b.recording], f, finest)
+            shape[starts[i] : starts[i + 1], i * width : (i + 1) * width] = own
+        bands.append(scaled(shape))
+        frequencies.append(f)
+    out = [Candidate(name=component.name, effect=component.effect, component=component, at=at,
+                     shapes=tuple(bands), labels=tuple(frequencies))] if bands else []  # fmt: skip
+    unknown = replace(component, effect="", name=f"free {what} of profiles")
+    out.append(Candidate(name=unknown.name, effect="", component=unknown, at=at))
+    steps, places = [], []
+    for i, size in enumerate(sizes):
+        for k in range(2, size - 2):
+            shape = np.zeros((starts[-1], 1))
+            shape[starts[i] + k : starts[i + 1]] = 1.0
+            steps.append(scaled(shape))
+            places.append(float(k))
+    if steps:
+        unknown = replace(component, effect="", name=f"step of the {what}")
+        out.append(Candidate(name=unknown.name, effect="", component=unknown, at=at,
+                             shapes=tuple(steps), labels=tuple(places)))  # fmt: skip
+    return out
+
+
+def _band(axis: Floats, frequency: float, finest: float) -> Floats:
+    """Columns of an oscillation about a frequency, slowly changing, with harmonics."""
+    u = 2 * (axis - axis.min()) / max(np.ptp(axis), 1e-12) - 1
+    columns = []
+    for h in range(1, SETTINGS.row_harmonics + 1):
+        fits = h * frequency <= 0.5 / finest
+        for envelope in range(SETTINGS.envelope + 1 if h == 1 else 1):
+            slow = legendre.legval(u, np.eye(envelope + 1)[envelope]) / (1 + envelope) / h
+            for wave in (np.sin, np.cos):
+                columns.append(slow * wave(2 * np.pi * h * frequency * axis) * fits)
+    return np.stack(columns, axis=1)

@@ -1,0 +1,135 @@
+"""Marginal likelihoods of components whose coefficients are Gaussian.
+
+Unknown are the discrepancy b of a good instrument, b_c ~ N(0, δ_c²), shared by baselines and
+recordings, and the change Δ_a ~ N(0, s_a²) of each active term a, in the recordings alone:
+
+    y_baseline = X b + ε,    y = X b + X_a Δ_a + ε,    ε ~ N(0, I)
+
+With A the posterior precision of (b, Δ), everything that a further term c could add is
+
+    Λ = G_cc - G_c· A⁻¹ G_·c,     η = g_c - G_c· A⁻¹ g,
+
+    ln BF(s) = -½ ln |I + s²Λ| + ½ η' (s⁻² I + Λ)⁻¹ η
+
+(MacKay, Neural Comp. 4 (1992) 415; Wood, Generalized Additive Models, 2017, §6.2).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Equations:
+    """Normal equations G = X'X and g = X'y of M columns."""
+
+    matrix: Floats
+    right: Floats
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Term:
+    """A component as it may change: `at` picks columns of the equations, `weights` joins them.
+
+    Attributes
+    ----------
+    at : (j,) which columns
+    weights : (j, k) combinations of them; None for the columns as they are
+    """
+
+    at: NDArray[np.int64]
+    weights: Floats | None = None
+
+    def of_rows(self, matrix: Floats) -> Floats:
+        """Combine rows (M, ...) into (k, ...)."""
+        picked = matrix[self.at]
+        return picked if self.weights is None else self.weights.T @ picked
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Cavity:
+    """What the readings say of one term, all else integrated: Λ (k, k) and η (k,)."""
+
+    information: Floats
+    pull: Floats
+
+    def combined(self, weights: Floats) -> "Cavity":
+        """Return what they say of combinations (k, l) of the term's columns."""
+        return Cavity(
+            information=weights.T @ self.information @ weights, pull=weights.T @ self.pull
+        )
+
+    def log_factors(self, sizes: Floats) -> Floats:
+        """Log Bayes factor of the term with variance size² against none, for each size."""
+        values, vectors = np.linalg.eigh(self.information)
+        v = np.square(sizes)[:, None] * np.maximum(values, 0.0)
+        turned = np.square(vectors.T @ self.pull) * np.square(sizes)[:, None]
+        return np.asarray(0.5 * (turned / (1 + v) - np.log1p(v)).sum(axis=1))
+
+
+class Posterior:
+    """Joint posterior of the discrepancy and of the active terms."""
+
+    def __init__(
+        self,
+        found: Equations,
+        discrepancy: Floats,
+        active: Sequence[tuple[Term, float]] = (),
+        baseline: Equations | None = None,
+    ) -> None:
+        """Factorise the posterior's precision.
+
+        Parameters
+        ----------
+        found : equations of the recordings
+        discrepancy : (M,) standard deviation of each coefficient of a good instrument
+        active : terms with their sizes
+        baseline : equations of the baselines, in the same columns
+        """
+        d, size = discrepancy, len(discrepancy)
+        both = found.matrix if baseline is None else found.matrix + baseline.matrix
+        right = found.right if baseline is None else found.right + baseline.right
+        rows = [s * t.of_rows(found.matrix) for t, s in active]
+        changes = np.concatenate(rows) if rows else np.zeros((0, size))
+        inner = [s * t.of_rows(changes.T) for t, s in active]
+        between = np.concatenate(inner) if inner else np.zeros((0, 0))
+        a = np.block([
+            [d[:, None] * both * d[None] + np.eye(size), d[:, None] * changes.T],
+            [changes * d[None], between + np.eye(len(changes))],
+        ])
+        pulls = [s * t.of_rows(found.right) for t, s in active]
+        h = np.concatenate([d * right, *pulls])
+        self._factor = linalg.cho_factor(a, lower=True, overwrite_a=True, check_finite=False)
+        self._solved = linalg.cho_solve(self._factor, h, check_finite=False)
+        self._found, self._d, self._changes, self._active = found, d, changes, tuple(active)
+        self.log_evidence = float(
+            0.5 * h @ self._solved - np.log(np.diag(self._factor[0])).sum()
+        )
+
+    def coefficients(self) -> Floats:
+        """Posterior mean of what the recordings' columns hold, discrepancy and changes, (M,)."""
+        size = len(self._d)
+        out = self._d * self._solved[:size]
+        at = size
+        for term, s in self._active:
+            weights = np.eye(len(term.at)) if term.weights is None else term.weights
+            k = weights.shape[1]
+            np.add.at(out, term.at, s * (weights @ self._solved[at : at + k]))
+            at += k
+        return out
+
+    def cavity(self, term: Term) -> Cavity:
+        """Integrate all but one further term."""
+        gw = term.of_rows(self._found.matrix)
+        u = np.concatenate([self._d[:, None] * gw.T, term.of_rows(self._changes.T).T])
+        au = linalg.cho_solve(self._factor, u, check_finite=False)
+        information = term.of_rows(gw.T) - u.T @ au
+        return Cavity(
+            information=0.5 * (information + information.T),
+            pull=term.of_rows(self._found.right) - u.T @ self._solved,
+        )

@@ -1,0 +1,296 @@
+"""Scale, missing and outlier channels: the same candidates by relaxed form, weighed by Laplace.
+
+What lies at depth edges has a level of its own in each channel, since there no law is exact.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, label, uniform_filter
+from scipy.special import logsumexp
+
+from diagnosis.components.component import (
+    Component,
+    cell_of,
+    components_of,
+    missing_columns,
+    plain_columns,
+)
+from diagnosis.components.smooth import Ranges
+from diagnosis.evidence.causes import Scales
+from diagnosis.evidence.glm import Owners, Responses, mode
+from diagnosis.noise import Mask, NoiseModel
+from diagnosis.patch import Patch
+from diagnosis.prediction import Prediction
+from diagnosis.score import Whitened
+from diagnosis.settings import SETTINGS
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class RateVariant:
+    """One form of a component: cells of readings, and its columns there.
+
+    Attributes
+    ----------
+    owner, count : cell of each reading, and how many cells there are
+    level : (count, j) columns of the level
+    columns : (count, k) of the component
+    """
+
+    owner: Owners
+    count: int
+    level: Floats
+    columns: Floats
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class RateCandidate:
+    """One component of a channel on the readings taken, in one form or several."""
+
+    component: Component
+    variants: tuple[RateVariant, ...]
+
+    @property
+    def name(self) -> str:
+        """Name of the component."""
+        return self.component.name
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Channel:
+    """Responses of one channel, and its candidates.
+
+    Attributes
+    ----------
+    level_sd : deviations of the level, off edges and at them
+    picks : for each patch, which readings take part
+    """
+
+    name: str
+    responses: Responses
+    level_sd: Floats
+    candidates: tuple[RateCandidate, ...]
+    picks: tuple[Mask, ...]
+
+
+def channel_of(
+    name: str,
+    patches: Sequence[Patch],
+    predictions: Sequence[Prediction],
+    states: Sequence[Whitened],
+    ranges: Ranges,
+    noise: NoiseModel,
+) -> Channel | None:
+    """Gather a channel's responses and candidates; None where there are too few readings."""
+    picks, responses = _responses(name, patches, predictions, states, noise)
+    if responses.seen.size < SETTINGS.least_readings:
+        return None
+    edge = np.concatenate([p.edge[k] for p, k in zip(patches, picks, strict=True)])
+    made = (_candidate(c, patches, picks, edge, ranges) for c in components_of(name))
+    return Channel(
+        name=name, responses=responses, level_sd=np.array(SETTINGS.level_sd[name]),
+        candidates=tuple(c for c in made if c is not None), picks=tuple(picks),
+    )  # fmt: skip
+
+
+def _responses(
+    name: str,
+    patches: Sequence[Patch],
+    predictions: Sequence[Prediction],
+    states: Sequence[Whitened],
+    noise: NoiseModel,
+) -> tuple[list[Mask], Responses]:
+    picks, seen, usual, even = [], [], [], []
+    loose = heads = 0
+    for patch, law, state in zip(patches, predictions, states, strict=True):
+        ambiguous = binary_dilation(patch.softness[1] > SETTINGS.ambiguous, iterations=1)
+        near = patch.fit & patch.counted & law.seen & ~ambiguous
+        if name == "scale":
+            sharp = patch.softness[0] > SETTINGS.sharp * noise.sd_mm
+            pick = near & state.used & ~patch.edge & ~sharp
+            square = np.minimum(np.square(state.innovations), SETTINGS.clip**2)
+            share = np.maximum(uniform_filter(pick.astype(float), 15, mode="constant"), 1e-9)
+            mean = uniform_filter(np.where(pick, square, 0.0), 15, mode="constant") / share
+            even.append((square / np.maximum(mean, 1e-9))[pick])
+            value, number = square, np.ones(patch.shape)
+        else:
+            pick = near if name == "missing" else near & patch.observed
+            event = pick & (~patch.observed if name == "missing" else ~state.used)
+            number = law.p_missing if name == "missing" else law.p_outlier
+            marks, _ = label(event, structure=np.ones((3, 3)))
+            loose += int(event.sum())
+            heads += int(marks.max(initial=0))
+            value = event.astype(float)
+        picks.append(pick)
+        seen.append(value[pick])
+        usual.append(np.asarray(number, dtype=np.float64)[pick])
+    if name == "scale":
+        # a Gaussian's square has variance 2
+        dispersion = float(np.var(np.concatenate(even)) / 2)
+    else:
+        dispersion = loose / max(heads, 1)
+    return picks, Responses(
+        kind="scale" if name == "scale" else "rate", seen=np.concatenate(seen),
+        usual=np.concatenate(usual), dispersion=max(dispersion, 1.0),
+    )  # fmt: skip
+
+
+def _candidate(
+    component: Component,
+    patches: Sequence[Patch],
+    picks: Sequence[Mask],
+    edge: Mask,
+    ranges: Ranges,
+) -> RateCandidate | None:
+    relaxed = component.relaxed
+    variants = []
+    if relaxed.each:
+        owner, count = _owners(relaxed.each, patches, picks)
+        variants.append(_in_cells(owner, count, edge, np.eye(count)[:, :, None], component))
+    elif relaxed.spanned:
+        made = [missing_columns(component, p) for p in patches]
+        for j in range(len(made[0])):
+            lost = np.concatenate([m[j][k] for m, k in zip(made, picks, strict=True)]) > 0.5
+            if lost.any():
+                one = np.array([[0.0], [1.0]])
+                variants.append(_in_cells(lost.astype(np.int64), 2, edge, one, component))
+    else:
+        made = [plain_columns(component, p, ranges) for p in patches]
+        if any(m is None for m in made):
+            return None
+        cells = [cell_of(component, p, ranges) for p in patches]
+        owner = np.concatenate([c[k] for c, k in zip(cells, picks, strict=True)])
+        count = int(owner.max(initial=0)) + 1
+        number = np.maximum(np.bincount(owner, minlength=count), 1)
+        columns = np.stack([
+            np.bincount(owner, np.concatenate([
+                np.broadcast_to(m[j], p.shape)[k]
+                for m, p, k in zip(made, patches, picks, strict=True)
+            ]), count) / number
+            for j in range(len(made[0]))
+        ], axis=1)
+        size = np.sqrt((number[:, None] * np.square(columns)).sum() / number.sum())
+        if size > 0:
+            variants.append(_in_cells(owner, count, edge, columns / size, component))
+    return RateCandidate(component=component, variants=tuple(variants)) if variants else None
+
+
+def _in_cells(
+    owner: Owners, count: int, edge: Mask, columns: Floats, component: Component
+) -> RateVariant:
+    """Split each cell into what is at edges and what isn't."""
+    if columns.ndim == 3:
+        columns = columns[:, :, 0]
+    level = np.repeat(np.array([[1.0, 0.0], [1.0, 1.0]]), count, axis=0)
+    return RateVariant(
+        owner=owner + count * edge, count=2 * count, level=level,
+        columns=np.concatenate([columns, columns]),
+    )  # fmt: skip
+
+
+def _owners(
+    each: str, patches: Sequence[Patch], picks: Sequence[Mask]
+) -> tuple[Owners, int]:
+    out, at = [], 0
+    for patch, pick in zip(patches, picks, strict=True):
+        n, m = patch.shape
+        own = np.arange(m)[None] if each == "column" else at + np.arange(n)[:, None]
+        at += n
+        out.append(np.broadcast_to(own, (n, m))[pick])
+    return np.concatenate(out), patches[0].shape[1] if each == "column" else at
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class RateMember:
+    """A cause found in a channel.
+
+    Attributes
+    ----------
+    change : (N,) of the predictor at the mode, for the readings that take part
+    """
+
+    candidate: RateCandidate
+    channel: str
+    variant: int
+    size: float
+    nats: float
+    shares: Mapping[str, float]
+    change: Floats
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class _Weighed:
+    nats: float
+    variant: int
+    size: float
+    change: Floats
+
+
+class RateSearch:
+    """Search over causes of one channel, one after the other."""
+
+    def __init__(
+        self, channel: Channel, scales: Scales, withheld: frozenset[str] = frozenset()
+    ) -> None:
+        self.channel, self.scales, self.withheld = channel, scales, withheld
+
+    def factors(self, responses: Responses, candidate: RateCandidate) -> tuple[Floats, list]:
+        """Log Bayes factors (variants, sizes), and the changes at the modes."""
+        sizes = SETTINGS.rate_sizes()
+        factors, changes = np.zeros((len(candidate.variants), len(sizes))), []
+        for i, variant in enumerate(candidate.variants):
+            cells = responses.in_cells(variant.owner, variant.count)
+            free = self.channel.level_sd
+            base = mode(cells, variant.level, free)
+            x = np.concatenate([variant.level, variant.columns], axis=1)
+            start = np.concatenate([base.coefficients, np.zeros(variant.columns.shape[1])])
+            for k, size in enumerate(sizes):
+                sd = np.concatenate([free, np.full(variant.columns.shape[1], size)])
+                found = mode(cells, x, sd, start)
+                factors[i, k] = found.log_evidence - base.log_evidence
+                start = found.coefficients
+                if candidate.component.relaxed.grows and start[-1] < 0:
+                    factors[i, k] = min(factors[i, k], 0.0)
+                changes.append(found.coefficients[len(free) :])
+        return factors, changes
+
+    def weigh(self, responses: Responses, candidate: RateCandidate) -> _Weighed:
+        """Weigh a candidate against what good instruments have of it."""
+        factors, changes = self.factors(responses, candidate)
+        quiet = self.scales.of(f"{self.channel.name}: {candidate.name}")
+        usual = logsumexp(factors - np.log(len(factors)), axis=0)
+        nothing = float(logsumexp(usual, b=np.maximum(quiet, 1e-300)))
+        v, k = (int(i) for i in np.unravel_index(int(np.argmax(factors)), factors.shape))
+        variant = candidate.variants[v]
+        change = variant.columns @ changes[v * factors.shape[1] + k]
+        return _Weighed(
+            nats=float(logsumexp(factors - np.log(factors.size))) - max(nothing, 0.0),
+            variant=v, size=float(SETTINGS.rate_sizes()[k]), change=change[variant.owner],
+        )  # fmt: skip
+
+    def search(self) -> list[RateMember]:
+        """Find causes until none has odds above one."""
+        responses, found, names = self.channel.responses, [], set()
+        for _ in range(SETTINGS.most_causes):
+            scored = []
+            for c in self.channel.candidates:
+                if c.name not in names and c.component.effect not in self.withheld - {""}:
+                    w = self.weigh(responses, c)
+                    scored.append((w.nats + SETTINGS.log_odds(c.component.effect), w, c))
+            odds, w, c = max(scored, key=lambda x: x[0], default=(0.0, None, None))
+            if odds <= 0 or w is None or c is None:
+                break
+            total = logsumexp([0.0, *(x[0] for x in scored)])
+            shares = {x[2].name: float(np.exp(x[0] - total)) for x in scored}
+            shares[""] = float(np.exp(-total))
+            found.append(RateMember(
+                candidate=c, channel=self.channel.name, variant=w.variant, size=w.size,
+                nats=w.nats, shares=shares, change=w.change,
+            ))  # fmt: skip
+            names.add(c.name)
+            responses = responses.moved(w.change)
+        return found
