@@ -112,7 +112,9 @@ def reported(assessment: Assessment) -> tuple[list[Cause], list[Strange]]:
     return sorted(causes.values(), key=lambda c: -c.nats), strange
 
 
-def _members(assessment: Assessment) -> Iterable[tuple[str, "_Plain", Mapping[str, float], Component]]:
+def _members(
+    assessment: Assessment,
+) -> Iterable[tuple[str, "_Plain", Mapping[str, float], Component]]:
     for m in assessment.mean:
         label = m.candidate.labels[m.variant]
         plain = _Plain(name=m.candidate.name, nats=m.nats, size=m.size, repeats=label)

@@ -6,9 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.calibration import calibrated_noise, nominal_noise, nominal_sd_mm
+from diagnosis.calibration import nominal_noise, nominal_sd_mm
 from diagnosis.candidates import candidates_of
 from diagnosis.cause import Cause, Strange
+from diagnosis.delivery import delivered
+from diagnosis.evidence.next_scan import NextScan, next_scans
 from diagnosis.evidence.population import population
 from diagnosis.explain import Explanation, explain
 from diagnosis.finish import averaged_grain, finish_effects, finish_estimates, sunken
@@ -23,35 +25,24 @@ from diagnosis.found import (
     sheet_with,
 )
 from diagnosis.heldout import Judgement, judge
-from diagnosis.inputs import (
-    check_overlap,
-    checked,
-    lateral_mm,
-    repeats,
-    tiles,
-    with_brightness,
-)
 from diagnosis.locate import Region
 from diagnosis.maps import RecordingMaps, map_recording
 from diagnosis.mounting import LEAST_NATS, mounting_error
 from diagnosis.noise import NoiseModel
-from diagnosis.patch import Patch, in_range
-from diagnosis.recorded import Recorded
-from diagnosis.registration import Placement, register
+from diagnosis.patch import Patch
+from diagnosis.prepare import Inputs, prepared
+from diagnosis.registration import Placement
 from diagnosis.residual_structure import Residual, residual_structure
 from diagnosis.settings import SETTINGS
 from diagnosis.shrinkage import shrunk_at_edges
 from diagnosis.uncertainty import refined
 from diagnosis.workspace import Model, Workspace
-from sensors.casting.laser import Laser
-from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.effects.form_error import FormError
 from sensors.effects.motion_blur import MotionBlur
 from sensors.effects.onboard_filter import OnboardFilter
 from sensors.recording import Recording
 from sensors.surface.surface import Surface
-from sensors.typed_yaml import RecipeError
 
 Progress = Callable[[str], None]
 
@@ -63,6 +54,7 @@ class Diagnosis:
     effects: tuple[FoundEffect, ...]
     left: tuple[Residual, ...]
     none_of_these: float
+    next_measurements: tuple[NextScan, ...]
     population: str
     assumed: Mapping[str, object]
     regions: tuple[Region, ...]
@@ -112,41 +104,21 @@ def diagnose(
     RecipeError
         Where the input can't be used.
     """
-    if not recordings:
-        raise RecipeError("no recording to diagnose")
     withheld = frozenset(withheld)
-    scene = Scene(vertices_mm, faces)
     notes: list[str] = []
-    fit_on, held = list(recordings), list(holdout)
-    if not held and len(fit_on) > 1:
-        held = [fit_on.pop()]
-    single = not held
-    everything = [*fit_on, *held]
-    good = [replace(b, name=f"baseline {b.name}") for b in baselines]
-    inputs = checked([*everything, *good], references, scene, datasheet, surface, notes)
-    laser, surface = inputs.laser, inputs.surface
-
-    placed = _registered([*everything, *good], scene, datasheet, laser, progress)
-    scene, everything = with_brightness(everything, placed, scene, datasheet, laser)
-    recorded = Recorded(
-        recordings=tuple(everything), scene=scene, datasheet=datasheet, laser=laser,
-        lateral_mm=lateral_mm(everything[0]),
-        held_out=tuple(
-            tiles(*r.depth_mm.shape) if single else np.full(r.depth_mm.shape, k >= len(fit_on))
-            for k, r in enumerate(everything)
+    ready = prepared(
+        Inputs(
+            recordings=recordings, vertices_mm=vertices_mm, faces=faces, datasheet=datasheet,
+            surface=surface, references=references, holdout=holdout, baselines=baselines,
         ),
+        notes, progress,
     )  # fmt: skip
-    patches = [p for k, r in enumerate(everything) for p in recorded.cut(k, placed[r.name])]
-    check_overlap(patches)
-    progress("calibrating the noise")
-    noise, nominal = calibrated_noise(patches, inputs.plates, notes)
-    before_now = _baseline_patches(good, recorded, placed)
-    if before_now and nominal is None:
-        nominal, _ = calibrated_noise(before_now, (), [])
-    repeated = repeats(everything, notes)
+    placed, patches, noise, nominal = ready.placed, ready.patches, ready.noise, ready.nominal
+    everything, single = ready.recorded.recordings, ready.single
+    by_form = delivered(everything, datasheet, notes)
     usual_sizes = population()
     explanation = explain(
-        patches, noise, recorded, placed, usual_sizes.weights, baseline=before_now,
+        patches, noise, ready.recorded, placed, usual_sizes.weights, baseline=ready.baseline,
         withheld=withheld, notes=notes, progress=progress,
     )  # fmt: skip
     model, ws, recorded = explanation.model, explanation.ws, explanation.recorded
@@ -154,7 +126,8 @@ def diagnose(
     strange = list(explanation.strange)
     bent = any(s.channel == "mean" for s in strange)
     beside, plain_noise = _finished(
-        explanation, noise, nominal, surface, bent=bent, withheld=withheld, share_own=not single
+        explanation, noise, nominal, ready.surface, bent=bent, withheld=withheld,
+        share_own=not single,
     )
     if plain_noise is not noise and nominal is not None:
         model = sunken(ws, model, [f.effect for f in beside], withheld)
@@ -163,7 +136,7 @@ def diagnose(
         # what the model takes for physics is no misplacement; a warped part's low waves turn and
         # shift it, so that how it lies can't be told from how the sensor sits
         beside += _mounted(ws, model, everything, explanation.placed, held_patches)
-    beside += [f for f in repeated if f.name not in withheld]
+    beside += [f for f in by_form if f.name not in withheld]
     verdict = _verdict(bool(causes or beside), bool(strange))
     described = residual_structure(strange, ws, model)
     model = refined(ws, model)
@@ -179,6 +152,10 @@ def diagnose(
     found, beside = averaged_grain(found, beside, withheld)
     found = tuple(sorted([*found, *beside], key=lambda f: -f.heldout_gain))
     notes += at_limits(found)
+    progress("asking what to measure next")
+    measure = next_scans(
+        explanation.members, explanation.first, ready.recorded, placed, noise
+    )  # fmt: skip
     progress("drawing maps")
     finally_placed = candidates.placed(shrunk_at_edges(ws, model))
     # a mismatch is held against the noise of an instrument without it
@@ -199,6 +176,7 @@ def diagnose(
         verdict=verdict,
         effects=found,
         left=described,
+        next_measurements=measure,
         none_of_these=_none_of_these(causes, beside, strange),
         population=usual_sizes.name,
         assumed={
@@ -214,46 +192,14 @@ def diagnose(
         datasheet=sheet_with(recorded.datasheet, [f.effect.shared() for f in found]),
         model=model,
         noise=noise,
-        fitted=tuple(r.name for r in fit_on),
-        held=tuple(r.name for r in held),
+        fitted=ready.fitted,
+        held=ready.held,
         baselines=tuple(r.name for r in baselines),
         held_patches=tuple(nominally.held),
         fit_patches=ws.patches,
         notes=tuple(notes),
         seed=seed,
     )
-
-
-def _baseline_patches(
-    good: Sequence[Recording], recorded: Recorded, placed: Mapping[str, Placement]
-) -> list[Patch]:
-    """Look at baselines from where they were registered."""
-    if not good:
-        return []
-    theirs = replace(
-        recorded, recordings=tuple(good),
-        held_out=tuple(np.zeros(r.depth_mm.shape, dtype=bool) for r in good),
-    )  # fmt: skip
-    return [p for k, r in enumerate(good) for p in theirs.cut(k, placed[r.name])]
-
-
-def _registered(
-    recordings: Sequence[Recording],
-    scene: Scene,
-    datasheet: Datasheet,
-    laser: Mapping[str, Laser],
-    progress: Progress,
-) -> dict[str, Placement]:
-    """Register each recording under the nominal model; placements by name."""
-    placed: dict[str, Placement] = {}
-    for recording in recordings:
-        progress(f"registering {recording.name}")
-        valid = np.isfinite(in_range(recording.depth_mm, datasheet))
-        placed[recording.name] = register(
-            scene, recording, laser[recording.name], datasheet=datasheet, valid=valid,
-            sd_mm=datasheet.step_mm / 2,
-        )  # fmt: skip
-    return placed
 
 
 def _finished(
@@ -358,6 +304,6 @@ def _none_of_these(
     if not causes and not beside:
         return 1.0
     missed = 1.0
-    for probability in [1 - c.none_of_these for c in causes] + [f.probability for f in beside]:
-        missed *= 1 - probability
+    for held in [1 - c.none_of_these for c in causes] + [f.probability for f in beside]:
+        missed *= 1 - held
     return float(max(missed, 0.0))

@@ -8,6 +8,7 @@ import numpy as np
 from diagnosis.cause import Cause, Strange, reported, without_kin
 from diagnosis.edges import BESIDE_EDGES, EDGE_COVARIATES
 from diagnosis.evidence.assess import RATES, Seen, assessed, good_factors, informed, seen
+from diagnosis.evidence.causes import Member
 from diagnosis.noise import Field, NoiseModel
 from diagnosis.patch import Patch
 from diagnosis.physics import assumed_sheets, fit_laws, refit, seen_by
@@ -30,7 +31,8 @@ class Explanation:
     ----------
     causes : catalogued, strongest first
     strange : components that no catalogued effect claims
-    first : the recordings as they were seen under the nominal model
+    first, members : the recordings as they were seen under the nominal model, and the mean's
+        causes as they were weighed then
     scales : what a good instrument has of each component
     """
 
@@ -42,6 +44,7 @@ class Explanation:
     recorded: Recorded
     ws: Workspace
     first: Seen
+    members: tuple[Member, ...]
     scales: Mapping[str, Field]
 
     @property
@@ -75,11 +78,15 @@ def explain(
     first = now = seen(ws.patches, noise, Model())
     before = seen(baseline, noise, Model(), like=first) if baseline else None
     scales = population if before is None else informed(population, good_factors(before))
-    model, causes, strange = Model(), [], []
+    model = Model()
+    causes: list[Cause] = []
+    strange: list[Strange] = []
+    members: tuple[Member, ...] = ()
     explained = 0.0
     for _ in range(SETTINGS.rounds):
         found = assessed(now, scales, before, withheld=withheld, channels=("mean",),
                          explained=explained)  # fmt: skip
+        members = members or found.mean
         named, strange = reported(found)
         new = without_kin(named, [c.name for c in causes])
         if not new:
@@ -106,7 +113,8 @@ def explain(
         causes += new
     return Explanation(
         model=model, causes=tuple(causes), strange=(*strange, *odd), patches=tuple(patches),
-        placed=placed, recorded=recorded, ws=ws, first=first, scales=scales,
+        placed=placed, recorded=recorded, ws=ws, first=first, members=members,
+        scales=scales,
     )  # fmt: skip
 
 

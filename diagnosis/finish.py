@@ -309,7 +309,8 @@ def averaged_grain(
         either = replace(
             level,
             statement=level.statement + AVERAGED,
-            alternatives=((VolumeScattering.name, level.heldout_gain),),
+            probability=0.5 * level.probability,
+            alternatives=((VolumeScattering.name, level.heldout_gain, 0.5 * level.probability),),
         )
         return tuple(found), [either if f is level else f for f in beside]
     low, high = (volume.effect.parameter("grain").low, volume.effect.parameter("grain").high)
@@ -322,7 +323,12 @@ def averaged_grain(
         statement=volume.statement + ("" if shown else UNSUNKEN),
         heldout_gain=volume.heldout_gain + level.heldout_gain,
         parameters={**volume.parameters, "grain": level.parameters["amplitude"]},
-        alternatives=volume.alternatives if shown else ((level.name, level.heldout_gain),),
+        probability=volume.probability if shown else 0.5 * volume.probability,
+        alternatives=(
+            volume.alternatives
+            if shown
+            else ((level.name, level.heldout_gain, 0.5 * volume.probability),)
+        ),
     )
     return (
         tuple(both if f is volume else f for f in found),

@@ -6,29 +6,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.brightness import surface_brightness
-from diagnosis.found import FoundEffect, plainly_found
 from diagnosis.noise import LAG_PART, Mask
 from diagnosis.patch import Patch, in_range
 from diagnosis.plates import Plate, plate_residual
 from diagnosis.prediction import law_of
 from diagnosis.printed import MOST_READINGS, find_print
 from diagnosis.registration import Placement, check_meets
-from diagnosis.uncertainty import Estimate
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
-from sensors.effects.row_repeat import RowRepeat
 from sensors.formats.plausibility import sentinels
 from sensors.model import SensorModel
 from sensors.noise.perlin import grid_pitch
-from sensors.recording import Recording, repeated_rows
+from sensors.recording import Recording
 from sensors.surface.surface import Surface
 from sensors.typed_yaml import RecipeError
 from sensors.view.view import View
-
-LEAST_REPEATS = 0.01
-"""Share of profiles that repeat the one before from which it is a fault worth telling."""
-
 
 CHECKED_PROFILES = 16
 """Profiles in the middle of a recording on which the files' nominal model is computed to check it.
@@ -175,27 +168,6 @@ def check_overlap(patches: Sequence[Patch]) -> None:
     for patch in patches:
         if not (patch.observed & np.isfinite(patch.plain_mm)).any() and patch.observed.any():
             raise RecipeError("nowhere meets the part after registration", where=patch.name)
-
-
-def repeats(recordings: Sequence[Recording], notes: list[str]) -> list[FoundEffect]:
-    """Note profiles that repeat the one before; an effect where they are more than stray ones.
-
-    Readings have noise: profiles that agree in every reading weren't measured anew.
-    """
-    shares = []
-    for r in recordings:
-        count = int(repeated_rows(r.depth_mm).sum())
-        if count:
-            notes.append(
-                f"{r.name}: {count} of {len(r.depth_mm)} profiles repeat the one before, "
-                "reading for reading; they measured nothing and are left out"
-            )
-        shares.append(count / len(r.depth_mm))
-    share = float(np.mean(shares))
-    if share < LEAST_REPEATS:
-        return []
-    effect = RowRepeat(share=min(share, RowRepeat.parameter("share").high))
-    return [plainly_found(effect, 0.0, {"share": Estimate(value=share)}, probability=1.0)]
 
 
 def laser_of(datasheet: Datasheet, recording: Recording) -> Laser:

@@ -77,6 +77,7 @@ def as_json(result: Diagnosis) -> dict[str, object]:
             for e in result.effects
         ],
         "none_of_these": result.none_of_these,
+        "next_measurements": [m.as_json() for m in result.next_measurements],
         "mismatch": {
             "share_of_points": result.share_of_points,
             "regions": [r.as_json() for r in result.regions],

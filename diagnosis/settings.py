@@ -1,63 +1,208 @@
-"""Every number of the diagnosis that is no derived one: value, unit, and where it comes from."""
+"""Every number of the evidence that nothing determines: value, unit, and where it comes from.
 
-from dataclasses import asdict, dataclass, field
+What a good instrument departs by is none of them: it is learnt from a named population
+(`evidence/population.py`), or from the user's baselines.
+"""
+
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from quantity import quantity
+
+Floats = NDArray[np.float64]
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Settings:
-    """Numbers of the evidence."""
+    """Numbers of the evidence, each with its meaning, unit and source."""
 
-    decay: float = 1.0
-    order_1d: int = 6
-    order_2d: int = 5
-    order_3d: int = 6
-    harmonics: int = 3
-    row_harmonics: int = 3
-    prior_cause: float = 0.02
-    prior_unknown: float = 0.01
-    least_mean_size: float = 0.001
-    mean_steps: int = 15
-    doubt: float = 0.03
-    clip: float = 4.0
-    reported: float = 0.5
-    offered: float = 0.05
-    fitted_readings: int = 80_000
-    explained_share: float = 0.3
+    decay: float = quantity(
+        "exponent by which longer waves are the larger in a smooth component",
+        default=1.0, unit="", low=0.0,
+        source="one derivative: the roughest curve whose slope is finite",
+    )  # fmt: skip
+    order_1d: int = quantity(
+        "highest polynomial order of a component of one covariate",
+        default=6, unit="", low=1, whole=True,
+        source="more orders are smaller than the noise under the decay",
+    )  # fmt: skip
+    order_2d: int = quantity(
+        "the same for two covariates",
+        default=5, unit="", low=1, whole=True,
+        source="as order_1d",
+    )  # fmt: skip
+    harmonics: int = quantity(
+        "harmonics of what repeats with the camera's rows or with the travel",
+        default=3, unit="", low=1, whole=True,
+        source="inference: a sawtooth's fourth harmonic has 6 % of its power",
+    )  # fmt: skip
+    envelope: int = quantity(
+        "polynomial order of an oscillation's slow change",
+        default=2, unit="", low=1, whole=True,
+        source="a decay within a recording",
+    )  # fmt: skip
+    band_step: float = quantity(
+        "step of the frequencies tried, over the longest recording",
+        default=0.5, unit="cycles", low=0.0,
+        source="half the resolution of a recording",
+    )  # fmt: skip
+    least_cycles: float = quantity(
+        "fewest cycles in a recording that count as an oscillation",
+        default=2.5, unit="cycles", low=0.0,
+        source="fewer are a drift or the part's form",
+    )  # fmt: skip
+    pitches: int = quantity(
+        "strongest periods over the range that are weighed, each in three positions",
+        default=2, unit="", low=1, whole=True,
+        source="a second one for a harmonic that is stronger than its fundamental",
+    )  # fmt: skip
+    spanned: int = quantity(
+        "main directions kept of what a law does over its grid",
+        default=3, unit="", low=1, whole=True,
+        source="the widths of a line differ in little more",
+    )  # fmt: skip
+    prior_cause: float = quantity(
+        "probability of each catalogued cause before any reading",
+        default=0.05, unit="", low=0.0,
+        source="by convention: about one of 25 causes is there when somebody asks",
+    )  # fmt: skip
+    prior_unknown: float = quantity(
+        "probability of each unknown component before any reading",
+        default=0.02, unit="", low=0.0,
+        source="by convention: the catalogue holds most of what happens",
+    )  # fmt: skip
+    least_mean_size: float = quantity(
+        "smallest whitened rms of the grid of sizes",
+        default=0.001, unit="1", low=0.0,
+        source="signal to noise 0.2 in 40 000 readings: nothing",
+    )  # fmt: skip
+    mean_steps: int = quantity(
+        "sizes of the grid, each twice the one before",
+        default=15, unit="", low=1, whole=True,
+        source="up to 16 times the noise",
+    )  # fmt: skip
+    least_rate_size: float = quantity(
+        "smallest rms change of a logarithm in the other channels",
+        default=0.01, unit="1", low=0.0,
+        source="one per cent of the noise or of a share",
+    )  # fmt: skip
+    rate_steps: int = quantity(
+        "sizes of that grid, each twice the one before",
+        default=10, unit="", low=1, whole=True,
+        source="up to a factor exp(5)",
+    )  # fmt: skip
+    small_sizes: int = quantity(
+        "smallest sizes of the grid that a component unknown to the population may have",
+        default=3, unit="", low=1, whole=True,
+        source="nothing is known of it: none",
+    )  # fmt: skip
+    most_instruments: float = quantity(
+        "share of good instruments whose discrepancy is presumed of a component that isn't weighed",
+        default=0.5, unit="1", low=0.0,
+        source="by convention",
+    )  # fmt: skip
+    doubt: float = quantity(
+        "share of an explained signal by which its law may be wrong",
+        default=0.03, unit="1", low=0.0,
+        source="by convention; what a curve leaves passes for another cause otherwise",
+    )  # fmt: skip
+    doubt_at_edges: float = quantity(
+        "the same for laws of light at edges",
+        default=0.4, unit="1", low=0.0,
+        source="as `prediction.DOUBT`",
+    )  # fmt: skip
+    clip: float = quantity(
+        "deviations beyond which a reading counts as that far off",
+        default=4.0, unit="σ", low=0.0,
+        source="Huber: 0.006 % of Gaussian readings",
+    )  # fmt: skip
+    sharp: float = quantity(
+        "doubt of an edge's place beyond which a reading says nothing of the noise",
+        default=0.3, unit="σ", low=0.0,
+        source="as edges.UNSURE",
+    )  # fmt: skip
+    ambiguous: float = quantity(
+        "chance of an edge's other side beyond which a reading's absence says nothing",
+        default=0.01, unit="1", low=0.0,
+        source="a tenth of the smallest share worth telling",
+    )  # fmt: skip
+    cells: int = quantity(
+        "cells along each covariate in which readings of one predictor are summed",
+        default=32, unit="", low=1, whole=True,
+        source="a component's waves span eight and more",
+    )  # fmt: skip
+    least_readings: int = quantity(
+        "readings of a channel below which it isn't looked at",
+        default=200, unit="", low=1, whole=True,
+        source="expected events: none",
+    )  # fmt: skip
+    level_sd_off: float = quantity(
+        "deviation of the logarithm of a good instrument's share of losses and outliers",
+        default=0.2, unit="1", low=0.0,
+        source="by convention: known to a fifth; the population says the rest",
+    )  # fmt: skip
+    level_sd_edge: float = quantity(
+        "the same at depth edges, where no law is exact",
+        default=3.0, unit="1", low=0.0,
+        source="any",
+    )  # fmt: skip
+    reported: float = quantity(
+        "probability from which a cause is reported",
+        default=0.5, unit="1", low=0.0,
+        source="more likely than not",
+    )  # fmt: skip
+    offered: float = quantity(
+        "probability from which an alternative is offered",
+        default=0.05, unit="1", low=0.0,
+        source="by convention",
+    )  # fmt: skip
+    most_causes: int = quantity(
+        "causes of a set",
+        default=6, unit="", low=1, whole=True,
+        source="more need other recordings",
+    )  # fmt: skip
+    rounds: int = quantity(
+        "times that laws are fitted and what is left is weighed again",
+        default=3, unit="", low=1, whole=True,
+        source="the third finds nothing on calibration sets",
+    )  # fmt: skip
+    placed: int = quantity(
+        "times that recordings are placed under a model while that moves them",
+        default=3, unit="", low=1, whole=True,
+        source="as the law's reach",
+    )  # fmt: skip
+    fitted_readings: int = quantity(
+        "readings on which laws are searched; linear parts are solved on all",
+        default=80000, unit="", low=1, whole=True,
+        source="time",
+    )  # fmt: skip
+    explained_share: float = quantity(
+        "share of its component's evidence below which a law is doubted",
+        default=0.3, unit="1", low=0.0,
+        source="by convention",
+    )  # fmt: skip
     assumed_angles_deg: tuple[float, ...] = (20.0, 30.0, 40.0)
-    rounds: int = 3
-    unseen: float = 1.0
-    placed: int = 3
-    small_sizes: int = 3
-    most_causes: int = 6
-    band_step: float = 0.5
-    least_cycles: float = 2.5
-    envelope: int = 2
-    spanned: int = 3
-    pitches: int = 2
-    unknown_pitches: int = 200
-
-    least_readings: int = 200
-    ambiguous: float = 0.01
-    sharp: float = 0.3
-    cells: int = 32
-    level_sd: dict = field(default_factory=lambda: {"scale": (1.0, 1.0), "missing": (0.2, 3.0), "outliers": (0.2, 3.0)})
-    least_rate_size: float = 0.01
-    rate_steps: int = 10
+    """Triangulation angles tried where the sensor's file states none: what makers sell."""
 
     def as_json(self) -> dict[str, object]:
         """Return every number for diagnosis.json."""
         return asdict(self)
 
-    def rate_sizes(self) -> NDArray[np.float64]:
-        """Grid of sizes of the linear predictor's change."""
-        return self.least_rate_size * 2.0 ** np.arange(self.rate_steps)
-
-    def mean_sizes(self) -> NDArray[np.float64]:
+    def mean_sizes(self) -> Floats:
         """Grid of sizes (whitened rms) of the mean's components."""
-        return self.least_mean_size * 2.0 ** np.arange(self.mean_steps)
+        return np.asarray(self.least_mean_size * 2.0 ** np.arange(self.mean_steps))
+
+    def rate_sizes(self) -> Floats:
+        """Grid of sizes of the linear predictor's change in the other channels."""
+        return np.asarray(self.least_rate_size * 2.0 ** np.arange(self.rate_steps))
+
+    def level_sd(self, channel: str) -> Floats:
+        """Deviation of a channel's level, off edges and at them; the noise's own level is free."""
+        if channel == "scale":
+            return np.ones(2)
+        return np.array([self.level_sd_off, self.level_sd_edge])
 
     def log_odds(self, effect: str) -> float:
         """Log odds of a cause before any reading."""
@@ -66,11 +211,7 @@ class Settings:
 
     def orders(self, dimensions: int) -> tuple[int, ...]:
         """Highest order along each covariate."""
-        if dimensions == 1:
-            return (self.order_1d,)
-        if dimensions == 2:
-            return (self.order_2d, self.order_2d)
-        return (self.order_3d,) * dimensions
+        return (self.order_1d,) if dimensions == 1 else (self.order_2d,) * dimensions
 
 
 SETTINGS = Settings()

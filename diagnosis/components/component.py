@@ -13,9 +13,10 @@ from diagnosis.prediction import law_of
 from diagnosis.rangewise import strongest_rows
 from diagnosis.score import Whitened
 from diagnosis.settings import SETTINGS
+from sensors.datasheet import Datasheet
 from sensors.effects import CATALOGUE
 from sensors.effects.base import Effect
-from sensors.effects.relaxed import Relaxed
+from sensors.effects.relaxed import Relaxed, RelaxedChannel
 from sensors.model import SensorModel
 from sensors.typed_yaml import RecipeError
 from sensors.view.camera import row_of_depth
@@ -51,16 +52,19 @@ class Component:
         return self.name.partition(" at ")[0]
 
 
+RATES: tuple[tuple[RelaxedChannel, str], ...] = (
+    ("scale", "noise"), ("missing", "losses"), ("outliers", "outliers"),
+)  # fmt: skip
 UNKNOWN: tuple[Component, ...] = (
     Component(name="map of the scan", effect="", own=True,
               relaxed=Relaxed(channel="mean", along=("travel", "x"))),
     *(Component(name=f"{word} of profiles", effect="", relaxed=Relaxed(channel=c, each="profile"))
-      for c, word in (("scale", "noise"), ("missing", "losses"), ("outliers", "outliers"))),
+      for c, word in RATES),
     *(Component(name=f"{word} of columns", effect="", relaxed=Relaxed(channel=c, each="column"))
-      for c, word in (("scale", "noise"), ("missing", "losses"), ("outliers", "outliers"))),
+      for c, word in RATES),
     *(Component(name=f"{word} over line and range", effect="",
                 relaxed=Relaxed(channel=c, along=("x", "depth")))
-      for c, word in (("scale", "noise"), ("missing", "losses"), ("outliers", "outliers"))),
+      for c, word in RATES),
 )  # fmt: skip
 
 
@@ -111,7 +115,7 @@ def ranges_of(patches: Sequence[Patch], names: Sequence[str]) -> Ranges:
 
 
 def mean_columns(
-    component: Component, patch: Patch, ranges: Ranges, noise: NoiseModel
+    component: Component, patch: Patch, ranges: Ranges, noise: NoiseModel | None = None
 ) -> list[Floats] | None:
     """Columns (n, m) of a component on a patch, mm; None where it can't act there."""
     relaxed, view = component.relaxed, patch.view
@@ -155,7 +159,7 @@ def cell_of(component: Component, patch: Patch, ranges: Ranges) -> NDArray[np.in
 
 
 def missing_columns(component: Component, patch: Patch) -> list[Floats]:
-    """What the law does to the share of lost readings at the points of its grid, 0 to 1 each."""
+    """Share of readings that the law loses at each point of its grid, 0 to 1."""
     kind, view = CATALOGUE[component.effect], patch.view
     before = np.asarray(law_of(view, (), None).p_missing)
     out = []
@@ -169,7 +173,7 @@ def missing_columns(component: Component, patch: Patch) -> list[Floats]:
 
 
 def row_place(view: View) -> Floats:
-    """Place of a reading's image on the camera, 1 over the working range; depth in mm without it."""
+    """Place of the image on the camera, 1 over the working range; depth in mm without a camera."""
     if view.datasheet.triangulation_angle_deg is None:
         return np.nan_to_num(view.depth_mm)
     return np.nan_to_num(row_of_depth(view.depth_mm, view.datasheet, 1.0))
@@ -184,8 +188,10 @@ def _axes(relaxed: Relaxed, ranges: Ranges) -> list[str]:
     return axes
 
 
-def _spanned(kind: type[Effect], patch: Patch, noise: NoiseModel) -> list[Floats] | None:
-    """What the law does to the mean at the points of its grid, in all cameras it may have."""
+def _spanned(
+    kind: type[Effect], patch: Patch, noise: NoiseModel | None
+) -> list[Floats] | None:
+    """Change of the mean by the law at points of its grid, in all cameras it may have."""
     out = []
     for view in _possible(patch.view, kind):
         try:
@@ -199,18 +205,16 @@ def _spanned(kind: type[Effect], patch: Patch, noise: NoiseModel) -> list[Floats
     return out or None
 
 
-ANGLES = (30.0,)
-
-
 def _possible(view: View, kind: type[Effect]) -> list[View]:
     sheet = view.datasheet
     if "triangulation_angle_deg" not in kind.needs or sheet.triangulation_angle_deg is not None:
         return [view]
     return [with_sheet(view, replace(sheet, triangulation_angle_deg=a, camera_side=side))
-            for a in ANGLES for side in ("+y", "-y")]  # fmt: skip
+            for a in SETTINGS.assumed_angles_deg[1:2] for side in ("+y", "-y")]  # fmt: skip
 
 
-def with_sheet(view: View, sheet) -> View:
+def with_sheet(view: View, sheet: Datasheet) -> View:
+    """Return the view by a sensor with another file."""
     return View(
         view.scene, SensorModel(sheet), view.poses, view.time_s, laser=view.laser, hits=view.hits,
         intensity=view.intensity, start_time_s=view.start_time_s, travel_mm=view.travel_mm,

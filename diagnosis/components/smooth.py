@@ -46,18 +46,11 @@ def smooth_columns(
         total = sum(picked)
         if total == 0 or total > max(orders) or (even and picked[0] % 2):
             continue
-        if len(picked) > 1 and even is False and _is_left_out(picked):
-            continue
         column = np.ones(())
         for k, own in zip(picked, powers, strict=True):
             column = column * own[k]
         columns.append(column * (1.0 + total) ** -SETTINGS.decay)
     return columns
-
-
-def _is_left_out(picked: tuple[int, ...]) -> bool:
-    """Whether a product of Legendre polynomials is left to other components: none is."""
-    return False
 
 
 def periodic_columns(phase: Floats, harmonics: int) -> list[Floats]:

@@ -9,9 +9,9 @@ from scipy.special import logsumexp
 
 from diagnosis.components.component import Component, components_of, ranges_of, with_pitches
 from diagnosis.evidence.candidates import Candidate, candidates_of
-from diagnosis.evidence.causes import CauseSearch, Member, Scales
-from diagnosis.evidence.gram import Gram, gram_of, scaled, shared_only
-from diagnosis.evidence.posterior import Equations, Posterior, Term
+from diagnosis.evidence.causes import CauseSearch, Member, Scales, World
+from diagnosis.evidence.gram import Gram, Turns, grams_of, shared_only, turned, turns_of
+from diagnosis.evidence.posterior import Posterior, Term
 from diagnosis.evidence.rates import Channel, RateMember, RateSearch, channel_of
 from diagnosis.noise import NoiseModel
 from diagnosis.patch import Patch
@@ -46,12 +46,15 @@ class Seen:
 
     Attributes
     ----------
-    gram : normal equations of the mean's components
+    bulk, whole : normal equations of the mean's components, off edges and over all readings
+    turns : how their columns were combined
     candidates : of the mean
     channels : scale, missing and outliers, where there is something to see
     """
 
-    gram: Gram
+    bulk: Gram
+    whole: Gram
+    turns: Turns
     candidates: tuple[Candidate, ...]
     channels: tuple[Channel, ...]
     components: tuple[Component, ...]
@@ -79,22 +82,23 @@ def seen(
         components = with_pitches(components_of("mean"), patches, states)
     else:
         components = like.components
-    gram = gram_of(components, patches, states, ranges, noise)
+    bulk, whole = grams_of(components, patches, states, ranges, noise)
+    turns = turns_of(bulk, whole) if like is None else like.turns
+    bulk, whole = turned(bulk, turns), turned(whole, turns)
     times: dict[int, list[Floats]] = {}
     ways: dict[int, list[Floats]] = {}
     for p in patches:
         times.setdefault(p.recording, []).append(p.view.time_s)
         ways.setdefault(p.recording, []).append(p.view.travel_mm)
-    gram = scaled(gram, None if like is None else like.gram)
     candidates = candidates_of(
-        gram, {k: np.concatenate(v) for k, v in times.items()},
-        {k: np.concatenate(v) for k, v in ways.items()},
+        bulk, {k: np.concatenate(v) for k, v in times.items()},
+        {k: np.concatenate(v) for k, v in ways.items()}, patches[0].view.sensor.effects,
     )  # fmt: skip
     made = (channel_of(n, patches, laws, states, ranges, noise) for n in RATES)
-    kept = {b.component.name for b in gram.blocks}
     return Seen(
-        gram=gram, candidates=tuple(candidates), channels=tuple(c for c in made if c is not None),
-        components=tuple(c for c in components if c.name in kept), ranges=ranges,
+        bulk=bulk, whole=whole, turns=turns, candidates=tuple(candidates),
+        channels=tuple(c for c in made if c is not None),
+        components=tuple(c for c in components if c.name in turns), ranges=ranges,
     )  # fmt: skip
 
 
@@ -104,17 +108,26 @@ def good_factors(one: Seen) -> dict[str, Floats]:
     Where the recordings are of a good instrument this is the likelihood of its discrepancy.
     """
     sizes = SETTINGS.mean_sizes()
-    quiet = np.full(len(one.gram.right), sizes[0])
-    posterior = Posterior(Equations(matrix=one.gram.matrix, right=one.gram.right), quiet)
-    out = {}
-    for c in one.candidates:
-        factors = c.log_factors(posterior.cavity(Term(at=c.at)), sizes)
-        out[c.name] = logsumexp(factors - np.log(len(factors)), axis=0)
+    quiet = np.full(len(one.bulk.right), sizes[0])
+    out: dict[str, Floats] = {}
+    # what recordings share first: what is each one's own is what that doesn't explain
+    for own in (False, True):
+        posteriors = {
+            edges: Posterior(g.equations, quiet)
+            for edges, g in ((False, one.bulk), (True, one.whole))
+        }
+        for c in one.candidates:
+            if c.of_recordings is own:
+                factors = c.log_factors(posteriors[c.at_edges].cavity(Term(at=c.at)), sizes)
+                out[c.key] = logsumexp(factors - np.log(len(factors)), axis=0)
+        for c in one.candidates:
+            if not own and not c.of_recordings and c.shapes[0] is None and not c.at_edges:
+                quiet[c.at] = sizes[int(out[c.key].argmax())]
     for channel in one.channels:
         search = RateSearch(channel, Scales(sizes=SETTINGS.rate_sizes(), weights={}))
-        for c in channel.candidates:
-            factors, _ = search.factors(channel.responses, c)
-            out[f"{channel.name}: {c.name}"] = logsumexp(factors - np.log(len(factors)), axis=0)
+        for one_of in channel.candidates:
+            factors, _ = search.factors(channel.responses, one_of)
+            out[one_of.key] = logsumexp(factors - np.log(len(factors)), axis=0)
     return out
 
 
@@ -151,11 +164,19 @@ def assessed(
     """
     mean: list[Member] = []
     if "mean" in channels:
-        before = None if baseline is None else shared_only(baseline.gram, found.gram, SETTINGS)
+        worlds = [
+            World(
+                found=now.equations, baseline=None if before is None else shared_only(before, now)
+            )
+            for now, before in (
+                (found.bulk, None if baseline is None else baseline.bulk),
+                (found.whole, None if baseline is None else baseline.whole),
+            )
+        ]
         search = CauseSearch(
-            Equations(matrix=found.gram.matrix, right=found.gram.right), found.gram.readings,
+            worlds[0], worlds[1],
             [c for c in found.candidates if c.effect not in withheld or not c.effect],
-            Scales(sizes=SETTINGS.mean_sizes(), weights=scales), before, explained=explained,
+            Scales(sizes=SETTINGS.mean_sizes(), weights=scales), explained=explained,
         )  # fmt: skip
         mean = search.search()
     rates: list[RateMember] = []

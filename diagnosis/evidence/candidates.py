@@ -15,6 +15,7 @@ from diagnosis.components.component import Component
 from diagnosis.evidence.gram import Block, Gram
 from diagnosis.evidence.posterior import Cavity, Term
 from diagnosis.settings import SETTINGS
+from sensors.effects.base import Effect
 
 Floats = NDArray[np.float64]
 
@@ -31,6 +32,9 @@ class Candidate:
     at : columns of the equations
     shapes : combinations of these columns, each a variant; None for the columns as they are
     labels : of the variants, a frequency or a place
+    listed : whether the sensor's file lists the effect, or laws of light at edges for one that is
+        weighed there: then a good instrument departs from that law, and not from none
+    at_edges : whether it is weighed on all readings, and not on those off edges alone
     """
 
     name: str
@@ -39,6 +43,18 @@ class Candidate:
     at: NDArray[np.int64]
     shapes: tuple[Floats | None, ...] = (None,)
     labels: tuple[float, ...] = (0.0,)
+    at_edges: bool = False
+    listed: bool = False
+
+    @property
+    def of_recordings(self) -> bool:
+        """Whether each recording has its own coefficients."""
+        return self.component.own or self.component.relaxed.each == "profile"
+
+    @property
+    def key(self) -> str:
+        """Name under which the population of good instruments holds it."""
+        return f"{self.name} (listed)" if self.listed else self.name
 
     def term(self, variant: int) -> Term:
         """Return a variant as a term."""
@@ -52,36 +68,48 @@ class Candidate:
 
 
 def candidates_of(
-    gram: Gram, times: dict[int, Floats], ways: dict[int, Floats]
+    gram: Gram, times: dict[int, Floats], ways: dict[int, Floats], listed: Sequence[Effect]
 ) -> list[Candidate]:
     """List the candidates of all components.
 
     Parameters
     ----------
+    listed : effects that the sensor's file lists
     times, ways : time (s) and travel (mm) of each recording's profiles
     """
+    names = {e.name for e in listed}
+    edges = any(r.spanned and r.channel == "mean" for e in listed for r in e.relaxed)
     by_name: dict[str, list[Block]] = {}
     for block in gram.blocks:
         by_name.setdefault(block.component.group, []).append(block)
     out = []
     for name, blocks in by_name.items():
         component = blocks[0].component
-        at = np.concatenate([np.arange(b.columns.start, b.columns.stop) for b in blocks])
+        at = np.concatenate([b.at for b in blocks])
         if component.relaxed.each == "profile":
             axis = ways if component.relaxed.times else times
             out += _by_profile(component, blocks, at, gram, axis)
         elif component.relaxed.periodic:
-            starts = [np.arange(b.columns.start, b.columns.stop) - at[0] for b in blocks]
+            starts = [b.at - at[0] for b in blocks]
             shapes = tuple(np.eye(len(at))[:, s] for s in starts)
             labels = tuple(b.component.pitch for b in blocks)
             out.append(Candidate(name=name, effect=component.effect, component=component, at=at,
                                  shapes=shapes, labels=labels))  # fmt: skip
         else:
-            out.append(Candidate(name=name, effect=component.effect, component=component, at=at))
-    return out
+            one = Candidate(name=name, effect=component.effect, component=component, at=at)
+            out.append(one)
+            if component.relaxed.spanned:
+                out.append(replace(one, name=f"{name} at edges", at_edges=True))
+    return [replace(c, listed=c.effect in names or (c.at_edges and edges)) for c in out]
 
 
-def _by_profile(component, blocks: Sequence[Block], at, gram: Gram, axis: dict[int, Floats]):
+def _by_profile(
+    component: Component,
+    blocks: Sequence[Block],
+    at: NDArray[np.int64],
+    gram: Gram,
+    axis: dict[int, Floats],
+) -> list[Candidate]:
     """Bands, free values, and single steps of the profiles."""
     sizes = [b.columns.stop - b.columns.start for b in blocks]
     starts = np.cumsum([0, *sizes])
@@ -131,7 +159,7 @@ def _band(axis: Floats, frequency: float, finest: float) -> Floats:
     """Columns of an oscillation about a frequency, slowly changing, with harmonics."""
     u = 2 * (axis - axis.min()) / max(np.ptp(axis), 1e-12) - 1
     columns = []
-    for h in range(1, SETTINGS.row_harmonics + 1):
+    for h in range(1, SETTINGS.harmonics + 1):
         fits = h * frequency <= 0.5 / finest
         for envelope in range(SETTINGS.envelope + 1 if h == 1 else 1):
             slow = legendre.legval(u, np.eye(envelope + 1)[envelope]) / (1 + envelope) / h

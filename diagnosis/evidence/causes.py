@@ -41,9 +41,20 @@ class Scales:
         flat[: SETTINGS.small_sizes] = 1.0 / SETTINGS.small_sizes
         return flat
 
+    def changed(self, name: str) -> Floats:
+        """Return the probabilities of a change's size: the smaller the likelier, above usual ones.
+
+        They fall with the root of the size, which spans several orders.
+        """
+        above = self.sizes > self.typical(name)
+        weights = np.where(above, self.sizes**-0.5, 1e-12)
+        return np.asarray(weights / weights.sum())
+
     def typical(self, name: str) -> float:
-        """Return the root mean square size."""
-        return float(np.sqrt((self.of(name) * self.sizes**2).sum()))
+        """Return the size that most good instruments stay below."""
+        share = np.cumsum(self.of(name))
+        k = int(np.searchsorted(share, SETTINGS.most_instruments))
+        return float(self.sizes[min(k, len(self.sizes) - 1)])
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -69,6 +80,10 @@ class Member:
         return self.candidate.term(self.variant)
 
 
+Active = tuple[Candidate, int, float]
+"""A candidate in a set: with its variant and size."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Weighed:
     """A candidate beside a set: log Bayes factor and most probable form."""
@@ -78,49 +93,80 @@ class Weighed:
     size: float
 
 
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class World:
+    """Equations of one choice of readings, and of the baselines' same choice."""
+
+    found: Equations
+    baseline: Equations | None = None
+
+
 class CauseSearch:
-    """Search over sets of candidates on given equations."""
+    """Search over sets of candidates.
+
+    A law of light at edges is weighed on all readings; whatever else on those off edges, where a
+    good instrument's readings are as good as its noise.
+    """
 
     def __init__(
         self,
-        found: Equations,
-        readings: int,
+        bulk: World,
+        whole: World,
         candidates: Sequence[Candidate],
         scales: Scales,
-        baseline: Equations | None = None,
         *,
         explained: float = 0.0,
     ) -> None:
+        self._worlds = {False: bulk, True: whole}
         self._explained = explained
-        self.found, self.readings, self.candidates = found, readings, list(candidates)
-        self.scales, self.baseline = scales, baseline
-        size = len(found.right)
-        self._quiet = np.full(size, scales.sizes[0])
+        self.candidates, self.scales = list(candidates), scales
+        self._quiet = np.full(len(bulk.found.right), scales.sizes[0])
+        self._spanned = np.zeros(len(self._quiet), dtype=bool)
         for c in candidates:
+            self._spanned[c.at] |= c.component.relaxed.spanned
             if c.shapes[0] is None:
-                self._quiet[c.at] = np.maximum(self._quiet[c.at], scales.typical(c.name))
+                self._quiet[c.at] = np.maximum(self._quiet[c.at], scales.typical(c.key))
 
-    def posterior(self, active: Sequence[tuple[Candidate, int, float]]) -> Posterior:
+    def posteriors(self, active: Sequence[Active]) -> dict[bool, Posterior]:
         """Posterior with a set; a large signal is no better known than by a few per cent."""
         terms = [(c.term(v), s) for c, v, s in active]
-        signal = np.sqrt(self._explained**2 + sum(s**2 for _, s in terms))
-        quiet = np.hypot(self._quiet, SETTINGS.doubt * signal)
-        return Posterior(self.found, quiet, terms, self.baseline)
-
-    def weigh(self, posterior: Posterior, candidate: Candidate) -> Weighed:
-        """Weigh one more candidate beside a set."""
-        sizes = self.scales.sizes
-        factors = candidate.log_factors(posterior.cavity(Term(at=candidate.at)), sizes)
-        quiet = self.scales.of(candidate.name)
-        each = factors - np.log(factors.size)
-        # a good instrument has some of it as well
-        usual = logsumexp(factors - np.log(len(factors)), axis=0, b=1.0)
-        nothing = logsumexp(usual, b=np.maximum(quiet, 1e-300))
-        variant, k = np.unravel_index(int(np.argmax(factors)), factors.shape)
-        return Weighed(
-            nats=float(logsumexp(each) - max(nothing, 0.0)), variant=int(variant),
-            size=float(sizes[k]),
+        signal = self._explained**2 + sum(s**2 for _, s in terms)
+        at_edges = sum(s**2 for c, _, s in active if c.component.relaxed.spanned)
+        doubt = np.where(
+            self._spanned, SETTINGS.doubt_at_edges * np.sqrt(at_edges),
+            SETTINGS.doubt * np.sqrt(signal),
         )  # fmt: skip
+        quiet = np.hypot(self._quiet, doubt)
+        return {
+            edges: Posterior(world.found, quiet, terms, world.baseline)
+            for edges, world in self._worlds.items()
+        }
+
+    def weigh(
+        self, posteriors: Mapping[bool, Posterior], candidates: Sequence[Candidate]
+    ) -> dict[str, Weighed]:
+        """Weigh candidates beside a set: each against a good instrument, by name.
+
+        A good instrument departs in one of the components more than most do; the one that explains
+        the readings best stands for it. Where there are baselines it departs as they do, and what
+        its recordings share doesn't change.
+        """
+        sizes = self.scales.sizes
+        found: dict[str, tuple[float, int, float]] = {}
+        nothing = 0.0
+        for c in candidates:
+            factors = c.log_factors(posteriors[c.at_edges].cavity(Term(at=c.at)), sizes)
+            usual = logsumexp(factors - np.log(len(factors)), axis=0)
+            known = self._worlds[c.at_edges].baseline is not None and not c.of_recordings
+            if not known:
+                quiet = np.log(np.maximum(self.scales.of(c.key), 1e-300))
+                nothing = max(nothing, float(logsumexp(usual + quiet)))
+            variant, k = np.unravel_index(int(np.argmax(factors)), factors.shape)
+            nats = float(logsumexp(usual + np.log(self.scales.changed(c.key))))
+            found[c.name] = nats, int(variant), float(sizes[k])
+        return {
+            n: Weighed(nats=nats - nothing, variant=v, size=s) for n, (nats, v, s) in found.items()
+        }
 
     def log_odds(self, candidate: Candidate) -> float:
         """Log odds of a candidate before any reading."""
@@ -128,49 +174,38 @@ class CauseSearch:
 
     def search(self) -> list[Member]:
         """Find the most probable set and weigh its members."""
-        active: list[tuple[Candidate, int, float]] = []
+        active: list[Active] = []
         for _ in range(SETTINGS.most_causes):
-            posterior = self.posterior(active)
-            names = {c.name for c, _, _ in active if c.effect}
-            scored = []
-            for c in self.candidates:
-                if c.name in names:
-                    continue
-                w = self.weigh(posterior, c)
-                scored.append((w.nats + self.log_odds(c), w, c))
-            if not scored:
+            taken = {c.effect or c.name for c, _, _ in active}
+            free = [c for c in self.candidates if (c.effect or c.name) not in taken]
+            weighed = self.weigh(self.posteriors(active), free)
+            best = max(free, key=lambda c: weighed[c.name].nats + self.log_odds(c), default=None)
+            if best is None or weighed[best.name].nats + self.log_odds(best) <= 0:
                 break
-            odds, w, c = max(scored, key=lambda s: s[0])
-            if odds <= 0:
-                break
-            active.append((c, w.variant, w.size))
+            active.append((best, weighed[best.name].variant, weighed[best.name].size))
             active = self._resized(active)
         return self._weighed(active)
 
-    def _resized(self, active):
+    def _resized(self, active: list[Active]) -> list[Active]:
+        """Give each member the size and form that suit it best beside the others."""
         out = list(active)
         for i, (c, _, _) in enumerate(out):
-            if len(out) == 1:
-                continue
-            w = self.weigh(self.posterior(out[:i] + out[i + 1 :]), c)
-            out[i] = (c, w.variant, w.size)
+            if len(out) > 1:
+                w = self.weigh(self.posteriors(out[:i] + out[i + 1 :]), [c])[c.name]
+                out[i] = (c, w.variant, w.size)
         return out
 
-    def _weighed(self, active) -> list[Member]:
+    def _weighed(self, active: list[Active]) -> list[Member]:
         members = []
-        rest_names = [c.name for c, _, _ in active]
         for i, (c, v, s) in enumerate(active):
-            posterior = self.posterior(active[:i] + active[i + 1 :])
-            weights, forms = {"": 0.0}, {}
-            for other in self.candidates:
-                if other.name != c.name and other.name in rest_names:
-                    continue
-                w = self.weigh(posterior, other)
-                weights[other.name] = w.nats + self.log_odds(other)
-                forms[other.name] = w
-            total = logsumexp(list(weights.values()))
-            shares = {n: float(np.exp(x - total)) for n, x in weights.items()}
+            rest = active[:i] + active[i + 1 :]
+            taken = {(o.effect or o.name) for o, _, _ in rest}
+            free = [o for o in self.candidates if (o.effect or o.name) not in taken]
+            weighed = self.weigh(self.posteriors(rest), free)
+            odds = {o.name: weighed[o.name].nats + self.log_odds(o) for o in free} | {"": 0.0}
+            total = logsumexp(list(odds.values()))
+            shares = {n: float(np.exp(x - total)) for n, x in odds.items()}
             members.append(
-                Member(candidate=c, variant=v, size=s, nats=forms[c.name].nats, shares=shares)
+                Member(candidate=c, variant=v, size=s, nats=weighed[c.name].nats, shares=shares)
             )
         return members

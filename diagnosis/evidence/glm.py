@@ -50,8 +50,8 @@ class Responses:
     def in_cells(self, owner: Owners, count: int) -> "Responses":
         """Sum over cells; exact where the predictor is the same throughout a cell."""
         return replace(
-            self, seen=np.bincount(owner, self.seen, count),
-            usual=np.bincount(owner, self.usual, count),
+            self, seen=np.bincount(owner, self.seen, count).astype(np.float64),
+            usual=np.bincount(owner, self.usual, count).astype(np.float64),
         )  # fmt: skip
 
     def likelihood(self, eta: Floats) -> tuple[float, Floats, Floats]:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 Floats = NDArray[np.float64]
+ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -48,7 +49,7 @@ class Term:
     def of_rows(self, matrix: Floats) -> Floats:
         """Combine rows (M, ...) into (k, ...)."""
         picked = matrix[self.at]
-        return picked if self.weights is None else self.weights.T @ picked
+        return np.asarray(picked if self.weights is None else self.weights.T @ picked)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -104,6 +105,8 @@ class Posterior:
         ])
         pulls = [s * t.of_rows(found.right) for t, s in active]
         h = np.concatenate([d * right, *pulls])
+        # sums over float32 columns are good to seven digits
+        a[np.diag_indices_from(a)] *= 1 + ROUNDING
         self._factor = linalg.cho_factor(a, lower=True, overwrite_a=True, check_finite=False)
         self._solved = linalg.cho_solve(self._factor, h, check_finite=False)
         self._found, self._d, self._changes, self._active = found, d, changes, tuple(active)

@@ -4,7 +4,7 @@ What lies at depth edges has a level of its own in each channel, since there no 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,10 +49,22 @@ class RateVariant:
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class RateCandidate:
-    """One component of a channel on the readings taken, in one form or several."""
+    """One component of a channel on the readings taken, in one form or several.
+
+    Attributes
+    ----------
+    listed : whether the sensor's file lists the effect
+    """
 
     component: Component
     variants: tuple[RateVariant, ...]
+    listed: bool = False
+
+    @property
+    def key(self) -> str:
+        """Name under which the population of good instruments holds it."""
+        own = f"{self.component.relaxed.channel}: {self.name}"
+        return f"{own} (listed)" if self.listed else own
 
     @property
     def name(self) -> str:
@@ -92,7 +104,7 @@ def channel_of(
     edge = np.concatenate([p.edge[k] for p, k in zip(patches, picks, strict=True)])
     made = (_candidate(c, patches, picks, edge, ranges) for c in components_of(name))
     return Channel(
-        name=name, responses=responses, level_sd=np.array(SETTINGS.level_sd[name]),
+        name=name, responses=responses, level_sd=SETTINGS.level_sd(name),
         candidates=tuple(c for c in made if c is not None), picks=tuple(picks),
     )  # fmt: skip
 
@@ -159,8 +171,8 @@ def _candidate(
                 one = np.array([[0.0], [1.0]])
                 variants.append(_in_cells(lost.astype(np.int64), 2, edge, one, component))
     else:
-        made = [plain_columns(component, p, ranges) for p in patches]
-        if any(m is None for m in made):
+        made = [m for p in patches if (m := plain_columns(component, p, ranges)) is not None]
+        if len(made) < len(patches):
             return None
         cells = [cell_of(component, p, ranges) for p in patches]
         owner = np.concatenate([c[k] for c, k in zip(cells, picks, strict=True)])
@@ -176,7 +188,10 @@ def _candidate(
         size = np.sqrt((number[:, None] * np.square(columns)).sum() / number.sum())
         if size > 0:
             variants.append(_in_cells(owner, count, edge, columns / size, component))
-    return RateCandidate(component=component, variants=tuple(variants)) if variants else None
+    if not variants:
+        return None
+    listed = any(e.name == component.effect for e in patches[0].view.sensor.effects)
+    return RateCandidate(component=component, variants=tuple(variants), listed=listed)
 
 
 def _in_cells(
@@ -238,7 +253,9 @@ class RateSearch:
     ) -> None:
         self.channel, self.scales, self.withheld = channel, scales, withheld
 
-    def factors(self, responses: Responses, candidate: RateCandidate) -> tuple[Floats, list]:
+    def factors(
+        self, responses: Responses, candidate: RateCandidate
+    ) -> tuple[Floats, list[Floats]]:
         """Log Bayes factors (variants, sizes), and the changes at the modes."""
         sizes = SETTINGS.rate_sizes()
         factors, changes = np.zeros((len(candidate.variants), len(sizes))), []
@@ -258,39 +275,49 @@ class RateSearch:
                 changes.append(found.coefficients[len(free) :])
         return factors, changes
 
-    def weigh(self, responses: Responses, candidate: RateCandidate) -> _Weighed:
-        """Weigh a candidate against what good instruments have of it."""
-        factors, changes = self.factors(responses, candidate)
-        quiet = self.scales.of(f"{self.channel.name}: {candidate.name}")
-        usual = logsumexp(factors - np.log(len(factors)), axis=0)
-        nothing = float(logsumexp(usual, b=np.maximum(quiet, 1e-300)))
-        v, k = (int(i) for i in np.unravel_index(int(np.argmax(factors)), factors.shape))
-        variant = candidate.variants[v]
-        change = variant.columns @ changes[v * factors.shape[1] + k]
-        return _Weighed(
-            nats=float(logsumexp(factors - np.log(factors.size))) - max(nothing, 0.0),
-            variant=v, size=float(SETTINGS.rate_sizes()[k]), change=change[variant.owner],
-        )  # fmt: skip
+    def weigh(
+        self, responses: Responses, candidates: Sequence[RateCandidate]
+    ) -> dict[str, _Weighed]:
+        """Weigh candidates, each against a good instrument, by name."""
+        sizes = SETTINGS.rate_sizes()
+        found: dict[str, _Weighed] = {}
+        nothing = 0.0
+        for c in candidates:
+            factors, changes = self.factors(responses, c)
+            usual = logsumexp(factors - np.log(len(factors)), axis=0)
+            quiet = np.log(np.maximum(self.scales.of(c.key), 1e-300))
+            nothing = max(nothing, float(logsumexp(usual + quiet)))
+            v, k = (int(i) for i in np.unravel_index(int(np.argmax(factors)), factors.shape))
+            variant = c.variants[v]
+            change = variant.columns @ changes[v * factors.shape[1] + k]
+            found[c.name] = _Weighed(
+                nats=float(logsumexp(usual + np.log(self.scales.changed(c.key)))), variant=v,
+                size=float(sizes[k]), change=change[variant.owner],
+            )  # fmt: skip
+        return {n: replace(w, nats=w.nats - nothing) for n, w in found.items()}
 
     def search(self) -> list[RateMember]:
         """Find causes until none has odds above one."""
-        responses, found, names = self.channel.responses, [], set()
+        responses = self.channel.responses
+        found: list[RateMember] = []
         for _ in range(SETTINGS.most_causes):
-            scored = []
-            for c in self.channel.candidates:
-                if c.name not in names and c.component.effect not in self.withheld - {""}:
-                    w = self.weigh(responses, c)
-                    scored.append((w.nats + SETTINGS.log_odds(c.component.effect), w, c))
-            odds, w, c = max(scored, key=lambda x: x[0], default=(0.0, None, None))
-            if odds <= 0 or w is None or c is None:
+            free = [
+                c for c in self.channel.candidates
+                if c.name not in {f.candidate.name for f in found}
+                and (not c.component.effect or c.component.effect not in self.withheld)
+            ]  # fmt: skip
+            weighed = self.weigh(responses, free)
+            odds = {c.name: weighed[c.name].nats + SETTINGS.log_odds(c.component.effect)
+                    for c in free}  # fmt: skip
+            best = max(free, key=lambda c: odds[c.name], default=None)
+            if best is None or odds[best.name] <= 0:
                 break
-            total = logsumexp([0.0, *(x[0] for x in scored)])
-            shares = {x[2].name: float(np.exp(x[0] - total)) for x in scored}
-            shares[""] = float(np.exp(-total))
+            total = logsumexp([0.0, *odds.values()])
+            shares = {n: float(np.exp(x - total)) for n, x in odds.items()}
+            w = weighed[best.name]
             found.append(RateMember(
-                candidate=c, channel=self.channel.name, variant=w.variant, size=w.size,
-                nats=w.nats, shares=shares, change=w.change,
+                candidate=best, channel=self.channel.name, variant=w.variant, size=w.size,
+                nats=w.nats, shares={**shares, "": float(np.exp(-total))}, change=w.change,
             ))  # fmt: skip
-            names.add(c.name)
             responses = responses.moved(w.change)
         return found

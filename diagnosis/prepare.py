@@ -1,0 +1,137 @@
+"""From files to readings that can be weighed: checked, registered, looked at, noise calibrated."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis.calibration import calibrated_noise
+from diagnosis.inputs import check_overlap, checked, lateral_mm, tiles, with_brightness
+from diagnosis.noise import NoiseModel
+from diagnosis.patch import Patch, in_range
+from diagnosis.recorded import Recorded
+from diagnosis.registration import Placement, register
+from sensors.casting.laser import Laser
+from sensors.casting.scene import Scene
+from sensors.datasheet import Datasheet
+from sensors.recording import Recording
+from sensors.surface.surface import Surface
+from sensors.typed_yaml import RecipeError
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Inputs:
+    """What a diagnosis is given.
+
+    Attributes
+    ----------
+    recordings : to fit on; without `holdout`, the last of several is held out, or blocks of one
+    vertices_mm, faces : the part's closed mesh, part frame
+    surface : nominal roughness, if any is claimed
+    references : scans of a flat plate by the same instrument
+    baselines : recordings of the part by the same instrument when it was known to be good
+    """
+
+    recordings: Sequence[Recording]
+    vertices_mm: np.ndarray
+    faces: np.ndarray
+    datasheet: Datasheet
+    surface: Surface | None = None
+    references: Sequence[Recording] = ()
+    holdout: Sequence[Recording] = ()
+    baselines: Sequence[Recording] = ()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Prepared:
+    """Recordings where they lie under the nominal model.
+
+    Attributes
+    ----------
+    placed : placements by name
+    patches, baseline : recordings and baselines, looked at from there
+    noise, nominal : of the recordings; of plates or baselines where there are any
+    surface : with its noise
+    fitted, held : names of recordings
+    single : whether there is one recording, of which blocks are held out
+    """
+
+    recorded: Recorded
+    placed: Mapping[str, Placement]
+    patches: tuple[Patch, ...]
+    baseline: tuple[Patch, ...]
+    noise: NoiseModel
+    nominal: NoiseModel | None
+    surface: Surface | None
+    fitted: tuple[str, ...]
+    held: tuple[str, ...]
+    single: bool
+
+
+def prepared(inputs: Inputs, notes: list[str], progress: Progress) -> Prepared:
+    """Check inputs, register recordings, calibrate the noise.
+
+    Raises
+    ------
+    RecipeError
+        Where the input can't be used.
+    """
+    if not inputs.recordings:
+        raise RecipeError("no recording to diagnose")
+    sheet = inputs.datasheet
+    scene = Scene(inputs.vertices_mm, inputs.faces)
+    fit_on, held = list(inputs.recordings), list(inputs.holdout)
+    if not held and len(fit_on) > 1:
+        held = [fit_on.pop()]
+    single = not held
+    everything = [*fit_on, *held]
+    good = [replace(b, name=f"baseline {b.name}") for b in inputs.baselines]
+    known = checked([*everything, *good], inputs.references, scene, sheet, inputs.surface, notes)
+    placed = _registered([*everything, *good], scene, sheet, known.laser, progress)
+    scene, everything = with_brightness(everything, placed, scene, sheet, known.laser)
+    recorded = Recorded(
+        recordings=tuple(everything), scene=scene, datasheet=sheet, laser=known.laser,
+        lateral_mm=lateral_mm(everything[0]),
+        held_out=tuple(
+            tiles(*r.depth_mm.shape) if single else np.full(r.depth_mm.shape, k >= len(fit_on))
+            for k, r in enumerate(everything)
+        ),
+    )  # fmt: skip
+    patches = [p for k, r in enumerate(everything) for p in recorded.cut(k, placed[r.name])]
+    check_overlap(patches)
+    theirs = replace(
+        recorded, recordings=tuple(good),
+        held_out=tuple(np.zeros(r.depth_mm.shape, dtype=bool) for r in good),
+    )  # fmt: skip
+    baseline = [p for k, r in enumerate(good) for p in theirs.cut(k, placed[r.name])]
+    check_overlap(baseline)
+    progress("calibrating the noise")
+    noise, nominal = calibrated_noise(patches, known.plates, notes)
+    if baseline and nominal is None:
+        nominal, _ = calibrated_noise(baseline, (), [])
+    return Prepared(
+        recorded=recorded, placed=placed, patches=tuple(patches), baseline=tuple(baseline),
+        noise=noise, nominal=nominal, surface=known.surface,
+        fitted=tuple(r.name for r in fit_on), held=tuple(r.name for r in held), single=single,
+    )  # fmt: skip
+
+
+def _registered(
+    recordings: Sequence[Recording],
+    scene: Scene,
+    datasheet: Datasheet,
+    laser: Mapping[str, Laser],
+    progress: Progress,
+) -> dict[str, Placement]:
+    """Register each recording under the nominal model; placements by name."""
+    placed: dict[str, Placement] = {}
+    for recording in recordings:
+        progress(f"registering {recording.name}")
+        valid = np.isfinite(in_range(recording.depth_mm, datasheet))
+        placed[recording.name] = register(
+            scene, recording, laser[recording.name], datasheet=datasheet, valid=valid,
+            sd_mm=datasheet.step_mm / 2,
+        )  # fmt: skip
+    return placed
