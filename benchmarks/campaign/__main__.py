@@ -1,7 +1,8 @@
 """Run the reliability campaign: `python -m benchmarks.campaign --recipes 1000 --inputs 500 ...`.
 
 Every case is drawn from its own seed, so that a fault can be made again with `--only KIND --seed N
---first K`. What went wrong is kept in --faults; the table is written with --write.
+--first K`. What went wrong is kept in --faults, beside a summary of each kind of cases.
+`--only KIND` runs a part; --write makes the table of all summaries there.
 """
 
 import argparse
@@ -18,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.campaign import damage, inputs, meshes, recipes
-from benchmarks.campaign.page import table
+from benchmarks.campaign.page import summarise, table
 from benchmarks.campaign.sandbox import Outcome
 
 LOADED = (
@@ -48,7 +49,7 @@ def main() -> int:
     for name in LOADED:  # once, for every child
         importlib.import_module(name)
 
-    results: dict[str, list[Outcome]] = {}
+    well = True
     for kind in [asked.only] if asked.only else KINDS:
         count = getattr(asked, kind)
         found: list[Outcome] = []
@@ -60,12 +61,13 @@ def main() -> int:
             if len(found) % 50 == 0:
                 print(f"{kind}: {len(found)} of {count}, {dict(Counter(o.fault for o in found))}",
                       file=sys.stderr, flush=True)  # fmt: skip
-        results[kind] = found
+        summarise(asked.faults, kind, found, seed)
+        well = well and not any(outcome.fault for outcome in found)
         print(f"{kind}: {len(found)} cases, {time.monotonic() - started:.0f} s, "
               f"{dict(Counter(o.fault or 'well' for o in found))}", flush=True)  # fmt: skip
     if asked.write is not None:
-        table(asked.write, results, seed)
-    return int(any(outcome.fault for found in results.values() for outcome in found))
+        table(asked.write, asked.faults)
+    return int(not well)
 
 
 def _cases(
