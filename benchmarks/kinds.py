@@ -13,10 +13,10 @@ from statistics import median
 
 import numpy as np
 
-from defects import KINDS
-from defects.banked import Banked
 from defects.flaw_bank import FlawBank, Relief
-from defects.surface import Surface as Skin
+from defects.kinds import KINDS
+from defects.kinds.banked import Banked
+from defects.surface.surface import Surface as Skin
 from pipeline.injection.flawplan import FlawPlan, exactly
 from pipeline.injection.inject import inject
 from pipeline.motion.trajectory import Trajectory, frame

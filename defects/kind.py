@@ -7,10 +7,10 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from defects.seats import Seat, Skin
+from defects.carving.solid import Cutter
+from defects.seats.seat import Seat, Skin
 from defects.sizes import Fixed, LogUniform, Size, Uniform
-from defects.solid import Cutter
-from defects.surface import Site, Surface
+from defects.surface.surface import Site, Surface
 from quantity import Quantity, quantities
 
 

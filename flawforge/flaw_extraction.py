@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.interpolate import CloughTocher2DInterpolator, NearestNDInterpolator
 
-from defects.banked import spread
 from defects.flaw_bank import Relief
-from defects.surface import Site, SiteError, Surface, tangent_axes
+from defects.kinds.banked import spread
+from defects.surface.surface import Site, SiteError, Surface, tangent_axes
 from diagnosis.noise import NoiseModel, calibrate
 from diagnosis.registration import register, smooth_weight
 from flawforge.relief_denoising import Denoised, denoise

@@ -21,7 +21,7 @@ LARGEST_DENT: Final = 0.25  # of the part's narrower side
 USUAL_ANGLE_DEG: Final = 30.0  # where the maker doesn't state the triangulation angle
 FACING: Final = 0.7  # cosine from which a facet is looked at, 45°
 MOST_POINTS: Final = 1024
-LEAST_WIDTH_MM: Final = 0.05  # of a scratch by default, see defects/scratch.py
+LEAST_WIDTH_MM: Final = 0.05  # of a scratch by default, see defects/kinds/scratch.py
 DIRECTIONS: Final = ((0, 0, -1), (0, 0, 1), (0, -1, 0), (0, 1, 0), (-1, 0, 0), (1, 0, 0))
 
 

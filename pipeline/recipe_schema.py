@@ -7,9 +7,9 @@ import typing
 from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal, get_args, get_origin
 
-from defects import KINDS
-from defects.banked import Banked
 from defects.kind import Kind
+from defects.kinds import KINDS
+from defects.kinds.banked import Banked
 from defects.sizes import Size
 from pipeline.injection.flawplan import FlawPlan
 from pipeline.recipe import RecipeFile

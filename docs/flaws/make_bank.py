@@ -23,9 +23,9 @@ sys.path[:0] = [str(HERE), str(HERE.parent / "real"), str(HERE.parents[1])]
 from make_flaws import picture  # noqa: E402  after the paths of the other pages' scripts
 from nominal import plate as nominal_plate  # noqa: E402
 
-from defects.banked import spread  # noqa: E402
 from defects.flaw_bank import FlawBank, Relief  # noqa: E402
-from defects.surface import Surface as Skin  # noqa: E402
+from defects.kinds.banked import spread  # noqa: E402
+from defects.surface.surface import Surface as Skin  # noqa: E402
 from flawforge.flaw_extraction import extract  # noqa: E402
 from pipeline.injection.flawplan import FlawPlan, exactly  # noqa: E402
 from pipeline.injection.inject import inject  # noqa: E402

@@ -12,11 +12,11 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from defects import KINDS
-from defects.banked import Banked
 from defects.kind import Kind
-from defects.seats import Edge, HoleRim
-from defects.surface import Site
+from defects.kinds import KINDS
+from defects.kinds.banked import Banked
+from defects.seats.seat import Edge, HoleRim
+from defects.surface.surface import Site
 from pipeline.injection.flawed_part import Flaw, FlawedPart
 from pipeline.injection.flawplan import FlawPlan, exactly
 from pipeline.injection.inject import inject

@@ -17,7 +17,7 @@ from typing import Any, Final, Self
 
 import numpy as np
 
-from defects import KINDS
+from defects.kinds import KINDS
 from pipeline.dataset.folder import write_whole
 from pipeline.dataset.shards import sync
 from pipeline.dataset.shortfalls import shortfalls

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from defects.point_in_mesh import Inside, in_boxes
-from defects.solid import Cutter
+from defects.carving.point_in_mesh import Inside, in_boxes
+from defects.carving.solid import Cutter
 from pipeline.parts.part import Part
 
 Floats = NDArray[np.float64]
@@ -29,7 +29,7 @@ class Flaw:
     position_mm, normal, heading_rad, triangle
         Its site on the unflawed part, part frame.
     removed_mm3, added_mm3, opening_mm2, depth_mm, through
-        See `defects.solid.Change`.
+        See `defects.carving.solid.Change`.
     seed, attempt
         With the sizes and the site they rebuild it alone, see
         `pipeline.injection.inject.cutter_of`.

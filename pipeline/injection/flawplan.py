@@ -8,10 +8,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from defects import KINDS
-from defects.banked import Banked
 from defects.flaw_bank import FlawBank
 from defects.kind import Kind
+from defects.kinds import KINDS
+from defects.kinds.banked import Banked
 from defects.sizes import Fixed, Size, parse_size
 
 VISIBLE = "visible"
@@ -46,7 +46,7 @@ class KindPlan:
     Parameters
     ----------
     kind
-        A name in `defects.KINDS`.
+        A name in `defects.kinds.KINDS`.
     number
         How many in each part, rounded to whole numbers.
     sizes

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from defects import KINDS
-from defects.banked import Banked
+from defects.carving.point_in_mesh import Inside
+from defects.carving.solid import Block, BooleanError, Change, Cutter
+from defects.carving.stitch import Carved
 from defects.flaw_bank import FlawBank
 from defects.kind import Kind
-from defects.point_in_mesh import Inside
-from defects.solid import Block, BooleanError, Change, Cutter
-from defects.stitch import Carved
-from defects.surface import Site, SiteError, Surface
+from defects.kinds import KINDS
+from defects.kinds.banked import Banked
+from defects.surface.surface import Site, SiteError, Surface
 from pipeline.injection.flawed_part import Flaw, FlawedPart
 from pipeline.injection.flawplan import FlawPlan, KindPlan
 from pipeline.parts.part import Part

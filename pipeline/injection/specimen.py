@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from defects.surface import Surface
+from defects.surface.surface import Surface
 from pipeline.batch.plan import PlannedPart
 from pipeline.dataset.folder import write_whole
 from pipeline.injection.inject import FlawedPart, inject

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from defects import KINDS
+from defects.kinds import KINDS
 from pipeline.injection.inject import FlawedPart
 from pipeline.motion.trajectory import Trajectory
 from pipeline.scan.detectability import Evidence, evidence_of

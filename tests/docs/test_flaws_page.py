@@ -3,7 +3,7 @@
 import importlib.util
 from pathlib import Path
 
-from defects import KINDS
+from defects.kinds import KINDS
 from pipeline.preview.annotation import COLOURS
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"

@@ -5,9 +5,9 @@ import pytest
 import trimesh
 from scipy.interpolate import LinearNDInterpolator
 
-from defects.banked import spread
 from defects.flaw_bank import Relief
-from defects.surface import Surface as Skin
+from defects.kinds.banked import spread
+from defects.surface.surface import Surface as Skin
 from flawforge.cli import main
 from flawforge.flaw_extraction import Region, extract
 from flawforge.relief_denoising import denoise

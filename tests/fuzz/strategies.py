@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from benchmarks.campaign.mutate import of_data
-from defects import KINDS
+from defects.kinds import KINDS
 from pipeline.parts.builtin import NAMES, parameters_of
 from pipeline.recipe import Motion, PartEntry, RecipeFile
 from quantity import Quantity, quantities

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from defects import KINDS
+from defects.kinds import KINDS
 from defects.sizes import Uniform
 from pipeline.parts.builtin import NAMES, describe
 from quantity import Quantity, quantities, quantity

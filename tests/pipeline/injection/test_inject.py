@@ -8,9 +8,9 @@ import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from defects.solid import Block, BooleanError, Solid
-from defects.stitch import is_closed
-from defects.surface import Surface
+from defects.carving.solid import Block, BooleanError, Solid
+from defects.carving.stitch import is_closed
+from defects.surface.surface import Surface
 from pipeline.injection.flawplan import FlawPlan, exactly
 from pipeline.injection.inject import PLACES, cutter_of, inject
 from pipeline.parts.builtin import build

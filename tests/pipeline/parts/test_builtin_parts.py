@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from defects.feature_edges import feature_edges
-from defects.surface import Surface
+from defects.seats.feature_edges import feature_edges
+from defects.surface.surface import Surface
 from pipeline.parts.builtin import NAMES, build, describe, parameters_of
 from pipeline.parts.builtin.bearing_cap import BearingCap
 from pipeline.parts.builtin.cap_shape import along_bore, arch

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from defects import KINDS
-from defects.surface import Surface as Skin
+from defects.kinds import KINDS
+from defects.surface.surface import Surface as Skin
 from pipeline.injection.flawplan import FlawPlan, exactly
 from pipeline.injection.inject import inject
 from pipeline.motion.trajectory import Trajectory, frame
@@ -101,8 +101,8 @@ def test_a_dents_mask_is_its_analytic_footprint_to_a_pixels_edge():
     outer = s + np.sqrt(s * s + 1)
     site = clean_points(scan) - flaw.position_mm
     c, d = np.cos(flaw.heading_rad), np.sin(flaw.heading_rad)
-    # tangent axes of the upward normal, as defects.surface makes them
-    from defects.surface import tangent_axes
+    # tangent axes of the upward normal, as defects.surface.surface makes them
+    from defects.surface.surface import tangent_axes
 
     first, second = tangent_axes(flaw.normal)
     u = site @ (c * first + d * second)
