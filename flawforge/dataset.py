@@ -1,6 +1,7 @@
 """Read a generated dataset: lazily, one scan at a time, from any process.
 
-Imports nothing else of this project and needs numpy, h5py and pandas only::
+Imports nothing else of this project and needs numpy, h5py and pandas only, and hdf5plugin for
+shards compressed by zstd or lz4::
 
     import flawforge.dataset
 
@@ -10,6 +11,7 @@ Imports nothing else of this project and needs numpy, h5py and pandas only::
     cloud = scans.points(0)              # (k, 3) mm, part frame
 """
 
+import importlib
 import json
 import os
 from collections import OrderedDict
@@ -23,6 +25,7 @@ import pandas as pd
 from numpy.typing import DTypeLike, NDArray
 
 FORMAT, VERSION = "flawforge-shard", 1
+PLUGIN = "hdf5plugin"  # brings HDF5's filters that shards compressed by zstd or lz4 need
 OPEN_SHARDS = 16  # file handles that one dataset keeps
 
 Scan = dict[str, Any]
@@ -233,7 +236,6 @@ class Dataset:
         PIL.Image.Image
             Which a notebook displays.
         """
-        import importlib
         import io
 
         # by name: this module is of use without the rest of the project
@@ -414,6 +416,12 @@ class Dataset:
         if _text(kind) != FORMAT or int(version) > VERSION:
             file.close()
             raise ShardError(path, f"is no {FORMAT} up to version {VERSION}")
+        if "reader_needs" in file.attrs:
+            try:
+                importlib.import_module(PLUGIN)
+            except ImportError:
+                file.close()
+                raise ShardError(path, f"needs {PLUGIN}: pip install {PLUGIN}") from None
         self._files[name] = file
         if len(self._files) > OPEN_SHARDS:
             self._files.popitem(last=False)[1].close()

@@ -1,5 +1,6 @@
 """The recipe: what a user asks for, read from YAML and checked before anything is made."""
 
+import importlib.util
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -11,6 +12,7 @@ from annotated_types import Len
 from pydantic import PlainValidator
 
 from defects.flaw_bank import FlawBank
+from pipeline.dataset.compression import Compression, reader_needs
 from pipeline.injection.flawplan import FlawPlan
 from pipeline.motion.given_path import given_path
 from pipeline.motion.limits import Motion
@@ -119,6 +121,7 @@ class RecipeFile:
         low=1, high=MOST_COUNT, whole=True, default=None,
     )
     points_on_disk: bool = False
+    compression: Compression = "deflate"
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", self.name):
@@ -199,6 +202,14 @@ class Recipe:
         if file.triangulation_angle_deg is not None:
             sensor = _with_angle(sensor, file.triangulation_angle_deg)
         datasheet = sensor.datasheet
+        needed = reader_needs(file.compression)
+        if needed is not None and importlib.util.find_spec(needed) is None:
+            raise RecipeError(
+                f"needs the package {needed}, which isn't installed here",
+                where=document.where(("compression",)),
+                value=file.compression,
+                allowed=f"pip install 'flawforge[{needed}]', or deflate or none",
+            )
         if file.intensity is not None and datasheet.triangulation_angle_deg is None:
             raise RecipeError(
                 "'intensity' needs to know where the camera is",

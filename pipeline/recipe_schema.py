@@ -32,6 +32,8 @@ MEANINGS: Final = {  # of what isn't a quantity, which says it itself
     "RecipeFile.motion": "limits of the sensor's path",
     "RecipeFile.split_by": "what is never in two splits; by part where there are enough of them",
     "RecipeFile.points_on_disk": "store each point's place in the part frame, too",
+    "RecipeFile.compression": "of the shards; any HDF5 reads deflate and none, zstd and lz4 read "
+    "faster and need hdf5plugin",
     "PartEntry.builtin": "a built-in part",
     "PartEntry.path": "mesh files, a path or a glob below the recipe's folder",
     "PartEntry.name": "what the part is called in the dataset; the file's name where left out",

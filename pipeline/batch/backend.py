@@ -6,7 +6,7 @@ rest is loaded.
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, Future
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -134,8 +134,10 @@ class Backend:
         )
 
     @contextmanager
-    def chosen(self) -> Iterator[Any]:
+    def chosen(self, versions: Mapping[str, str]) -> Iterator[Any]:
         """Connect to Dask's scheduler, where there is one, for a context; yields its client.
+
+        Its workers must have these versions.
 
         Raises
         ------
@@ -149,7 +151,10 @@ class Backend:
 
             from pipeline.batch.cluster import cluster
 
-            with cluster(self.scheduler) as client, joblib.parallel_config("dask", client=client):
+            with (
+                cluster(self.scheduler, versions) as client,
+                joblib.parallel_config("dask", client=client),
+            ):
                 yield client
             return
         try:

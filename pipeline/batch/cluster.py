@@ -15,8 +15,15 @@ WORKERS_S: Final = 60.0  # how long the first worker may take to join it
 
 
 @contextmanager
-def cluster(address: str) -> Iterator[Any]:
+def cluster(address: str, wanted: Mapping[str, str]) -> Iterator[Any]:
     """Connect to a scheduler and check its workers; yields distributed's client.
+
+    Parameters
+    ----------
+    address
+        Of the scheduler.
+    wanted
+        Versions that every worker must have, see `pipeline.dataset.manifest.versions`.
 
     Raises
     ------
@@ -58,7 +65,7 @@ def cluster(address: str) -> Iterator[Any]:
                 value=address,
                 allowed=f"start some with: dask worker {address} --nthreads 1",
             ) from None
-        _ask(client, _differences, versions(), "can't give the same bytes")
+        _ask(client, _differences, wanted, "can't give the same bytes")
         yield client
 
 
@@ -86,7 +93,7 @@ def _ask(client: Any, question: Any, about: Any, wrong: str) -> None:
 
 def _differences(wanted: Mapping[str, str]) -> str:
     try:
-        here = versions()
+        here = versions(wanted.keys() - {*versions()})
     except ImportError as error:  # PackageNotFoundError
         return f"without {error.name}"
     return ", ".join(

@@ -17,6 +17,7 @@ from pipeline.batch.plan import Plan, PlannedPart, make_plan
 from pipeline.batch.work import Workplace, is_whole, make_shard, read_journal
 from pipeline.dataset.checksums import NAME as CHECKSUMS
 from pipeline.dataset.checksums import write_checksums
+from pipeline.dataset.compression import reader_needs
 from pipeline.dataset.description import describe
 from pipeline.dataset.folder import drop_leftovers, drop_parts, held
 from pipeline.dataset.manifest import versions, write_manifest
@@ -61,12 +62,13 @@ def generate(
     """
     backend = backend or Backend()
     recipe = recipe.ready()
-    used, made_by = recipe.as_used(), versions()
+    needed = reader_needs(recipe.file.compression)
+    used, made_by = recipe.as_used(), versions([needed] if needed else [])
     wanted, failed = find_wanted(recipe)
     identity = {"recipe": used, "versions": made_by, "files": _checksums(recipe, wanted)}
     fingerprint = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
     out = out.absolute()
-    with backend.chosen() as client, held(out, fingerprint) as hidden:
+    with backend.chosen(made_by) as client, held(out, fingerprint) as hidden:
         if client is not None:
             from pipeline.batch.cluster import check_folder
 
@@ -93,6 +95,7 @@ def generate(
                 "versions": made_by,
                 "files": identity["files"],
                 "checksums": CHECKSUMS,
+                "reader_needs": needed,
                 "failed": failed,
             },
         )

@@ -80,6 +80,7 @@ def make_shard(place: Workplace, shard: PlannedShard) -> tuple[str, int]:
         attributes=place.attributes,
         with_points=recipe.file.points_on_disk,
         with_intensity=recipe.file.intensity is not None,
+        compression=recipe.file.compression,
     ) as writer:
         for work in shard.work:
             try:

@@ -144,6 +144,13 @@ def _readme(dataset: Mapping[str, Any], columns: Mapping[str, Columns]) -> str:
         + ", ".join(f"`{name}`" for name in columns[table] if not name.startswith("size_"))
         for table in TABLES
     )
+    needed = dataset["reader_needs"]
+    plugin = (
+        f" Chunks are compressed by {recipe['compression']}: `pip install {needed}` and"
+        f" `import {needed}` before the first shard is read."
+        if needed
+        else ""
+    )
     return f"""# {dataset["name"]}
 
 {_what(dataset)}
@@ -170,8 +177,9 @@ depth, mask = scans[0]["depth"], scans[0]["mask"]    # mm, NaN = missing; class 
 
 Without flawforge: each `shard-*.h5` holds, scans along the first axis, `depth` (a number n means
 `offset_mm + scale_mm * n` of its attributes, `missing` no return), `depth_ideal`, `depth_clean`,
-`mask`, `mask_visible`, `instance`, `invalid_reason`, `pose`, `time`. `flawforge view .` makes a
-gallery, `flawforge export . --to coco` and other forms what further programs open.
+`mask`, `mask_visible`, `instance`, `invalid_reason`, `pose`, `time`.{plugin}
+`flawforge view .` makes a gallery, `flawforge export . --to coco` and other forms what further
+programs open.
 
 ## Files
 

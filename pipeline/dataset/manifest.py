@@ -33,6 +33,7 @@ LIBRARIES: Final = (
     "manifold3d",
     "embreex",
     "h5py",
+    "isal",
     "pyarrow",
 )
 SCAN_COLUMNS: Final = {
@@ -60,9 +61,9 @@ FLAW_COLUMNS: Final = {
 ROWS_AT_ONCE: Final = 20_000
 
 
-def versions() -> dict[str, str]:
-    """Return versions of everything that has a say in a shard's bytes."""
-    found = {name: importlib.metadata.version(name) for name in LIBRARIES}
+def versions(further: Iterable[str] = ()) -> dict[str, str]:
+    """Return versions of everything that has a say in a shard's bytes, further packages too."""
+    found = {name: importlib.metadata.version(name) for name in (*LIBRARIES, *further)}
     return {"python": platform.python_version(), "machine": platform.machine(), **found}
 
 
