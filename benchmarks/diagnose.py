@@ -15,8 +15,7 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
-from benchmarks.relief import VIEWS
-from benchmarks.strength import POINTS, PROFILES, Case, Entry, at_strength, plain
+from benchmarks.strength import at_strength
 from diagnosis.diagnose import Diagnosis, diagnose
 from diagnosis.heldout import judge
 from diagnosis.locate import departure_mask
@@ -25,6 +24,8 @@ from diagnosis.noise import NoiseModel
 from diagnosis.workspace import Model
 from sensors.effects import effect_of
 from sensors.surface.reflectance import ReflectanceMap, Stripes
+from tests.support.effect_case import POINTS, PROFILES, Case, Entry, plain
+from tests.support.small_parts import VIEWS
 
 STRENGTHS = (6, 12, 24)
 TURNED = tuple({**view, "heading_deg": 60.0 * k} for k, view in enumerate((*VIEWS, *VIEWS)))

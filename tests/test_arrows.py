@@ -111,6 +111,13 @@ def test_nothing_installed_imports_tests_or_benchmarks():
             assert not imports(path) & {"tests", "benchmarks", "pytest", "hypothesis"}, path
 
 
+def test_no_test_needs_a_benchmark_but_its_own():
+    files = [path for path in sources("tests") if ROOT / "tests/benchmarks" not in path.parents]
+    assert ROOT / "tests/support/small_parts.py" in files
+    for path in files:
+        assert "benchmarks" not in imports(path), f"{path.relative_to(ROOT)} imports benchmarks"
+
+
 def test_each_library_has_its_place():
     for library, places in ONE_PLACE.items():
         for package in set(MAY_IMPORT) - {"challenge"}:

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from benchmarks.campaign.recipes import RECIPE, SENSOR, SURFACE
 from benchmarks.campaign.sandbox import Outcome
 from pipeline.dataset.checksums import NAME, own_files
 from pipeline.dataset.verify import verify
 from sensors.typed_yaml import RecipeError
+from tests.support.small_recipe import RECIPE, SENSOR, SURFACE
 
 
 def write_recipe(folder: Path, **changes: object) -> Path:

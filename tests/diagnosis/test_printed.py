@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.relief import datasheet, part, poses
 from diagnosis.inputs import with_brightness
 from diagnosis.printed import find_print
 from diagnosis.registration import Placement
@@ -16,6 +15,7 @@ from sensors.recording import Recording
 from sensors.surface.reflectance import Picture, ReflectanceMap
 from sensors.typed_yaml import load_yaml
 from sensors.view.view import View
+from tests.support.small_parts import datasheet, part, poses
 
 PITCH_MM = 0.15
 PERIOD_MM = 4.0

@@ -10,8 +10,8 @@ from defects.flaw_bank import FlawBank, Relief
 from defects.kinds.banked import Banked
 from defects.surface.surface import SiteError
 from flawforge.flaw_extraction import extract
-from tests.defects.reliefs import hollow_and_rim
 from tests.flawforge.test_flaw_extraction import MADE, SHEET, around, plate, recorded
+from tests.support.reliefs import hollow_and_rim
 
 
 @pytest.fixture(scope="module")

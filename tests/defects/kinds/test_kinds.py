@@ -8,7 +8,7 @@ from defects.carving.solid import Block, Solid
 from defects.kinds import KINDS
 from defects.kinds.crack import TIP, Crack
 from defects.surface.surface import Site, SiteError, tangent_axes
-from tests.defects.reliefs import hollow_and_rim
+from tests.support.reliefs import hollow_and_rim
 
 SIZES = {
     "dent": {"length_mm": 5.0, "aspect": 0.7, "depth_mm": 0.3, "rim_ratio": 0.1},

@@ -20,7 +20,7 @@ from sensors.datasheet import Datasheet
 from sensors.model import SensorModel
 from sensors.surface.surface import Surface
 from sensors.view.view import Reason
-from tests.defects.reliefs import hollow_and_rim
+from tests.support.reliefs import hollow_and_rim
 
 SHEET = Datasheet(
     name="s",

@@ -1,4 +1,4 @@
-"""Small closed parts and scans of them, for the development bench and the tests of diagnosis."""
+"""Small closed parts and scans of them, for tests and benchmarks of the diagnosis."""
 
 from collections.abc import Callable, Sequence
 
