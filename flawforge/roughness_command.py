@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from sensors.noise.calibration import Solution
-    from sensors.noise.measured import Measured
+    from sensors.noise.noise_target import NoiseTarget
     from sensors.surface.surface import Surface
 
 EPILOG = """\
@@ -106,7 +106,7 @@ def _measure(arguments: argparse.Namespace) -> int:
     from flawforge.region import parse_ranges
     from sensors.datasheet import Datasheet
     from sensors.noise.calibration import calibrate
-    from sensors.noise.measured import measure
+    from sensors.noise.noise_target import measure
     from sensors.surface.form import remove_form
     from sensors.surface.roughness import FIGURES, profile_roughness
     from sensors.surface.surface import Surface
@@ -193,7 +193,7 @@ def _folder(arguments: argparse.Namespace) -> Path:
     return out
 
 
-def _print_table(wanted: "Measured", solution: "Solution | None") -> None:
+def _print_table(wanted: "NoiseTarget", solution: "Solution | None") -> None:
     figures = wanted.figures()
     header = f"{'figure':<12}{'measured':>12}"
     print(header + (f"{'simulated':>12}{'error %':>10}" if solution else ""))
@@ -206,12 +206,12 @@ def _print_table(wanted: "Measured", solution: "Solution | None") -> None:
 
 
 def _draw(
-    surface: "Surface", wanted: "Measured", solution: "Solution | None", flat: object, path: Path
+    surface: "Surface", wanted: "NoiseTarget", solution: "Solution | None", flat: object, path: Path
 ) -> None:
     import numpy as np
 
     from flawforge.roughness_picture import draw
-    from sensors.noise.measured import simulate
+    from sensors.noise.noise_target import simulate
     from sensors.surface.form import remove_form
 
     simulated = None

@@ -10,10 +10,10 @@ from typing import Annotated, Any, Final, Literal, get_args, get_origin
 from defects.kind import Kind
 from defects.kinds import KINDS
 from defects.kinds.banked import Banked
-from defects.sizes import Size
 from pipeline.injection.flawplan import FlawPlan
 from pipeline.recipe import RecipeFile
 from quantity import Quantity, quantities
+from quantity.distribution import Distribution
 from sensors.typed_yaml import plain
 
 Schema = dict[str, Any]
@@ -135,8 +135,8 @@ def _record(cls: type[Any], definitions: dict[str, Schema]) -> Schema:
 def _of(hint: Any, quantity: Quantity | None, definitions: dict[str, Schema]) -> Schema:
     """Return the schema of a type."""
     origin, inner = get_origin(hint), get_args(hint)
-    if hint is Size or hint is FlawPlan:
-        return _size(quantity) if hint is Size else {"$ref": "#/$defs/flaws"}
+    if hint is Distribution or hint is FlawPlan:
+        return _size(quantity) if hint is Distribution else {"$ref": "#/$defs/flaws"}
     if origin is Annotated:
         return _of(inner[0], quantity, definitions)
     if origin in (types.UnionType, typing.Union):

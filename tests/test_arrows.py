@@ -21,7 +21,7 @@ MAY_IMPORT = {
 ONE_PLACE = {
     "joblib": {"pipeline/batch/backend.py"},
     "embreex": {"sensors/casting/embree.py"},
-    "pydantic": {"sensors/typed_yaml.py", "pipeline/size_field.py", "pipeline/recipe.py"},
+    "pydantic": {"sensors/typed_yaml.py", "pipeline/distribution_field.py", "pipeline/recipe.py"},
     "yaml": {"sensors/typed_yaml.py"},
     "distributed": {"pipeline/batch/cluster.py"},
 }

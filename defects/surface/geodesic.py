@@ -99,7 +99,7 @@ def drop(points: Floats, skin: Skin) -> tuple[Floats, Floats, Ints]:
 
 
 @njit(cache=True)
-def march(
+def walk(
     start: Floats,
     start_normal: Floats,
     start_triangle: Ints,

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from defects.surface.geodesic import CREASE_RAD, Skin, blend_normals, drop, march
+from defects.surface.geodesic import CREASE_RAD, Skin, blend_normals, drop, walk
 from defects.surface.nearest_point import build_tree
 
 Floats = NDArray[np.float64]
@@ -233,7 +233,7 @@ class Surface:
         along = along / np.where(length > 0, length, 1.0)[:, None]
         steps = np.ascontiguousarray(steps_mm, np.float64)
         turns = np.zeros_like(steps) if turns_rad is None else np.ascontiguousarray(turns_rad)
-        points, normal, heading, triangle, complete = march(
+        points, normal, heading, triangle, complete = walk(
             start, normals, triangles, np.ascontiguousarray(along), steps, turns,
             float(max_step_mm), self._skin,
         )  # fmt: skip

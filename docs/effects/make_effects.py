@@ -246,7 +246,7 @@ def text() -> str:
         "width",
         "and located by centre of gravity, so nothing is linearised at edges. A line that moves or",
         "is wider than listed is read of what exceeds the finder's threshold, the listed",
-        "`camera_occlusion`'s `weakest` (`sensors/line/thin_light.py`): a steep wall spreads its",
+        "`camera_occlusion`'s `weakest` (`sensors/line/peak_finder.py`): a steep wall spreads its",
         "light",
         "too thinly over the camera's rows.",
         "",

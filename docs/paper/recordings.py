@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.noise.calibration import Solution, calibrate
-from sensors.noise.measured import Measured, distribution, measure, simulate
+from sensors.noise.noise_target import NoiseTarget, distribution, measure, simulate
 from sensors.noise.spectrum import decibels
 from sensors.recording import repeated_rows
 from sensors.surface.form import remove_form
@@ -81,7 +81,7 @@ class Outcome:
     """What the unseen half says."""
 
     region: Region
-    wanted: Measured
+    wanted: NoiseTarget
     solution: Solution
     real: Floats
     errors: Floats
@@ -174,7 +174,7 @@ def compare(region: Region) -> Outcome:
     )
 
 
-def spectra_db(wanted: Measured, simulated: list[Floats]) -> tuple[Floats, Floats]:
+def spectra_db(wanted: NoiseTarget, simulated: list[Floats]) -> tuple[Floats, Floats]:
     """Return simulated against real densities in the bands along and across, dB."""
     parts = [distribution(wanted, z) for z in simulated]
     results = []

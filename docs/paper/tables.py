@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.noise.calibration import calibrate
-from sensors.noise.measured import Measured, simulate
+from sensors.noise.noise_target import NoiseTarget, simulate
 from sensors.noise.perlin import PerlinField
 from sensors.surface.roughness import FIGURES, profile_roughness, roughness
 from sensors.surface.surface import Surface
@@ -32,15 +32,15 @@ PAPERS_ERRORS = {
 }
 
 
-def window_of(surface: Surface, **changes: object) -> Measured:
+def window_of(surface: Surface, **changes: object) -> NoiseTarget:
     """Return the paper's window at the surface's pitch."""
     assert surface.pitch_x_mm is not None
     assert surface.pitch_y_mm is not None
-    window = Measured(pitch_x_mm=surface.pitch_x_mm, pitch_y_mm=surface.pitch_y_mm)
+    window = NoiseTarget(pitch_x_mm=surface.pitch_x_mm, pitch_y_mm=surface.pitch_y_mm)
     return replace(window, **changes)  # type: ignore[arg-type]
 
 
-def scans(field: PerlinField, window: Measured, seeds: int = SEEDS) -> list[Floats]:
+def scans(field: PerlinField, window: NoiseTarget, seeds: int = SEEDS) -> list[Floats]:
     """Draw scans with seeds that no calibration uses."""
     return [
         simulate(field, window, np.random.default_rng([s, 2]), np.random.default_rng([s, 3]))
@@ -48,7 +48,7 @@ def scans(field: PerlinField, window: Measured, seeds: int = SEEDS) -> list[Floa
     ]
 
 
-def figures_of(field: PerlinField, window: Measured, seeds: int = SEEDS) -> Floats:
+def figures_of(field: PerlinField, window: NoiseTarget, seeds: int = SEEDS) -> Floats:
     """Return the seven figures of each scan, (seeds, 7)."""
     return np.array(
         [roughness(z, window.pitch_x_mm).values() for z in scans(field, window, seeds)]

@@ -12,7 +12,7 @@ from defects.flaw_bank import FlawBank
 from defects.kind import Kind
 from defects.kinds import KINDS
 from defects.kinds.banked import Banked
-from defects.sizes import Fixed, Size, parse_size
+from quantity.distribution import Distribution, Fixed, parse_distribution
 
 VISIBLE = "visible"
 
@@ -36,7 +36,7 @@ class Tier:
     name: str
     weight: float
     scale: float
-    sizes: Mapping[str, Size]
+    sizes: Mapping[str, Distribution]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -60,8 +60,8 @@ class KindPlan:
     """
 
     kind: str
-    number: Size
-    sizes: Mapping[str, Size]
+    number: Distribution
+    sizes: Mapping[str, Distribution]
     tiers: tuple[Tier, ...]
     path: str = ""
     bank: FlawBank | None = None
@@ -214,14 +214,14 @@ def _keep_free(
     return tuple(regions), tuple(boxes)
 
 
-def _sizes(kind: str, where: str, data: Mapping[str, Any]) -> dict[str, Size]:
+def _sizes(kind: str, where: str, data: Mapping[str, Any]) -> dict[str, Distribution]:
     known = {size.name: size for size in KINDS[kind].sizes()}
-    sizes: dict[str, Size] = {}
+    sizes: dict[str, Distribution] = {}
     for key, value in data.items():
         if key not in known:
             raise ValueError(f"{where}.{key}: unknown key, allowed are {', '.join(known)}")
         try:
-            sizes[key] = parse_size(value)
+            sizes[key] = parse_distribution(value)
         except ValueError as error:
             raise ValueError(f"{where}.{key}: {error}") from None
         if not all(known[key].holds(limit) for limit in sizes[key].limits()):
@@ -239,7 +239,7 @@ def _kind_plan(kind: str, data: Any) -> KindPlan:
     if kind == Banked.name and isinstance(rest.get("mirror"), bool):
         rest["mirror"] = {"choice": [0, 1]} if rest["mirror"] else 0
     try:
-        number = parse_size(data.get("number", 1))
+        number = parse_distribution(data.get("number", 1))
     except ValueError as error:
         raise ValueError(f"{kind}.number: {error}") from None
     if number.limits()[0] < 0 or number.limits()[1] > 1000:

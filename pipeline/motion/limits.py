@@ -4,9 +4,9 @@ from typing import Annotated
 
 from annotated_types import Len
 
-from defects.sizes import Choice, Fixed
-from pipeline.size_field import Size
+from pipeline.distribution_field import Distribution
 from quantity import quantity
+from quantity.distribution import Choice, Fixed
 from sensors.typed_yaml import record
 
 Vector = tuple[float, float, float]
@@ -55,10 +55,10 @@ class Motion:
 
     look: Vector = (0.0, 0.0, -1.0)
     travel: Vector = (0.0, 1.0, 0.0)
-    length_mm: Size | None = quantity(
+    length_mm: Distribution | None = quantity(
         "length of the path", unit="mm", low=1e-3, high=1e6, default=None
     )
-    speed_mm_s: Size | None = quantity(
+    speed_mm_s: Distribution | None = quantity(
         "speed along the path; the sensor's where left out",
         unit="mm/s", low=1e-3, high=1e6, default=None,
     )
@@ -66,19 +66,19 @@ class Motion:
         "profiles per second; the sensor's where left out",
         unit="Hz", low=0, above=True, default=None,
     )
-    standoff_mm: Size = quantity(
+    standoff_mm: Distribution = quantity(
         "distance beyond the working distance", unit="mm", low=-1e4, high=1e4, default=ZERO
     )
-    roll_deg: Size = quantity(
+    roll_deg: Distribution = quantity(
         "turn about the travel", unit="°", low=-TILT_DEG, high=TILT_DEG, default=ZERO
     )
-    pitch_deg: Size = quantity(
+    pitch_deg: Distribution = quantity(
         "turn about the laser line", unit="°", low=-TILT_DEG, high=TILT_DEG, default=ZERO
     )
-    yaw_deg: Size = quantity(
+    yaw_deg: Distribution = quantity(
         "turn about the laser's axis", unit="°", low=-360.0, high=360.0, default=ZERO
     )
-    direction: Size = quantity(
+    direction: Distribution = quantity(
         "1 along the travel, -1 against it", low=-1, high=1, default=Fixed(value=1.0)
     )
     aim_at_flaws: float = quantity(

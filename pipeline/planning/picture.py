@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.planning.cover import Plan
 from pipeline.planning.pareto import front
 from pipeline.planning.passes import Samples
+from pipeline.planning.set_cover import Plan
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

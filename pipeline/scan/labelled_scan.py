@@ -17,7 +17,7 @@ from sensors.casting.scene import Scene
 from sensors.effects.row_repeat import RowRepeat, brightness_delivered
 from sensors.line.brightness import Brightness
 from sensors.model import SensorModel
-from sensors.surface.brightness import Reflectance
+from sensors.surface.albedo import Albedo
 from sensors.surface.surface import Surface
 from sensors.view.view import Reason, View
 
@@ -101,7 +101,7 @@ def take_scan(
     sensor: SensorModel,
     laser: Laser,
     surface: Surface | None,
-    reflectance: Reflectance | None,
+    reflectance: Albedo | None,
     visible_at: float,
     rng_of: RngOf,
     brightness: Brightness | None = None,

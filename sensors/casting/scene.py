@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sensors.casting.hits import Hits
 from sensors.casting.laser import Laser
 from sensors.casting.sweep import sweep, sweepable
-from sensors.surface.brightness import Reflectance
+from sensors.surface.albedo import Albedo
 
 if TYPE_CHECKING:
     from sensors.casting.embree import Rays, Tree
@@ -55,7 +55,7 @@ class Scene:
         self.normals = _normals(vertices, triangles)
         for array in (self.vertices_mm, self.faces, self.normals):
             array.flags.writeable = False
-        self.reflectance: Reflectance | None = None
+        self.reflectance: Albedo | None = None
         """Brightness of the part over its own coordinates, where it is known."""
         self._tree: Tree | None = None
 
@@ -67,7 +67,7 @@ class Scene:
         Scene.__init__(self, state["vertices_mm"], state["faces"])
         self.reflectance = state["reflectance"]
 
-    def finished(self, reflectance: Reflectance | None) -> "Scene":
+    def finished(self, reflectance: Albedo | None) -> "Scene":
         """Return the same part with a brightness of its own."""
         other = object.__new__(Scene)  # not copied by its state: that would build it anew
         for name, value in vars(self).items():

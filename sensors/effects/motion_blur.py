@@ -11,7 +11,7 @@ from sensors.effects.parameter import parameter
 from sensors.law import Law
 from sensors.line.beam import listed_sd_mm, listed_shift_mm, read_beam, standing
 from sensors.line.line_operator import STEEPEST, between_rows
-from sensors.line.line_spread import Smear, smear
+from sensors.line.line_spread import LineSpread, line_spread
 from sensors.view.view import Reason, View
 
 Floats = NDArray[np.float64]
@@ -27,7 +27,7 @@ class MotionBlur(Effect):
     """Centre of gravity of a line that travels during the exposure.
 
     Light from every place counts as much as a matt surface sends of it to the camera, as far as it
-    isn't spread too thinly over the camera's rows (sensors/line/thin_light.py), and speckle makes
+    isn't spread too thinly over the camera's rows (sensors/line/peak_finder.py), and speckle makes
     it flicker: where the depth changes on the way, the reading scatters for it.
     """
 
@@ -103,11 +103,11 @@ class MotionBlur(Effect):
         sd = listed_sd_mm(view)
         if np.ptp(start) + np.ptp(end) <= 1e-9 * way.max():
             start, end = start[:1], end[:1]
-        moving = smear(sd, start, end)
+        moving = line_spread(sd, start, end)
         line = read_beam(view, moving)
         lit = np.isfinite(line.depth_mm) & (line.light >= view.sensor.beam.weakest)
         mean = line.depth_mm + _beside(law, view, moving, line.depth_mm)
-        still = smear(sd, 0.0, 0.0, step_mm=moving.step_mm)
+        still = line_spread(sd, 0.0, 0.0, step_mm=moving.step_mm)
         own: Floats | float = 0.0
         if sd > 0:
             stood = standing(view, still)
@@ -150,8 +150,9 @@ class MotionBlur(Effect):
         way = self.longest_way_mm(view)
         if sd == 0.0 or way == 0.0:
             return 1.0
-        moving = smear(sd, -0.5 * way, 0.5 * way)
-        return float((moving.speckle / smear(sd, 0.0, 0.0, step_mm=moving.step_mm).speckle)[0])
+        moving = line_spread(sd, -0.5 * way, 0.5 * way)
+        still = line_spread(sd, 0.0, 0.0, step_mm=moving.step_mm)
+        return float((moving.speckle / still.speckle)[0])
 
     def longest_way_mm(self, view: View) -> float:
         """Return how far the sensor gets during an exposure at most."""
@@ -159,7 +160,7 @@ class MotionBlur(Effect):
         return float(np.max(np.abs(end - start)))
 
 
-def _beside(law: Law, view: View, line: Smear, read_mm: Floats) -> Floats:
+def _beside(law: Law, view: View, line: LineSpread, read_mm: Floats) -> Floats:
     """Average over the line what effects other than its width do, on the level that is read."""
     other = law.mean_mm - view.depth_mm - listed_shift_mm(view)
     total, count = np.zeros(view.shape), np.zeros(view.shape)

@@ -6,10 +6,10 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.line.light import matt
+from sensors.line.lambertian_light import lambertian_light
 from sensors.line.line_operator import STEEPEST, Line, line_sd_mm, read_line
-from sensors.line.line_spread import Smear, smear, step_between
-from sensors.line.thin_light import above_threshold
+from sensors.line.line_spread import LineSpread, line_spread, step_between
+from sensors.line.peak_finder import above_threshold
 from sensors.view.kept import Kept
 from sensors.view.view import View
 
@@ -68,7 +68,7 @@ class Beam:
         return self.widths[-1].line_sd_um if self.widths else None
 
 
-def told_sd_mm(view: View) -> float:
+def stated_sd_mm(view: View) -> float:
     """Return the line's standard deviation for which the file tells what edges do, mm; or 0."""
     beam = view.sensor.beam
     return float(line_sd_mm(view, beam.told_um, None)) if beam.widths else 0.0
@@ -76,7 +76,7 @@ def told_sd_mm(view: View) -> float:
 
 def listed_sd_mm(view: View) -> float:
     """Return the listed line's standard deviation, mm; 0 without one."""
-    return 1e-3 * view.sensor.beam.sd_um or told_sd_mm(view)
+    return 1e-3 * view.sensor.beam.sd_um or stated_sd_mm(view)
 
 
 def wider_mm(view: View, sd_mm: float) -> NDArray[np.float64]:
@@ -85,35 +85,36 @@ def wider_mm(view: View, sd_mm: float) -> NDArray[np.float64]:
     The difference of two lines on matt material; where the file has another level than the
     narrow one reads, what the wide one reads.
     """
-    told = told_sd_mm(view)
-    if told == 0.0:
+    stated = stated_sd_mm(view)
+    if stated == 0.0:
         return np.zeros(view.shape)
     now = read_beam(view, _finely(sd_mm))
-    stood = standing(view, _finely(told)).depth_mm
+    stood = standing(view, _finely(stated)).depth_mm
     filed = view.depth_mm + listed_shift_mm(view, told=True)
-    change = now.depth_mm - np.where(np.abs(filed - stood) <= STEEPEST * told, stood, filed)
+    change = now.depth_mm - np.where(np.abs(filed - stood) <= STEEPEST * stated, stood, filed)
     return np.where(np.isfinite(change) & (now.light >= view.sensor.beam.weakest), change, 0.0)
 
 
-def _finely(sd_mm: float) -> Smear:
+def _finely(sd_mm: float) -> LineSpread:
     """Sample a line that stands finely enough for one that an edge cuts."""
-    return smear(sd_mm, 0.0, 0.0, step_between(FINELY * sd_mm, 0.0))
+    return line_spread(sd_mm, 0.0, 0.0, step_between(FINELY * sd_mm, 0.0))
 
 
-def read_beam(view: View, line: Smear) -> Line:
+def read_beam(view: View, line: LineSpread) -> Line:
     """Read a line; where the camera's place is stated, matt light that it sees."""
     beam, seen = view.sensor.beam, view.datasheet.triangulation_angle_deg is not None
     merge_mm = 1e-3 * beam.merge_um
     read = read_line(
         view, line.offsets_mm, list(line.light[..., None]), within_mm=line.within_mm,
-        camera=seen, visible=seen, radiance=matt if seen else None, merge_mm=merge_mm,
+        camera=seen, visible=seen, radiance=lambertian_light if seen else None,
+        merge_mm=merge_mm,
     )  # fmt: skip
     if not seen:
         return read
     return above_threshold(view, line, read, least=beam.weakest, merge_mm=merge_mm)
 
 
-def standing(view: View, line: Smear) -> Line:
+def standing(view: View, line: LineSpread) -> Line:
     """Read a line that doesn't move; kept for the next who asks."""
     key = float(line.variance[0]), line.step_mm
     return _STANDING.get(view, key, lambda: read_beam(view, line))

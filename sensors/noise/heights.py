@@ -51,7 +51,7 @@ def _slopes(knots: Floats, values: Floats) -> Floats:
     slopes[0], slopes[-1] = secant[0], secant[-1]
     left, right = 2.0 * step[1:] + step[:-1], step[1:] + 2.0 * step[:-1]
     flat = (secant[:-1] <= 0.0) | (secant[1:] <= 0.0)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):  # a secant of nothing: its mean is nothing
         mean = (left + right) / (left / secant[:-1] + right / secant[1:])
     slopes[1:-1] = np.where(flat, 0.0, mean)
     return slopes

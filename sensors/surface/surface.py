@@ -10,7 +10,7 @@ from quantity import quantity
 from sensors.datasheet import preset_path
 from sensors.noise.calibration import METHOD, Solution, calibrate
 from sensors.noise.heights import HeightMap
-from sensors.noise.measured import Measured
+from sensors.noise.noise_target import NoiseTarget
 from sensors.noise.perlin import PerlinField
 from sensors.surface.roughness import FIGURES
 from sensors.typed_yaml import RecipeError, dump_yaml, load_yaml, parse, plain, record
@@ -154,7 +154,7 @@ class Surface:
             raise RecipeError("figures hold at a pitch; key 'pitch_x_mm' is missing", where=where)
         try:
             solution = calibrate(
-                Measured(
+                NoiseTarget(
                     **{name: getattr(surface, name) for name in FIGURES},
                     pitch_x_mm=surface.pitch_x_mm,
                     pitch_y_mm=surface.pitch_y_mm,

@@ -18,7 +18,7 @@ from sensors.casting.hits import Hits
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
-from sensors.surface.brightness import Reflectance
+from sensors.surface.albedo import Albedo
 from sensors.view.kept import Kept
 from sensors.view.mirror import Mirror, mirror, thickness_mm
 from sensors.view.visibility import camera_visible
@@ -61,7 +61,7 @@ class View:
         Rays of a profile; the datasheet's where left out.
     hits : Hits, optional
         First hits where they are already known; cast when needed otherwise.
-    reflectance : Reflectance, optional
+    reflectance : Albedo, optional
         Brightness of the part over its own coordinates; the scene's where left out.
     intensity : (n, m) array, optional
         Brightness that a recording gives, 0 to 1; comes before `reflectance`.
@@ -81,7 +81,7 @@ class View:
         *,
         laser: Laser | None = None,
         hits: Hits | None = None,
-        reflectance: Reflectance | None = None,
+        reflectance: Albedo | None = None,
         intensity: Floats | None = None,
         start_time_s: float | None = None,
         travel_mm: Floats | None = None,

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from defects.kinds import KINDS
-from defects.sizes import Uniform
 from pipeline.parts.builtin import NAMES, describe
 from quantity import Quantity, quantities, quantity
+from quantity.distribution import Uniform
 from sensors.effects import CATALOGUE
 
 BOUND = st.floats(-1e6, 1e6)

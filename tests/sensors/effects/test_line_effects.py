@@ -13,7 +13,7 @@ from sensors.effects.motion_blur import MotionBlur
 from sensors.effects.reflectance_edge import ReflectanceEdge
 from sensors.effects.specular_dropout import SpecularDropout
 from sensors.law import geometric_law
-from sensors.line.light import matt
+from sensors.line.lambertian_light import lambertian_light
 from sensors.line.line_operator import SUB_LINES, gaussian_weights, line_mean, read_line, sub_lines
 from sensors.model import as_wide
 from sensors.surface.reflectance import Patch, ReflectanceMap
@@ -333,7 +333,7 @@ def test_a_wider_line_on_a_crease_leans_by_lambert_s_law(view_of, side):
     crease = int(np.argmin(np.abs(y - 20.0)))
     now = FiniteSpot(line_sd_um=160.0, beam_um=300.0)
     change = (now.shift(view) - FiniteSpot(line_sd_um=160.0).shift(view))[:, 40]
-    flat, wall = matt(view)[[-1, crease - 20], 40]
+    flat, wall = lambertian_light(view)[[-1, crease - 20], 40]
     cot = COT if side == "+y" else -COT
     expected = (flat * cot + wall * (1 - cot)) / (flat + wall)
     assert np.isclose(change[crease], expected * math.sqrt(2 / math.pi) * 0.2, rtol=0.1)

@@ -8,8 +8,8 @@ from sensors.casting.scene import Scene
 from sensors.line import line_operator
 from sensors.line.beam import read_beam
 from sensors.line.line_operator import Line
-from sensors.line.line_spread import smear
-from sensors.line.thin_light import above_threshold
+from sensors.line.line_spread import line_spread
+from sensors.line.peak_finder import above_threshold
 from sensors.view.view import View
 
 SD, WAY = 0.05, 4.0
@@ -32,7 +32,7 @@ def wall(view_of, run, y_mm):
 
 
 def read(view, least, merge_mm=1e3) -> tuple[Line, Line]:
-    line = smear(SD, -WAY / 2, WAY / 2, step_mm=1 / 64)
+    line = line_spread(SD, -WAY / 2, WAY / 2, step_mm=1 / 64)
     before = read_beam(view, line)
     return before, above_threshold(view, line, before, least=least, merge_mm=merge_mm)
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sensors.view.view import View
 
 
-def matt(view: View) -> NDArray[np.float64]:
+def lambertian_light(view: View) -> NDArray[np.float64]:
     """Light towards the camera from a unit of travel, (n, m), 1 for a matt plate facing the laser.
 
     A tilted facet spreads the laser's power over more surface, and each of its parts sends cos β

@@ -14,7 +14,7 @@ SECTIONS = ("scans", "datasets", "casting", "growth", "noise")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Measured:
+class Results:
     """All that the page shows.
 
     Attributes
@@ -50,7 +50,7 @@ class Measured:
 
 
 def keep(folder: Path, section: str, facts: Mapping[str, Any]) -> None:
-    """Write a section's fields of `Measured`; of machine, load and seconds its own share."""
+    """Write a section's fields of `Results`; of machine, load and seconds its own share."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / f"{section}.json").write_text(json.dumps(facts, default=dataclasses.asdict))
 
@@ -60,7 +60,7 @@ def missing(folder: Path) -> list[str]:
     return [name for name in SECTIONS if not (folder / f"{name}.json").exists()]
 
 
-def read(folder: Path) -> Measured:
+def read(folder: Path) -> Results:
     """Read all sections.
 
     Raises
@@ -86,4 +86,4 @@ def read(folder: Path) -> Measured:
         BatchCost(**one | {"seconds": {int(k): v for k, v in one["seconds"].items()}})
         for one in facts["datasets"]
     ]
-    return Measured(**facts)
+    return Results(**facts)

@@ -1,9 +1,9 @@
 """What a scan of each kind of flaw costs beside a dent's: CPU time, ratios within one run.
 
-Run `python -m benchmarks.kinds --write docs/kinds-cost.md`. A scan here is all that a dataset needs
-for one: a specimen with one flaw of typical sizes drawn and cut, its scene, one path, one scan of
-400 by 1024 readings with its labels. Kinds and dents take turns on the same part, so that a busy
-machine slows both.
+Run `python -m benchmarks.flaw_kinds --write docs/kinds-cost.md`. A scan here is all that a dataset
+needs for one: a specimen with one flaw of typical sizes drawn and cut, its scene, one path, one
+scan of 400 by 1024 readings with its labels. Kinds and dents take turns on the same part, so that
+a busy machine slows both.
 """
 
 import argparse
@@ -114,7 +114,7 @@ def table(found: dict[str, tuple[float, float, float]], seeds: int) -> str:
     """Return the table as Markdown."""
     lines = [
         f"CPU time of a specimen and its scan over a dent's on the same part, {seeds} of each,",
-        "one run of `python -m benchmarks.kinds`:", "",
+        "one run of `python -m benchmarks.flaw_kinds`:", "",
         "| kind | part | median | mean |", "| --- | --- | --- | --- |",
     ]  # fmt: skip
     lines += [

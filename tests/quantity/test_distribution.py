@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import kstest, truncnorm
 
-from defects.sizes import Choice, Fixed, LogUniform, Normal, Uniform, parse_size
+from quantity.distribution import Choice, Fixed, LogUniform, Normal, Uniform, parse_distribution
 
 SPELLINGS = [
     (0.3, Fixed(value=0.3)),
@@ -19,8 +19,8 @@ SPELLINGS = [
 
 @pytest.mark.parametrize(("spelled", "size"), SPELLINGS)
 def test_recipe_spelling_round_trip(spelled, size):
-    assert parse_size(spelled) == size
-    assert parse_size(size.to_recipe()) == size
+    assert parse_distribution(spelled) == size
+    assert parse_distribution(size.to_recipe()) == size
 
 
 @pytest.mark.parametrize(("spelled", "size"), SPELLINGS)
@@ -78,7 +78,7 @@ def test_normal_without_spread_is_its_mean():
 )
 def test_bad_spelling_gives_one_line(spelled, says):
     with pytest.raises(ValueError, match=says) as caught:
-        parse_size(spelled)
+        parse_distribution(spelled)
     assert "\n" not in str(caught.value)
 
 

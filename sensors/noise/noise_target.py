@@ -25,7 +25,7 @@ FEWEST_PROFILES = 16
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Measured:
+class NoiseTarget:
     """What is wanted of a scan: figures, and for a recording its spectra and heights as well.
 
     Parameters
@@ -104,7 +104,7 @@ def measure(
     repeatability_mm: float = 0.0,
     cutoff_mm: float | None = None,
     form: str = "line",
-) -> Measured:
+) -> NoiseTarget:
     """Take from a recording (form still in it) all that `calibrate` can aim at.
 
     Parameters
@@ -119,7 +119,7 @@ def measure(
     """
     flat = remove_form(heights_mm, pitch_x_mm, cutoff_mm, form)
     figures = roughness(flat, pitch_x_mm)
-    wanted = Measured(
+    wanted = NoiseTarget(
         **{name: getattr(figures, name) for name in FIGURES},
         pitch_x_mm=pitch_x_mm,
         pitch_y_mm=pitch_y_mm,
@@ -138,7 +138,7 @@ def measure(
     )
 
 
-def distribution(wanted: Measured, flat: Floats) -> tuple[Floats, Floats, Floats]:
+def distribution(wanted: NoiseTarget, flat: Floats) -> tuple[Floats, Floats, Floats]:
     """Return heights at `QUANTILES`, densities in the bands along and (rows given) across."""
     along, across = wanted.bands()
     valid = flat[np.isfinite(flat)]
@@ -153,7 +153,7 @@ def distribution(wanted: Measured, flat: Floats) -> tuple[Floats, Floats, Floats
 
 def simulate(
     noise: PerlinField,
-    wanted: Measured,
+    wanted: NoiseTarget,
     rng_field: np.random.Generator,
     rng_sensor: np.random.Generator,
     depth_mm: float = 0.0,
@@ -164,7 +164,7 @@ def simulate(
     ----------
     noise : PerlinField
         The surface's speckle.
-    wanted : Measured
+    wanted : NoiseTarget
         Window, pitch and sensor.
     rng_field, rng_sensor : Generator
         Sources of the speckle and of the sensor's own uncertainty.

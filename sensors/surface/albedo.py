@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-class Reflectance(Protocol):
+class Albedo(Protocol):
     """Brightness of the part's surface, as `sensors.surface.reflectance` describes it."""
 
     def at(self, part_mm: NDArray[np.float64]) -> NDArray[np.float64]:

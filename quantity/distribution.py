@@ -1,4 +1,4 @@
-"""Named distributions of sizes, as a recipe spells them: a number, or `{name: [figures]}`."""
+"""Distributions of a number, as a recipe spells them: a number, or `{name: [figures]}`."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -8,8 +8,8 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 
-class Size(Protocol):
-    """A distribution that a size is drawn from; every draw takes its randomness from outside."""
+class Distribution(Protocol):
+    """A distribution that a number is drawn from; every draw takes its randomness from outside."""
 
     def draw(self, rng: np.random.Generator) -> float:
         """Return one value."""
@@ -176,26 +176,26 @@ def _figures(name: str, value: object, wanted: Sequence[str] | None) -> list[flo
     return [float(figure) for figure in value]
 
 
-def _uniform(value: object) -> Size:
+def _uniform(value: object) -> Distribution:
     low, high = _figures("uniform", value, ("low", "high"))
     return Uniform(low=low, high=high)
 
 
-def _log_uniform(value: object) -> Size:
+def _log_uniform(value: object) -> Distribution:
     low, high = _figures("log_uniform", value, ("low", "high"))
     return LogUniform(low=low, high=high)
 
 
-def _normal(value: object) -> Size:
+def _normal(value: object) -> Distribution:
     mean, sd, low, high = _figures("normal", value, ("mean", "sd", "low", "high"))
     return Normal(mean=mean, sd=sd, low=low, high=high)
 
 
-def _choice(value: object) -> Size:
+def _choice(value: object) -> Distribution:
     return Choice(values=tuple(_figures("choice", value, None)))
 
 
-DISTRIBUTIONS: dict[str, Callable[[object], Size]] = {
+DISTRIBUTIONS: dict[str, Callable[[object], Distribution]] = {
     "uniform": _uniform,
     "log_uniform": _log_uniform,
     "normal": _normal,
@@ -203,8 +203,8 @@ DISTRIBUTIONS: dict[str, Callable[[object], Size]] = {
 }
 
 
-def parse_size(value: object) -> Size:
-    """Read a size as a recipe spells it.
+def parse_distribution(value: object) -> Distribution:
+    """Read a distribution as a recipe spells it.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ def parse_size(value: object) -> Size:
 
     Returns
     -------
-    Size
+    Distribution
         The distribution.
 
     Raises

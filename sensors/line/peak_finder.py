@@ -24,9 +24,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from sensors.line.light import matt
+from sensors.line.lambertian_light import lambertian_light
 from sensors.line.line_operator import Line, row_blocks
-from sensors.line.line_spread import Smear
+from sensors.line.line_spread import LineSpread
 from sensors.view.view import View
 
 Floats = NDArray[np.float64]
@@ -42,7 +42,9 @@ FLAT = 1.25
 """Spread of the readings, in images of the line, up to which all of it lies in one peak."""
 
 
-def above_threshold(view: View, line: Smear, read: Line, *, least: float, merge_mm: float) -> Line:
+def above_threshold(
+    view: View, line: LineSpread, read: Line, *, least: float, merge_mm: float
+) -> Line:
     """Leave out of a line's reading what is too thin to be seen.
 
     Parameters
@@ -78,7 +80,7 @@ def above_threshold(view: View, line: Smear, read: Line, *, least: float, merge_
 
 def _read(
     view: View,
-    line: Smear,
+    line: LineSpread,
     rows: Ints,
     columns: Ints,
     of: Ints,
@@ -93,7 +95,7 @@ def _read(
     for k, offset in enumerate(line.offsets_mm):
         part = view.shifted(dy_mm=float(offset))
         lit = part.visible_from(camera_mm)[rows, columns]
-        light[:, k] = np.where(lit, line.light[k, of] * matt(part)[rows, columns], 0.0)
+        light[:, k] = np.where(lit, line.light[k, of] * lambertian_light(part)[rows, columns], 0.0)
         depth[:, k] = np.where(lit, part.depth_mm[rows, columns], 0.0)
         slope[:, k] = np.where(lit, part.slope_y[rows, columns], 0.0)
     moves = np.clip(np.gradient(line.within_mm, line.step_mm, axis=0), 0.0, 1.0)[:, of].T
