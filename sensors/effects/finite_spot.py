@@ -10,11 +10,17 @@ from sensors.effects.base import Effect
 from sensors.effects.parameter import Parameter, parameter
 from sensors.law import Law
 from sensors.line.beam import Beam, listed_sd_mm, wider_mm
-from sensors.line.line_operator import gaussian_weights, lean_mm, line_sd_mm, read_line, sub_lines
-from sensors.view.kept import Kept
+from sensors.line.line_operator import (
+    centroid_bias_mm,
+    gaussian_weights,
+    line_sd_mm,
+    read_line,
+    sub_lines,
+)
 from sensors.view.view import View
+from sensors.view.view_cache import ViewCache
 
-_ROUNDED: Kept[NDArray[np.float64]] = Kept(1)
+_ROUNDED: ViewCache[NDArray[np.float64]] = ViewCache(1)
 TIMES_WIDER = (0.5, 1.4, 2.0, 2.8)
 """Widths that are tried first, in times of the line that the file tells of."""
 
@@ -152,7 +158,7 @@ class FiniteSpot(Effect):
         line = read_line(view, offsets, gaussian_weights(offsets, sd))
         change = np.where(np.isfinite(line.depth_mm), line.depth_mm - view.depth_mm, 0.0)
         if self.lean > 0 and view.brightness is not None:
-            change += self.lean * lean_mm(view, sd, creases=True)
+            change += self.lean * centroid_bias_mm(view, sd, creases=True)
         if self.along_um > 0:
             offsets = sub_lines(self.along_um * 1e-3)
             weights = gaussian_weights(offsets, self.along_um * 1e-3)

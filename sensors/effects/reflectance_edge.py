@@ -10,7 +10,7 @@ from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
 from sensors.line.beam import Beam
-from sensors.line.line_operator import lean_mm, line_sd_mm
+from sensors.line.line_operator import centroid_bias_mm, line_sd_mm
 from sensors.view.view import View
 
 
@@ -97,4 +97,4 @@ class ReflectanceEdge(Effect):
             return law
         sd = line_sd_mm(view, self.line_sd_um, self.rayleigh_mm)
         along = 1e-3 * (self.along_um or view.sensor.beam.along_um)
-        return replace(law, mean_mm=law.mean_mm + lean_mm(view, sd, along_mm=along))
+        return replace(law, mean_mm=law.mean_mm + centroid_bias_mm(view, sd, along_mm=along))

@@ -12,12 +12,12 @@ from sensors.effects.base import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
 from sensors.line.line_operator import Line, bright_line, line_sd_mm
-from sensors.view.kept import Kept
 from sensors.view.view import View
+from sensors.view.view_cache import ViewCache
 
 Floats = NDArray[np.float64]
 
-_EVEN: Kept[Line] = Kept(4)
+_EVEN: ViewCache[Line] = ViewCache(4)
 STEEPEST_DEG = 80.0
 """Incidence beyond which the law is held constant."""
 

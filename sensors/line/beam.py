@@ -10,13 +10,13 @@ from sensors.line.lambertian_light import lambertian_light
 from sensors.line.line_operator import STEEPEST, Line, line_sd_mm, read_line
 from sensors.line.line_spread import LineSpread, line_spread, step_between
 from sensors.line.peak_finder import above_threshold
-from sensors.view.kept import Kept
 from sensors.view.view import View
+from sensors.view.view_cache import ViewCache
 
 FINELY = 0.4
 """Longest step, in standard deviations, with which a line is sampled that edges may cut."""
-_SHIFTS: Kept[NDArray[np.float64]] = Kept(2)
-_STANDING: Kept[Line] = Kept(4)
+_SHIFTS: ViewCache[NDArray[np.float64]] = ViewCache(2)
+_STANDING: ViewCache[Line] = ViewCache(4)
 
 
 class Width(Protocol):

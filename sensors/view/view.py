@@ -19,8 +19,8 @@ from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.surface.albedo import Albedo
-from sensors.view.kept import Kept
 from sensors.view.mirror import Mirror, mirror, thickness_mm
+from sensors.view.view_cache import ViewCache
 from sensors.view.visibility import camera_visible
 
 if TYPE_CHECKING:
@@ -417,6 +417,6 @@ class View:
         return self.posed(poses)
 
 
-_SHIFTED: Kept[View] = Kept(64, room=KEPT_IN_ALL)
+_SHIFTED: ViewCache[View] = ViewCache(64, room=KEPT_IN_ALL)
 # A quantity at each point of a view, broadcastable to (n, m).
 ViewFunction = Callable[[View], Floats]

@@ -3,7 +3,7 @@
 import gc
 import weakref
 
-from sensors.view.kept import Kept
+from sensors.view.view_cache import ViewCache
 
 
 class Thing:
@@ -12,7 +12,7 @@ class Thing:
 
 def test_the_last_few_are_kept_and_the_least_asked_for_goes() -> None:
     made: list[str] = []
-    kept: Kept[str] = Kept(2)
+    kept: ViewCache[str] = ViewCache(2)
     thing = Thing()
 
     def ask(key: str, *, keep: bool = True) -> str:
@@ -29,7 +29,7 @@ def test_the_last_few_are_kept_and_the_least_asked_for_goes() -> None:
 
 
 def test_values_are_each_object_s_own_and_go_with_it() -> None:
-    kept: Kept[Thing] = Kept(1)
+    kept: ViewCache[Thing] = ViewCache(1)
     one, two = Thing(), Thing()
     value = kept.get(one, None, Thing)
     assert kept.get(two, None, Thing) is not value
@@ -41,7 +41,7 @@ def test_values_are_each_object_s_own_and_go_with_it() -> None:
 
 def test_objects_share_the_room() -> None:
     made: list[tuple[int, int]] = []
-    kept: Kept[object] = Kept(4, room=8)
+    kept: ViewCache[object] = ViewCache(4, room=8)
     things = [Thing(), Thing()]
 
     def ask(which: int, key: int) -> None:

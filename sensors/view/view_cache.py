@@ -1,4 +1,4 @@
-"""What is dear and soon asked for again, kept with the view it was made for and gone with it."""
+"""A cache of what is expensive to compute from a view: kept with the view, and gone with it."""
 
 from collections.abc import Callable, Hashable
 from typing import Generic, TypeVar
@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 T = TypeVar("T")
 
 
-class Kept(Generic[T]):
+class ViewCache(Generic[T]):
     """The last few values that were made for an object.
 
     Parameters
