@@ -46,8 +46,7 @@ def main() -> int:
     asked = parser.parse_args()
     seed = int(time.time()) if asked.seed is None else asked.seed
     asked.faults.mkdir(parents=True, exist_ok=True)
-    for name in LOADED:  # once, for every child
-        importlib.import_module(name)
+    _warm()
 
     well = True
     for kind in [asked.only] if asked.only else KINDS:
@@ -68,6 +67,17 @@ def main() -> int:
     if asked.write is not None:
         table(asked.write, asked.faults)
     return int(not well)
+
+
+def _warm() -> None:
+    """Load and compile once what every child needs."""
+    for name in LOADED:
+        importlib.import_module(name)
+    from pipeline.batch.run import generate
+    from pipeline.recipe import Recipe
+
+    with tempfile.TemporaryDirectory() as folder:
+        generate(Recipe.load(damage.write_recipe(Path(folder))), Path(folder) / "out")
 
 
 def _cases(

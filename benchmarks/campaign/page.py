@@ -39,7 +39,7 @@ def summarise(folder: Path, kind: str, found: Sequence[Outcome], seed: int) -> N
 def table(page: Path, folder: Path) -> None:
     """Put the figures of every summary into the page, between its marks."""
     lines = [
-        f"Limits: {SECONDS:.0f} s and {BYTES >> 30} GiB a case.",
+        f"Limits: {SECONDS:.0f} s of the processor and {BYTES >> 30} GiB a case.",
         "",
         "| cases | number | ended well | what went wrong | longest, s | seed | commit |",
         "| --- | --- | --- | --- | --- | --- | --- |",

@@ -22,10 +22,15 @@ def halfedges(faces: Faces) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return directed, edge.reshape(-1)
 
 
+def used(vertices: Vertices, faces: Faces) -> tuple[Vertices, Faces]:
+    """Drop vertices that no face names; the others keep their order."""
+    named = np.bincount(faces.reshape(-1), minlength=len(vertices)) > 0
+    return vertices[named], (np.cumsum(named) - 1)[faces]
+
+
 def weld(vertices: Vertices, faces: Faces) -> tuple[Vertices, Faces]:
     """Join vertices of equal coordinates and drop unused ones; order by first use in faces."""
-    used, corner = np.unique(faces, return_inverse=True)
-    points = vertices[used] + 0.0
+    points, corner = used(vertices + 0.0, faces)
     kept, inverse = np.unique(points, axis=0, return_inverse=True)
     welded = inverse.reshape(-1)[corner.reshape(-1)]
     _, first, number = np.unique(welded, return_index=True, return_inverse=True)

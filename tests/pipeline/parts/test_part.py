@@ -206,6 +206,16 @@ def test_missing_file_and_bad_arguments(tmp_path: Path) -> None:
         load_part(tmp_path / "none.stl", unit="feet")
 
 
+def test_a_long_check_is_announced(tmp_path: Path, monkeypatch, caplog) -> None:
+    path = tmp_path / "ball.stl"
+    trimesh.creation.icosphere(subdivisions=2).export(path)
+    load_part(path)
+    assert not caplog.records
+    monkeypatch.setattr("pipeline.parts.part.MANY", 320)
+    load_part(path)
+    assert caplog.messages == [f"{path}: checking 320 triangles; this may take minutes"]
+
+
 def test_part_is_frozen_and_picklable() -> None:
     plate = build("steel_plate")
     with pytest.raises(ValueError, match="read-only"):
