@@ -118,6 +118,14 @@ def test_no_test_needs_a_benchmark_but_its_own():
         assert "benchmarks" not in imports(path), f"{path.relative_to(ROOT)} imports benchmarks"
 
 
+def test_no_test_needs_another_test():
+    """What tests share lies in `tests/support`, or in fixtures."""
+    for path in (*sources("tests"), *sources("benchmarks"), *sources("docs")):
+        shared = {file.name for file in needed(path) if ROOT / "tests" in file.parents}
+        wrong = [name for name in shared if name.startswith("test_") or name == "conftest.py"]
+        assert not wrong, f"{path.relative_to(ROOT)} imports {wrong}"
+
+
 def test_each_library_has_its_place():
     for library, places in ONE_PLACE.items():
         for package in set(MAY_IMPORT) - {"challenge"}:

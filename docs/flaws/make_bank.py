@@ -2,7 +2,7 @@
 
     python docs/flaws/make_bank.py SHARED_FOLDER
 
-The made flaws are those of tests/flawforge/test_flaw_extraction.py. The real recording is a height
+The made flaws are those of tests/support/flawed_scan.py. The real recording is a height
 map of SICK's AppSpace samples (Unlicense); it is read from the shared folder and not kept.
 """
 
@@ -32,7 +32,7 @@ from pipeline.injection.inject import inject  # noqa: E402
 from pipeline.parts import builtin  # noqa: E402
 from pipeline.seeds import streams  # noqa: E402
 from sensors.recording import Recording  # noqa: E402
-from tests.flawforge.test_flaw_extraction import MADE, SHEET, around, plate, recorded  # noqa: E402
+from tests.support.flawed_scan import MADE, SHEET, around, plate, recorded  # noqa: E402
 
 SOURCE = "OCR_3D_image_42.json"
 WINDOW = (slice(10, 352), slice(250, 640))  # the panel without label and base

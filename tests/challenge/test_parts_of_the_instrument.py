@@ -18,7 +18,7 @@ from challenge.instrument.motion import Motion
 from challenge.instrument.peaks import KINDS, locate
 from challenge.instrument.rays import nearest, plant
 from challenge.instrument.sheet import LaserSheet
-from tests.challenge.conftest import DISTANCE, path, strip
+from tests.support.optical_targets import DISTANCE, path, strip
 
 
 def test_rays_meet_a_sphere_within_its_sagitta():

@@ -9,35 +9,9 @@ from defects.flaw_bank import Relief
 from defects.kinds.banked import spread
 from defects.surface.surface import Surface as Skin
 from flawforge.cli import main
-from flawforge.flaw_extraction import Region, extract
+from flawforge.flaw_extraction import extract
 from flawforge.relief_denoising import denoise
-from sensors.recording import Recording
-from sensors.surface.surface import Surface
-from tests.pipeline.scan.test_labelled_scan import SHEET, plate, scanned
-
-MADE = {
-    "dent": {"length_mm": 10.0, "aspect": 0.6, "depth_mm": 0.15},
-    "scratch": {"length_mm": 9.0, "width_mm": 0.8, "depth_mm": 0.08},
-    "pit": {"diameter_mm": 2.5, "depth_mm": 0.4},
-    "bump": {"length_mm": 3.0, "height_mm": 0.4},
-    "corrosion": {"length_mm": 8.0, "depth_mm": 0.3},
-}
-OFF_MM = 0.2
-
-
-def recorded(part, kind, **sizes):
-    """Return a flawed part, its scan, and the recording that a stage 0.2 mm off would give."""
-    flawed, scan = scanned(part, kind, surface=Surface.load("car_door"), **sizes)
-    poses = scan.poses.copy()
-    poses[:, 2, 3] += OFF_MM
-    return flawed, scan, Recording(
-        name="made", depth_mm=scan.depth_mm, poses=poses, time_s=scan.time_s
-    )  # fmt: skip
-
-
-def around(flawed, reach_mm=9.0):
-    x, y = flawed.flaws[0].position_mm[:2]
-    return Region(box_mm=(x - reach_mm, y - reach_mm, x + reach_mm, y + reach_mm))
+from tests.support.flawed_scan import MADE, SHEET, around, plate, recorded
 
 
 @pytest.mark.parametrize("kind", MADE)

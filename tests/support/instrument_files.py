@@ -10,10 +10,15 @@ import tifffile
 from PIL import Image
 
 
-def heights(rng: np.random.Generator) -> np.ndarray:
-    """Return a plate with a step and noise, (24, 30), mm."""
-    step = (np.arange(30) >= 15) * 1.0
-    return np.round(20.0 + step + 0.01 * rng.normal(size=(24, 30)), 4)
+def heights(rng: np.random.Generator, rows: int = 24, columns: int = 30) -> np.ndarray:
+    """Return a plate with a step of 1 mm and noise of 10 µm, (rows, columns) mm, four decimals."""
+    step = (np.arange(columns) >= columns // 2) * 1.0
+    return np.round(20.0 + step + 0.01 * rng.normal(size=(rows, columns)), 4)
+
+
+def plate(rows: int = 24, columns: int = 30, seed: int = 0) -> np.ndarray:
+    """Return the heights of one such plate."""
+    return heights(np.random.default_rng(seed), rows, columns)
 
 
 def files(rng: np.random.Generator) -> dict[str, bytes]:

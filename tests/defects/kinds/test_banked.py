@@ -10,7 +10,7 @@ from defects.flaw_bank import FlawBank, Relief
 from defects.kinds.banked import Banked
 from defects.surface.surface import SiteError
 from flawforge.flaw_extraction import extract
-from tests.flawforge.test_flaw_extraction import MADE, SHEET, around, plate, recorded
+from tests.support.flawed_scan import MADE, SHEET, around, plate, recorded
 from tests.support.reliefs import hollow_and_rim
 
 

@@ -14,6 +14,7 @@ from pipeline.dataset.compression import reader_needs
 from pipeline.dataset.verify import verify
 from pipeline.recipe import Recipe
 from sensors.typed_yaml import RecipeError
+from tests.support.tiny_recipe import write_recipe
 
 ONE = ["specimens=1", "scans=2", "splits={train: 1.0}"]
 FILTERS = {"deflate": 1, "zstd": 32015, "lz4": 32004}  # numbers that The HDF Group registered
@@ -21,8 +22,6 @@ FILTERS = {"deflate": 1, "zstd": 32015, "lz4": 32004}  # numbers that The HDF Gr
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    from tests.pipeline.conftest import write_recipe
-
     folder = tmp_path_factory.mktemp("compressed")
     recipe = write_recipe(folder / "recipe")
     for name in ("deflate", "zstd", "lz4", "none"):

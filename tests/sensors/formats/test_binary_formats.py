@@ -13,7 +13,7 @@ from sensors.formats.conversion import Setup, convert
 from sensors.formats.motion import read_poses, read_rows
 from sensors.recording import Recording
 from sensors.typed_yaml import RecipeError
-from tests.sensors.formats.test_text_tables import plate
+from tests.support.instrument_files import plate
 
 
 @pytest.mark.parametrize(("kind", "dtype"), [(5, "<i2"), (6, "<i4"), (3, "<f4"), (7, "<f8")])
