@@ -56,15 +56,12 @@ class Travel:
 
 @njit(cache=True)
 def _heights(
-    corner: Floats, edge_1: Floats, edge_2: Floats, box: Floats, child: NDArray[np.int64],
-    x: Floats, y: Floats, depth: Floats, which: NDArray[np.int64],
-) -> None:  # fmt: skip
+    tree: Tree, x: Floats, y: Floats, depth: Floats, which: NDArray[np.int64]
+) -> None:
     """First hits of rays along +z from (x, y, 0) on a grid."""
     for i in range(y.size):
         for j in range(x.size):
-            far, triangle = nearest(
-                corner, edge_1, edge_2, box, child, x[j], y[i], 0.0, 0.0, 0.0, 1.0, 0.0, 1e9, False
-            )
+            far, triangle = nearest(tree, (x[j], y[i], 0.0), (0.0, 0.0, 1.0), 0.0, 1e9, False)
             if triangle >= 0:
                 depth[i, j], which[i, j] = far, triangle
 
@@ -167,7 +164,7 @@ class Device:
         """Depth (k, m), normals and points in the part's frame, on the fine grid."""
         depth = np.full((y.size, x.size), np.nan)
         which = np.zeros(depth.shape, np.int64)
-        _heights(tree.corner, tree.edge_1, tree.edge_2, tree.box, tree.child, x, y, depth, which)
+        _heights(tree, x, y, depth, which)
         local = np.stack(np.broadcast_arrays(x, y[:, None], depth), -1)
         return depth, tree.normal[which], local @ start[:3, :3].T + start[:3, 3]
 
@@ -247,7 +244,7 @@ def expected(device: Device, solid: Solid, travel: Travel, misplaced: Floats) ->
     x, y = device.camera.even_mm, travel.travel_mm * device.way[1]
     depth = np.full((y.size, x.size), np.nan)
     which = np.zeros(depth.shape, np.int64)
-    _heights(tree.corner, tree.edge_1, tree.edge_2, tree.box, tree.child, x, y, depth, which)
+    _heights(tree, x, y, depth, which)
     return np.asarray(depth - (travel.travel_mm * device.way[2])[:, None])
 
 
