@@ -2,7 +2,8 @@
 
 import argparse
 import time
-from pathlib import Path
+
+from flawforge.recipe_options import add_recipe_options
 
 EPILOG = """\
 Takes a few scans of each part, keeps none of them, and says what the whole dataset would hold, how
@@ -31,19 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--jobs", type=int, default=1, metavar="N", help="processes that the time is said for"
     )
-    parser.add_argument(
-        "--parts",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="DIR",
-        help="a further folder that the recipe may read parts and sensors from",
-    )
-    parser.add_argument(
-        "--set", action="append", default=[], dest="sets", metavar="KEY=VALUE",
-        help="a value in place of the recipe's, like motion.yaw_deg=5",
-    )  # fmt: skip
-    parser.add_argument("--seed", type=int, metavar="N", help="a seed in place of the recipe's")
+    add_recipe_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -5,6 +5,7 @@ import time
 from pathlib import Path
 
 from flawforge.progress import compiling_said, shown
+from flawforge.recipe_options import add_recipe_options
 from flawforge.summary import summary
 
 EPILOG = """\
@@ -23,20 +24,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "recipe", metavar="RECIPE", help="the recipe's YAML file, or 'quickstart'"
     )
-    add_overrides(parser)
+    add_recipe_options(parser)
     parser.add_argument(
         "--out", type=Path, required=True, metavar="DIR", help="folder of the dataset"
     )
     parser.add_argument(
         "--jobs", type=_jobs, default=1, metavar="N", help="processes (default 1; 0 = all cores)"
-    )
-    parser.add_argument(
-        "--parts",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="DIR",
-        help="a further folder that the recipe may read parts and sensors from",
     )
     parser.add_argument(
         "--backend",
@@ -50,15 +43,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--log-json", action="store_true", help="progress on standard output, JSON line by line"
     )
-
-
-def add_overrides(parser: argparse.ArgumentParser) -> None:
-    """Declare the words that put other values in place of a recipe's."""
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="KEY=VALUE", dest="sets",
-        help="a value in place of the recipe's, like motion.yaw_deg=5",
-    )  # fmt: skip
-    parser.add_argument("--seed", type=int, metavar="N", help="a seed in place of the recipe's")
 
 
 def _jobs(text: str) -> int:

@@ -4,8 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from flawforge.generate_command import add_overrides
 from flawforge.progress import compiling_said
+from flawforge.recipe_options import add_recipe_options
 
 EPILOG = """\
 examples:
@@ -28,15 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--part", metavar="NAME", help="of a recipe: which part (default: the first)"
     )
-    parser.add_argument(
-        "--parts",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="DIR",
-        help="a further folder that the recipe may read parts and sensors from",
-    )
-    add_overrides(parser)
+    add_recipe_options(parser)
     parser.add_argument(
         "--out", type=Path, default=Path("preview.png"), metavar="PNG", help="default: preview.png"
     )

@@ -133,8 +133,6 @@ PARTS: dict[str, Callable[[np.random.Generator], Scene]] = {
     "roof": roof,
     "ribs": ribs,
 }
-SMOOTH = ("hills", "barrel", "freeform", "grooves", "roof", "ribs")
-STEPPED = ("terraces", "roof", "ribs")
 
 
 def plate() -> Scene:

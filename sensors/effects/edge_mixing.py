@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.effects.base import Effect
+from sensors.effects.line_width import line_sd, rayleigh
 from sensors.effects.parameter import parameter
 from sensors.law import Law
 from sensors.line.beam import Beam
@@ -47,16 +48,7 @@ class EdgeMixing(Effect):
     needs: ClassVar = ("triangulation_angle_deg",)
     line_width: ClassVar = "line_sd_um"
 
-    line_sd_um: float | None = parameter(
-        "standard deviation of the line across its width at the working distance",
-        unit="µm",
-        low=0.0,
-        high=500.0,
-        typical=30.0,
-        null=0.0,
-        grid=(15.0, 30.0, 60.0, 120.0),
-        sheet="line_width_um",
-    )
+    line_sd_um: float | None = line_sd()
     merge_um: float = parameter(
         "depth between two peaks up to which they merge; beyond, the brighter wins",
         unit="µm",
@@ -71,14 +63,7 @@ class EdgeMixing(Effect):
         high=1.0,
         typical=0.2,
     )
-    rayleigh_mm: float = parameter(
-        "distance from focus at which the line is √2 wider; 0: no defocus",
-        unit="mm",
-        low=0.0,
-        high=10000.0,
-        typical=0.0,
-        fixed=True,
-    )
+    rayleigh_mm: float = rayleigh()
 
     def stated_on(self, beam: Beam) -> Beam:
         """State how edges mix readings, and which levels merge."""

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.effects.base import Effect
+from sensors.effects.line_width import along, line_sd, rayleigh
 from sensors.effects.parameter import Parameter, parameter
 from sensors.law import Law
 from sensors.line.beam import Beam, listed_sd_mm, wider_mm
@@ -61,32 +62,9 @@ class FiniteSpot(Effect):
         "speed: motion blur grows with it"
     )
 
-    line_sd_um: float | None = parameter(
-        "standard deviation of the line across its width at the working distance",
-        unit="µm",
-        low=0.0,
-        high=500.0,
-        typical=30.0,
-        null=0.0,
-        grid=(15.0, 30.0, 60.0, 120.0),
-        sheet="line_width_um",
-    )
-    along_um: float = parameter(
-        "standard deviation of the footprint along the line (lens and pixel)",
-        unit="µm",
-        low=0.0,
-        high=500.0,
-        typical=0.0,
-        fixed=True,
-    )
-    rayleigh_mm: float = parameter(
-        "distance from focus at which the line is √2 wider; 0: no defocus",
-        unit="mm",
-        low=0.0,
-        high=10000.0,
-        typical=0.0,
-        fixed=True,
-    )
+    line_sd_um: float | None = line_sd()
+    along_um: float = along()
+    rayleigh_mm: float = rayleigh()
 
     lean: float = parameter(
         "how much of what a line this wide would lean to the brighter side of a crease it leans, "

@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from sensors.effects.base import Effect
-from sensors.effects.parameter import parameter
+from sensors.effects.line_width import along, line_sd, rayleigh
 from sensors.law import Law
 from sensors.line.beam import Beam
 from sensors.line.line_operator import centroid_bias_mm, line_sd_mm
@@ -52,33 +52,9 @@ class ReflectanceEdge(Effect):
     )
     needs: ClassVar = ("triangulation_angle_deg",)
 
-    line_sd_um: float | None = parameter(
-        "standard deviation of the line across its width at the working distance",
-        unit="µm",
-        low=0.0,
-        high=500.0,
-        typical=30.0,
-        null=0.0,
-        grid=(15.0, 30.0, 60.0, 120.0),
-        sheet="line_width_um",
-    )
-    along_um: float = parameter(
-        "standard deviation of the footprint along the line (lens and pixel); 0: that of the "
-        "listed `finite_spot`",
-        unit="µm",
-        low=0.0,
-        high=500.0,
-        typical=0.0,
-        fixed=True,
-    )
-    rayleigh_mm: float = parameter(
-        "distance from focus at which the line is √2 wider; 0: no defocus",
-        unit="mm",
-        low=0.0,
-        high=10000.0,
-        typical=0.0,
-        fixed=True,
-    )
+    line_sd_um: float | None = line_sd()
+    along_um: float = along("; 0: that of the listed `finite_spot`")
+    rayleigh_mm: float = rayleigh()
 
     def stated_on(self, beam: Beam) -> Beam:
         """State the footprint along the line."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sensors.effects.base import AdditiveEffect
 from sensors.effects.parameter import parameter
+from sensors.effects.sinusoid import phase, resolved_frequencies
 from sensors.view.view import View
 
 Floats = NDArray[np.float64]
@@ -52,14 +53,7 @@ class StageVibration(AdditiveEffect):
         high=5000.0,
         typical=25.0,
     )
-    phase_rad: float | None = parameter(
-        "phase φ at the first profile",
-        unit="rad",
-        low=0.0,
-        high=6.2831853072,
-        typical=0.0,
-        owner="recording",
-    )
+    phase_rad: float | None = phase()
 
     def fields(self, view: View) -> tuple[Floats, ...]:
         """Return sine and cosine of time, equal in all columns."""
@@ -68,11 +62,9 @@ class StageVibration(AdditiveEffect):
 
     def grid(self, view: View) -> tuple["StageVibration", ...]:
         """Return frequencies half a resolution element apart, up to half the profile rate."""
-        span = float(np.ptp(view.time_s))
-        if len(view.time_s) < 4 or span == 0.0:
+        found = resolved_frequencies(view.time_s)
+        if not found.size:
             return (self,)
-        top = 0.5 / float(np.median(np.diff(view.time_s)))
         low, high = self.parameter("frequency_hz").low, self.parameter("frequency_hz").high
-        found = np.arange(0.5 / span, top, 0.5 / span)
         found = found[(found >= low) & (found <= high)]
         return tuple(self.with_parameters(frequency_hz=float(f)) for f in found)

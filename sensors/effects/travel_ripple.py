@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sensors.effects.base import MotionEffect
 from sensors.effects.parameter import parameter
+from sensors.effects.sinusoid import phase, resolved_frequencies
 from sensors.view.rigid import rigid_jacobian
 from sensors.view.view import View
 
@@ -56,14 +57,7 @@ class TravelRipple(MotionEffect):
         high=5000.0,
         typical=5.0,
     )
-    phase_rad: float | None = parameter(
-        "phase φ at the first profile",
-        unit="rad",
-        low=0.0,
-        high=6.2831853072,
-        typical=0.0,
-        owner="recording",
-    )
+    phase_rad: float | None = phase()
 
     def fields(self, view: View) -> tuple[Floats, ...]:
         """Return slope times sine and cosine of the travel: the first order."""
@@ -78,11 +72,10 @@ class TravelRipple(MotionEffect):
 
     def grid(self, view: View) -> tuple["TravelRipple", ...]:
         """Return periods half a resolution element apart, down to two profiles."""
-        span = float(np.ptp(view.travel_mm))
-        if len(view.travel_mm) < 4 or span == 0.0:
+        found = resolved_frequencies(view.travel_mm)
+        if not found.size:
             return (self,)
-        top = 0.5 / float(np.median(np.abs(np.diff(view.travel_mm))))
         low, high = self.parameter("period_mm").low, self.parameter("period_mm").high
-        found = 1.0 / np.arange(0.5 / span, top, 0.5 / span)
+        found = 1.0 / found
         found = found[(found >= low) & (found <= high)]
         return tuple(self.with_parameters(period_mm=float(p)) for p in found)

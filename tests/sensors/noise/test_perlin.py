@@ -11,16 +11,14 @@ from scipy.interpolate import PchipInterpolator
 from sensors.noise.heights import HeightMap
 from sensors.noise.perlin import (
     GRID_LIMIT,
-    OCTAVE_MAX,
     OCTAVE_SD,
     PerlinField,
     _gradients,
     grid_pitch,
-    octave_line_spectrum,
-    octave_spectrum,
     smoothstep,
 )
 from sensors.noise.spectrum import power_spectrum
+from tests.support.perlin_spectrum import OCTAVE_MAX, octave_line_spectrum, octave_spectrum
 
 
 def one_octave(cell: float = 1.0, **more: object) -> PerlinField:
