@@ -73,7 +73,7 @@ def generate(
     return open_dataset(out)
 
 
-def open(folder: str | Path, **options: Any) -> "Dataset":  # noqa: A001  # as the reader's own
+def open(folder: str | Path, **options: Any) -> "Dataset":  # as the reader's own
     """Open a dataset; `flawforge.dataset.open` says what the options are."""
     from flawforge.dataset import open as open_dataset
 

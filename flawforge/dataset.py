@@ -112,7 +112,7 @@ class Dataset:
         *,
         fields: tuple[str, ...] | None = None,
         raw: bool = False,
-        dtype: np.dtype[Any] = np.dtype(np.float64),  # noqa: B008  # a dtype never changes
+        dtype: np.dtype[Any],
     ) -> None:
         self.folder = folder
         self.manifest = manifest.reset_index(drop=True)

@@ -66,7 +66,7 @@ class Scans(TorchDataset[Pair]):
         folder: str | Path,
         split: str | None = None,
         *,
-        input: Input = "relief",  # noqa: A002  # the word users know
+        input: Input = "relief",  # the word users know
         target: Target = "mask",
         ignore_index: int = IGNORED,
         transform: Transform | None = None,
@@ -131,7 +131,7 @@ class Stream(IterableDataset[Pair]):
         rank: int | None = None,
         world_size: int | None = None,
         parts: Sequence[str | Path] = (),
-        input: Input = "relief",  # noqa: A002  # as of Scans
+        input: Input = "relief",  # as of Scans
         target: Target = "mask",
         ignore_index: int = IGNORED,
         transform: Transform | None = None,

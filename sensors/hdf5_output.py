@@ -29,7 +29,7 @@ class Output(io.RawIOBase):
         super().__init__()
         self.path = path
         self.fault: OSError | None = None
-        self._disk = open(path, "w+b", buffering=0)  # noqa: SIM115, closed in `close`
+        self._disk = io.FileIO(path, "w+")
 
     def seek(self, offset: int, whence: int = os.SEEK_SET, /) -> int:
         """Move to an offset."""

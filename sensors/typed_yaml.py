@@ -144,7 +144,7 @@ def load_yaml(path: str | Path) -> Document:
     try:
         node = yaml.compose(text, Loader=Loader)
         _check_size(node, path)
-        data = yaml.load(text, Loader=Loader)  # noqa: S506  # a SafeLoader
+        data = yaml.load(text, Loader=Loader)  # a SafeLoader
     except RecipeError:
         raise
     except Exception as error:  # PyYAML raises whatever it stumbles over in a value
@@ -168,7 +168,7 @@ def parse_text(text: str, *, where: str) -> Any:
         Where it isn't YAML.
     """
     try:
-        return yaml.load(text, Loader=Loader)  # noqa: S506  # a SafeLoader
+        return yaml.load(text, Loader=Loader)  # a SafeLoader
     except Exception:  # as above
         raise RecipeError("isn't a value", where=where, value=text, allowed="as in YAML") from None
 

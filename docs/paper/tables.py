@@ -1,6 +1,7 @@
 """Tables 2 to 4 of the paper, its readings and its pitches: numbers for docs/paper.md."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +33,12 @@ PAPERS_ERRORS = {
 }
 
 
-def window_of(surface: Surface, **changes: object) -> NoiseTarget:
+def window_of(surface: Surface, **changes: Any) -> NoiseTarget:
     """Return the paper's window at the surface's pitch."""
     assert surface.pitch_x_mm is not None
     assert surface.pitch_y_mm is not None
     window = NoiseTarget(pitch_x_mm=surface.pitch_x_mm, pitch_y_mm=surface.pitch_y_mm)
-    return replace(window, **changes)  # type: ignore[arg-type]
+    return replace(window, **changes)
 
 
 def scans(field: PerlinField, window: NoiseTarget, seeds: int = SEEDS) -> list[Floats]:

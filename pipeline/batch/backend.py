@@ -4,6 +4,7 @@ The one place that knows joblib. It loads nothing until it must, so that process
 rest is loaded.
 """
 
+import importlib
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -177,8 +178,7 @@ def _begin() -> None:
     """
     from joblib.externals.loky import process_executor
 
-    import pipeline.batch.work  # noqa: F401
-
+    importlib.import_module("pipeline.batch.work")
     process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize
 
 

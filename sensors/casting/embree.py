@@ -254,10 +254,10 @@ def _single_precision(
 @njit(cache=True)
 def _holds(values: Ints, size: int, wanted: int) -> bool:
     """Whether `wanted` is among the first `size` values."""
-    for i in range(size):  # noqa: SIM110 - numba has no any() of a generator
-        if values[i] == wanted:
-            return True
-    return False
+    i = 0
+    while i < size and values[i] != wanted:
+        i += 1
+    return i < size
 
 
 @njit(cache=True)

@@ -134,7 +134,7 @@ def test_the_readmes_training_loop_lowers_its_loss(
     monkeypatch.chdir(tmp_path)
     torch.manual_seed(0)
     names: dict[str, object] = {}
-    exec(compile(code, "README.md", "exec"), names)  # noqa: S102  # our own README
+    exec(compile(code, "README.md", "exec"), names)  # our own README
     losses = names["losses"]
     assert isinstance(losses, list)
     assert np.mean(losses[-4:]) < 0.7 * np.mean(losses[:2])

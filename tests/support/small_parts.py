@@ -1,6 +1,7 @@
 """Small closed parts and scans of them, for tests and benchmarks of the diagnosis."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -170,7 +171,7 @@ def record(
     speckle: PerlinField | None = SPECKLE,
     start_time_s: float | None = None,
     misplaced: float = 1.0,
-    **placing: object,
+    **placing: Any,
 ) -> Recording:
     """Simulate one recording with `true_effects` beyond the sheet's; the true pose is a bit off.
 
@@ -179,7 +180,7 @@ def record(
     from dataclasses import replace
 
     rng = np.random.default_rng(seed)
-    commanded = poses(profiles, **placing)  # type: ignore[arg-type]
+    commanded = poses(profiles, **placing)
     error = np.eye(4)
     error[:3, :3] = Rotation.from_rotvec(misplaced * rng.normal(0, MISPLACED[0], 3)).as_matrix()
     error[:3, 3] = misplaced * rng.normal(0, MISPLACED[1], 3)
