@@ -102,7 +102,7 @@ proof: $(STAMP)
 	$(BIN)/flawforge challenge judge $(PROOF) --write docs/proof.md
 
 proof-small: $(STAMP)
-	$(BIN)/flawforge challenge make --small --out $(PROOF)-small --jobs 2
+	$(BIN)/flawforge challenge make --cases 12 --out $(PROOF)-small --jobs 2
 	-$(BIN)/flawforge challenge run $(PROOF)-small --jobs 2
 	$(BIN)/flawforge challenge judge $(PROOF)-small --write $(PROOF)-small/proof.md
 

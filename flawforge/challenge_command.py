@@ -19,7 +19,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     make.add_argument(
         "--seed", type=int, help="master seed (default: the operating system's entropy)"
     )
-    make.add_argument("--small", action="store_true", help="a dozen cases instead of 160")
+    make.add_argument(
+        "--cases", type=int, metavar="N", help="how many, in the same proportions (default 160)"
+    )
     make.add_argument("--jobs", type=int, default=1, help="processes (default 1)")
     make.add_argument(
         "--population", metavar="NAME",
@@ -29,6 +31,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     make.add_argument(
         "--family", default="first", metavar="NAME", help="of instruments: first or second"
     )
+    make.add_argument(
+        "--meshes", type=Path, metavar="DIR",
+        help="closed CAD meshes (STL, PLY, OBJ) among the second family's parts",
+    )  # fmt: skip
     calibrate = steps.add_parser(
         "calibrate", help="make the opened population that may set a diagnosis's scales"
     )
@@ -104,8 +110,8 @@ def _step(arguments: argparse.Namespace) -> int:
         from challenge.make import make
 
         return make(
-            arguments.out, seed=arguments.seed, small=arguments.small, jobs=arguments.jobs,
-            population=arguments.population, family=arguments.family,
+            arguments.out, seed=arguments.seed, cases=arguments.cases, jobs=arguments.jobs,
+            population=arguments.population, family=arguments.family, meshes=arguments.meshes,
         )  # fmt: skip
     if arguments.step == "calibrate":
         from challenge.calibration_population import calibrate

@@ -46,6 +46,9 @@ class Secret:
         Entropy of everything drawn in the case.
     family
         ``first`` or ``second``, the family of instruments.
+    plates, baselines
+        How many reference plates, and recordings of the instrument in good order, a stranger
+        gets; the first family has no baselines.
     """
 
     kind: str
@@ -55,6 +58,8 @@ class Secret:
     recordings: int
     seed: int
     family: str = "first"
+    plates: int = 2
+    baselines: int = 0
 
     @classmethod
     def of_key(cls, kept: dict[str, Any]) -> "Secret":

@@ -242,7 +242,16 @@ def redraw(staged: Staged, secret: Secret, specimens: range) -> Draws:
 def facts(staged: Staged, secret: Secret, *, draws: int = DRAWS) -> Facts:
     """Tell what an effect does in the held-out pose, and how well it can be seen."""
     last, on = secret.recordings - 1, staged.on
-    drawn = redraw(staged, secret, range(draws))
+    # the sealed recording's own specimen
+    real = scan(
+        on, on.scans, last, specimen=number(secret.seed, "specimen"),
+        rng=child(secret.seed, "noise", "abc"[last]),
+    )[0].astype(np.float64)  # fmt: skip
+    return facts_of(redraw(staged, secret, range(draws)), real)
+
+
+def facts_of(drawn: Draws, real: NDArray[np.float64]) -> Facts:
+    """Hold a sealed recording (n, m) against the means of other specimens, on and off."""
     with_it, without, said = drawn.with_it, drawn.without, drawn.said_mm
     fill_on, fill_off = _mean(with_it), _mean(without)
     noise, region, flat = drawn.noise_mm, drawn.region(), drawn.level
@@ -250,11 +259,6 @@ def facts(staged: Staged, secret: Secret, *, draws: int = DRAWS) -> Facts:
         fair = np.abs(uniform_filter(np.nan_to_num(flat(fill_off - said)), 3)) < (
             2 * noise
         )
-    # the sealed recording's own specimen against the two means
-    real = scan(
-        on, on.scans, last, specimen=number(secret.seed, "specimen"),
-        rng=child(secret.seed, "noise", "abc"[last]),
-    )[0].astype(np.float64)  # fmt: skip
     both = np.isfinite(real) & np.isfinite(fill_on) & np.isfinite(fill_off) & fair
     left_off = levelled(real - fill_off, both, said)[both]
     left_on = (real - fill_on)[both]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from challenge.cases.case import RECORDINGS, Secret
 from challenge.second.case import BASELINES, Staged
 from challenge.second.device import expected
-from challenge.second.switches import World
+from challenge.second.world import World
 
 Floats = NDArray[np.float64]
 BLOCK = 12, 24

@@ -18,9 +18,9 @@ def sealed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("set")
     counts = {"null": 1, "one": 0, "two": 0, "unknown": 0, "decoy": 0, "undecidable": 0}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("challenge.make.SMALL", counts)
+        patch.setattr("challenge.make.counts_of", lambda _: counts)
         patch.setattr("challenge.cases.nulls.NULL_DRAWS", 25)
-        assert making.make(folder, seed=3, small=True, jobs=1) == 0
+        assert making.make(folder, seed=3, cases=12, jobs=1) == 0
     return folder
 
 
@@ -36,10 +36,10 @@ def test_a_set_is_public_without_its_keys(sealed):
 
 def test_making_again_changes_nothing_and_another_seed_is_refused(sealed):
     before = (sealed / "keys" / "case-001.seal.json").read_bytes()
-    assert making.make(sealed, seed=None, small=True, jobs=1) == 0
+    assert making.make(sealed, seed=None, cases=12, jobs=1) == 0
     assert (sealed / "keys" / "case-001.seal.json").read_bytes() == before
     with pytest.raises(ValueError, match="another seed"):
-        making.make(sealed, seed=4, small=True, jobs=1)
+        making.make(sealed, seed=4, cases=12, jobs=1)
 
 
 def test_run_shows_no_key_and_continues(sealed, monkeypatch):
