@@ -13,6 +13,7 @@ import numpy as np
 
 from challenge.cases.case import Secret, stage, write
 from challenge.cases.nulls import check_null
+from challenge.cases.parts import SHAPES
 from challenge.cases.seeds import child
 from challenge.cases.truth import Facts, facts
 from challenge.populations import TEST, VALIDATION, needs_aggregate
@@ -20,6 +21,7 @@ from challenge.processes import in_processes
 from challenge.sealed import FULL, MESHES, PROTOCOL, counts_of, draw, entropy, seal, write_whole
 from challenge.second import case as second
 from challenge.second.meshes import files as mesh_files
+from challenge.second.nulls import LEAST_BLOCKS
 from challenge.second.nulls import check_null as check_second_null
 from challenge.second.truth import facts as second_facts
 
@@ -183,7 +185,9 @@ def _make_second(out: Path, name: str, secret: Secret) -> None:
         if check.holds:
             break
         shutil.rmtree(aside)
-        secret = replace(secret, seed=int(again.integers(2**62)))
+        # a mesh without places off edges is no null on any draw
+        shape = str(again.choice(list(SHAPES))) if check.blocks < LEAST_BLOCKS else secret.shape
+        secret = replace(secret, seed=int(again.integers(2**62)), shape=shape)
     else:
         raise RuntimeError(f"{name}: {_TRIES} draws in a row were no valid case")
     second.withhold(secret, aside)

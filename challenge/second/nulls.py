@@ -17,6 +17,8 @@ BLOCK = 12, 24
 """Profiles and columns of a block whose mean is looked at."""
 FACTOR, SLACK_SD, SLACK_LOST = 1.5, 0.1, 0.005
 """A null's departure: at most so many times that of the worse baseline, and that much more."""
+LEAST_BLOCKS = 8
+"""Fewer blocks off edges show no departure: such a part makes no null."""
 _BEND_MM = 0.005  # second difference beyond which a reading isn't off edges
 _LEAST = 0.4  # share of a block that must be off edges
 
@@ -31,18 +33,22 @@ class Check:
         95 % quantile of block means against the mesh, in noise standard deviations.
     lost, baseline_lost
         Share of readings that are missing there.
+    blocks
+        Off edges in the recording that has the fewest.
     """
 
     departure_sd: float
     baseline_sd: float
     lost: float
     baseline_lost: float
+    blocks: int
 
     @property
     def holds(self) -> bool:
-        """The recordings stay within what the baselines show."""
+        """The recordings stay within what the baselines show, where there is something to see."""
         return (
-            self.departure_sd <= FACTOR * self.baseline_sd + SLACK_SD
+            self.blocks >= LEAST_BLOCKS
+            and self.departure_sd <= FACTOR * self.baseline_sd + SLACK_SD
             and self.lost <= FACTOR * self.baseline_lost + SLACK_LOST
         )
 
@@ -53,20 +59,21 @@ def check_null(secret: Secret, staged: Staged, folder: Path) -> Check:
     mine = [_seen(staged.on, k, folder / f"{n}.h5") for k, n in enumerate(RECORDINGS[:count])]
     good = [_seen(staged.off, count + k, folder / f"{n}.h5") for k, n in enumerate(BASELINES)]
     return Check(
-        departure_sd=max(d for d, _ in mine), baseline_sd=max(d for d, _ in good),
-        lost=max(m for _, m in mine), baseline_lost=max(m for _, m in good),
+        departure_sd=max(d for d, _, _ in mine), baseline_sd=max(d for d, _, _ in good),
+        lost=max(m for _, m, _ in mine), baseline_lost=max(m for _, m, _ in good),
+        blocks=min(n for _, _, n in (*mine, *good)),
     )  # fmt: skip
 
 
-def _seen(world: World, index: int, file: Path) -> tuple[float, float]:
+def _seen(world: World, index: int, file: Path) -> tuple[float, float, int]:
     with h5py.File(file) as stored:
         depth = np.asarray(stored["depth"], np.float64)
     truth = expected(world.device, world.solid, world.travels[index], world.misplaced[index])
     return departure(depth, truth)
 
 
-def departure(depth_mm: Floats, truth_mm: Floats) -> tuple[float, float]:
-    """Departure of block means off edges, in standard deviations, and the share missing there."""
+def departure(depth_mm: Floats, truth_mm: Floats) -> tuple[float, float, int]:
+    """Departure of block means off edges in standard deviations, share missing, and blocks."""
     smooth = off_edges(truth_mm)
     rest = np.where(smooth, depth_mm - truth_mm, np.nan)
     centred = rest - np.nanmedian(rest)
@@ -78,7 +85,7 @@ def departure(depth_mm: Floats, truth_mm: Floats) -> tuple[float, float]:
             if np.isfinite(block).mean() > _LEAST:
                 means.append(abs(float(np.nanmean(block))) / sd)
     missing = float(np.isnan(depth_mm)[smooth].mean()) if smooth.any() else 0.0
-    return (float(np.quantile(means, 0.95)) if means else 0.0), missing
+    return (float(np.quantile(means, 0.95)) if means else 0.0), missing, len(means)
 
 
 def off_edges(truth_mm: Floats) -> NDArray[np.bool_]:

@@ -56,7 +56,7 @@ def _loose(world: World, size: float, rng: np.random.Generator) -> World:
 
 def _printed(world: World, size: float, rng: np.random.Generator) -> World:
     facets = replace(
-        world.facets, print_ratio=0.35 / size**0.5, print_period_mm=float(rng.uniform(3, 5)),
+        world.facets, print_ratio=0.25 / size**0.5, print_period_mm=float(rng.uniform(3, 5)),
         print_rad=float(rng.uniform(0, np.pi)),
     )  # fmt: skip
     return replace(world, facets=facets)
@@ -199,7 +199,7 @@ SINGLE: dict[str, Fault] = {
         apply=changed("device", firmware=_firmware(lost=lambda s: 0.02 * s)),
         accept=("random_dropout",), parameters=_lost),
     "median firmware": Fault(
-        apply=changed("device", firmware=_firmware(median=lambda s: 5 if s < 1.5 else 9)),
+        apply=changed("device", firmware=_firmware(median=lambda s: 5 if s < 1 else 9)),
         accept=("onboard_filter",), rivals=("roughness_level",)),
     "gap filling": Fault(
         apply=changed("device", firmware=_firmware(gap=lambda _: 60)),
@@ -209,7 +209,7 @@ SINGLE: dict[str, Fault] = {
 }  # fmt: skip
 UNKNOWN: dict[str, Fault] = {
     "sticking bit": Fault(
-        apply=changed("device", firmware=_firmware(stuck_bit=lambda s: 7 if s < 1.5 else 8)),
+        apply=changed("device", firmware=_firmware(stuck_bit=lambda s: 7 if s < 1 else 8)),
         accept=()),
     "lost pulses": Fault(
         apply=changed("device", robot=_robot(lost_mm=lambda s: 0.15 * s)), accept=(),
@@ -227,7 +227,7 @@ UNKNOWN: dict[str, Fault] = {
             d.exposures, gain=1.0 + 0.05 * s, target=0.7)), accept=()),
     "scratched window": Fault(apply=_scratched, accept=()),
     "second reflection": Fault(
-        apply=changed("device", window=lambda d, s: replace(d.window, ghost=min(0.3 * s, 0.6))),
+        apply=changed("device", window=lambda d, s: replace(d.window, ghost=min(0.5 * s, 0.6))),
         accept=(), shapes=SHADOWED),
     "last peak of a deep gloss": Fault(
         apply=changed("device", finder=lambda *_: "last", threshold=lambda *_: 0.004), accept=()),

@@ -56,7 +56,7 @@ class Fault:
 
     Attributes
     ----------
-    apply : ``apply(world, size, rng)``, size 0.5 weak, 1 medium, 2 strong
+    apply : ``apply(world, size, rng)``, by the size of weak, medium and strong faults
     accept : names of the catalogue that are right; empty where none is
     rivals : names that count as honest alternatives
     shapes : parts on which it shows; empty for all
