@@ -6,7 +6,7 @@ STAMP  := $(VENV)/.installed
 DEV    := $(VENV)/.installed-dev
 PEERS  := $(VENV)/.installed-bench
 
-.PHONY: fuzz test-oldest audit campaign demo test test-all lint bench effects flaws datasets recipe paper pictures diagnose-bench proof proof-small payoff clean exports
+.PHONY: docs fuzz test-oldest audit campaign demo test test-all lint bench effects flaws datasets recipe paper pictures diagnose-bench proof proof-small payoff clean exports
 
 demo: $(STAMP)
 	$(BIN)/flawforge generate quickstart --out out/quickstart
@@ -58,6 +58,10 @@ lint: $(DEV)
 bench: $(PEERS)
 	$(BIN)/python -m benchmarks
 
+# out/site/index.html; a broken link or any other warning stops it. The site needs no network.
+docs: $(DEV)
+	$(BIN)/python docs/site/build.py out/site
+
 paper: $(DEV)
 	$(BIN)/python docs/paper/make_paper.py
 
@@ -78,6 +82,7 @@ datasets: $(STAMP)
 
 pictures: $(STAMP)
 	$(BIN)/python docs/pictures/make_pictures.py
+	$(BIN)/python docs/tutorial/make_pictures.py
 
 # Continues where it was stopped. FIRST cases of each seed: all kinds in proportion; 306 are all.
 BENCH ?= out/diagnose-bench

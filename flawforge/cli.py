@@ -98,7 +98,11 @@ def _is_negative(word: str) -> bool:
         return False
 
 
-def _main(words: Sequence[str]) -> int:
+def parsers(chosen: str | None) -> tuple[Parser, argparse.ArgumentParser]:
+    """Return the parser of the command line, and that of the command chosen (or the first again).
+
+    The arguments of the other commands are not loaded.
+    """
     parser = Parser(
         prog="flawforge",
         description="Labelled laser-profilometer scans of flawed CAD parts, and a diagnosis of"
@@ -109,7 +113,6 @@ def _main(words: Sequence[str]) -> int:
     parser.add_argument("--version", action="store_true", help="print the version and stop")
     parser.add_argument("--debug", action="store_true", help="show where an error came from")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
-    chosen = _chosen(words)
     asked: argparse.ArgumentParser = parser
     for name, summary in COMMANDS.items():
         command = commands.add_parser(
@@ -121,6 +124,11 @@ def _main(words: Sequence[str]) -> int:
         if name == chosen:  # the others are not even loaded
             _module(name).add_arguments(command)
             asked = command
+    return parser, asked
+
+
+def _main(words: Sequence[str]) -> int:
+    parser, asked = parsers(_chosen(words))
     arguments, unknown = parser.parse_known_args(words)
     if unknown:
         asked.error(f"unknown words: {' '.join(unknown)}")

@@ -69,7 +69,7 @@ class PartEntry:
 
 @record
 class RecipeFile:
-    """A recipe as its YAML file spells it; see the README for each key by example."""
+    """A recipe as its YAML file states it; docs/recipe.md has an example."""
 
     name: str
     seed: int = quantity("same recipe, same seed, same bytes", low=0, whole=True)

@@ -114,7 +114,10 @@ def try_recipe(recipe: Recipe, *, specimens: int = 2, scans: int = 4) -> Trial:
 def _tried(
     place: Workplace, plan: Plan, specimens: int, scans: int
 ) -> tuple[list[dict[str, Any]], dict[str, _Cost]]:
-    """Make small shards of the first specimens of each part; the first scan pays for the cut."""
+    """Make small shards of flawed specimens of each part; the first scan pays for the cut.
+
+    Specimens without flaws estimate no rate. They are tried where a part has no others.
+    """
     by_part: dict[str, list[PlannedScans]] = {}
     for shard in plan.shards:
         for work in shard.work:
@@ -131,7 +134,8 @@ def _tried(
     for name in names:
         first_s, rest_s, rest, stored = 0.0, 0.0, 0, 0
         # a specimen other than the one tried before, which is still in memory
-        tried = by_part[name][-specimens:]
+        flawed = [work for work in by_part[name] if any(work.wanted.values())]
+        tried = (flawed or by_part[name])[-specimens:]
         for work in tried:
             most = min(scans, work.last)
             for first, last in ((0, 1), (1, most)):

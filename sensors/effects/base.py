@@ -53,10 +53,8 @@ class Effect(ABC):
     rivals : effects that look alike
     separating : the measurement that tells them apart
     needs : keys of the datasheet without which it can't be computed
-    line_width : parameter that holds the width of the laser's line, where the effect is the
-        geometry of a line that wide; "" for others
-    sinusoid : the effect is an amplitude (its first linear parameter) and `phase_rad`; its
-        coefficients are A cos(phase) and A sin(phase), those of sine and cosine
+    line_width : parameter of the laser line's width, where the effect is the line's geometry
+    sinusoid : whether the coefficients are A cos(phase) and A sin(phase) of the first parameter
     """
 
     name: ClassVar[str]
