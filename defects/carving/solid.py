@@ -1,6 +1,6 @@
 """Closed solids and what is carved out of them and put onto them: the one user of manifold3d."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import count
 from typing import Any, Self
@@ -19,6 +19,7 @@ Ints = NDArray[np.int32]
 
 MARGIN = 0.0519  # of a cutter's size: how far its neighbourhood reaches around it
 MARGIN_MM = 0.0317  # and at least; neither is likely to meet a part's own planes
+VOLUME_TOLERANCE_MM = 1e-9  # of volumes that must add up, for each mm² of surface
 
 
 class BooleanError(RuntimeError):
@@ -122,6 +123,8 @@ class Change:
         Greatest depth under the skin along the local normal; the height, if nothing is removed.
     through
         Whether it pierces the part.
+    patch
+        The faces around the flaw as carved, where they could be closed off.
     """
 
     removed_mm3: float
@@ -129,6 +132,38 @@ class Change:
     opening_mm2: float
     depth_mm: float
     through: bool
+    patch: "CarvedPatch | None" = field(default=None, repr=False, compare=False)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class CarvedPatch:
+    """What a trial made of the faces around one flaw, ready to be stitched back.
+
+    Parameters
+    ----------
+    closed, carved
+        The faces, closed off, and what they were carved into; the flaw is instance 1.
+    change_mm3
+        By how much the patch's volume grew.
+    """
+
+    closed: ClosedPatch
+    carved: Carved
+    change_mm3: float
+
+    def of(self, instance: int, change: Change) -> Carved:
+        """Return the carved patch with the flaw's number in the part.
+
+        Raises
+        ------
+        BooleanError
+            When the patch doesn't change by what the flaw is said to change.
+        """
+        area = float(np.ptp(self.closed.vertices_mm, axis=0).max()) ** 2
+        wanted_mm3 = change.added_mm3 - change.removed_mm3
+        if abs(self.change_mm3 - wanted_mm3) > VOLUME_TOLERANCE_MM * max(1.0, area):
+            raise BooleanError("the volumes don't add up")
+        return replace(self.carved, instance=self.carved.instance * np.uint16(instance))
 
 
 def _add(manifolds: list[Manifold]) -> Manifold:
@@ -164,6 +199,23 @@ def _runs(mesh: Mesh64) -> NDArray[np.int64]:
     """Return the original id (F,) of each face."""
     index = np.array(mesh.run_index, np.int64) // 3
     return np.repeat(np.array(mesh.run_original_id, np.int64), np.diff(index))
+
+
+def _labelled(mesh: Mesh64, owner: dict[int, int]) -> Carved:
+    """Return a carved mesh with the flaw that each face belongs to, by its identity; 0 = skin."""
+    identities, place = np.unique(_runs(mesh), return_inverse=True)
+    unknown = [int(identity) for identity in identities if int(identity) not in owner]
+    if unknown:
+        raise BooleanError(f"faces of unknown origin: {unknown}")
+    instance = np.array([owner[int(identity)] for identity in identities], np.uint16)[place]
+    source = np.array(mesh.face_id, np.int32)
+    source[instance > 0] = -1
+    return Carved(
+        vertices_mm=np.array(mesh.vert_properties, np.float64)[:, :3],
+        faces=np.array(mesh.tri_verts, np.int32),
+        instance=instance,
+        source_face=source,
+    )
 
 
 def _skin_of(manifold: Manifold, identity: int) -> tuple[Floats, Floats]:
@@ -231,28 +283,19 @@ class Block:
             When the flaw misses the part, the volumes don't add up, the result isn't closed, or
             the cutter reaches through the air into another wall.
         """
-        low, high = _reach(cutter)
-        box = Manifold.cube(tuple(high - low)).translate(tuple(low))
-        try:
-            body, _ = self._around(_wider(np.stack([low, high])))
-        except BooleanError:
-            body = self._body
-        near = _checked(body ^ box, "neighbourhood")
-        if near.is_empty():
-            raise BooleanError("the flaw misses the part")
-        local = Solid._of(near)
+        body, closed = self._near(cutter)
+        local = Solid._of(body)
         if len(cutter.above_mm):
             inside = Inside.of(local.vertices_mm, local.faces).contains(cutter.above_mm)
             if inside.any():
                 raise BooleanError("the cutter reaches another wall")
-        removed = None if cutter.removed is None else _manifold(cutter.removed, self._other())
-        added = None if cutter.added is None else _manifold(cutter.added, self._other())
-        result = near
+        flaw = self._other()  # both its solids are of one identity: their faces get one label
+        result = body
         gone, come, opening, through = 0.0, 0.0, 0.0, False
-        if removed is not None:
-            result = _checked(result - removed, "difference")
-            net = removed if added is None else _checked(removed - added, "difference")
-            lost = _checked(near ^ net, "intersection")
+        added = None if cutter.added is None else _manifold(cutter.added, flaw)
+        if cutter.removed is not None:
+            taken, result = body.split(_manifold(cutter.removed, flaw))
+            lost = _checked(taken if added is None else taken - added, "intersection")
             gone = float(lost.volume())
             if not gone > 0:
                 raise BooleanError("nothing is removed")
@@ -264,20 +307,38 @@ class Block:
             )
         if added is not None:
             result = _checked(result + added, "union")
-            gained = _checked(added - near, "difference")
+            gained = _checked(added - body, "difference")
             come = float(gained.volume())
             if not come > 0:
                 raise BooleanError("nothing is added")
             opening += _size(_skin_of(gained, self._identity)[1])
-        _check(result, float(near.volume()) - gone + come)
-        depth = float(-cutter.height_mm.min() if removed is not None else cutter.height_mm.max())
+        mesh = _check(result, float(body.volume()) - gone + come)
+        depth = float(-cutter.height_mm.min() if cutter.removed else cutter.height_mm.max())
         if through:
             deepest = int(np.argmin(cutter.height_mm))
             skin, normal = cutter.skin_mm[deepest], cutter.normals[deepest]
             depth = min(depth, thickness_mm(local.vertices_mm, local.faces, skin, normal))
+        patch = None
+        if closed is not None:
+            carved = _labelled(mesh, {self._identity: 0, flaw: 1})
+            change_mm3 = float(result.volume()) - float(body.volume())
+            patch = CarvedPatch(closed=closed, carved=carved, change_mm3=change_mm3)
         return Change(
-            removed_mm3=gone, added_mm3=come, opening_mm2=opening, depth_mm=depth, through=through
-        )
+            removed_mm3=gone, added_mm3=come, opening_mm2=opening, depth_mm=depth,
+            through=through, patch=patch,
+        )  # fmt: skip
+
+    def _near(self, cutter: Cutter) -> tuple[Manifold, ClosedPatch | None]:
+        """Return what is the part around a cutter: a closed patch, else the part within a box."""
+        box_mm = _reach(cutter)
+        try:
+            return self._around(_wider(box_mm))
+        except BooleanError:
+            box = Manifold.cube(tuple(np.diff(box_mm, axis=0)[0])).translate(tuple(box_mm[0]))
+            near = _checked(self._body ^ box, "neighbourhood")
+            if near.is_empty():
+                raise BooleanError("the flaw misses the part") from None
+            return near, None
 
     def carve(self, cutters: list[Cutter], changes: list[Change]) -> Carved:
         """Carve all the flaws, which must lie apart from each other, and check the result.
@@ -304,10 +365,15 @@ class Block:
         """
         stitches = Stitches(self._solid.vertices_mm, self._solid.faces)
         for box_mm, members in self._apart(cutters):
-            body, closed = self._around(box_mm)
-            some = [(number + 1, cutters[number], changes[number]) for number in members]
+            alone = changes[members[0]]
+            if len(members) == 1 and alone.patch is not None:
+                closed, carved = alone.patch.closed, alone.patch.of(members[0] + 1, alone)
+            else:
+                body, closed = self._around(box_mm)
+                some = [(number + 1, cutters[number], changes[number]) for number in members]
+                carved = self._cut(body, some)
             try:
-                stitches.put(closed, self._cut(body, some))
+                stitches.put(closed, carved)
             except StitchError as error:
                 raise BooleanError(str(error)) from None
         return stitches.sewn()
@@ -361,21 +427,7 @@ class Block:
             body = _checked(body - _add(removed), "difference")
         if added:
             body = _checked(body + _add(added), "union")
-        mesh = _check(body, wanted)
-        identities, place = np.unique(_runs(mesh), return_inverse=True)
-        unknown = [int(identity) for identity in identities if int(identity) not in owner]
-        if unknown:
-            raise BooleanError(f"faces of unknown origin: {unknown}")
-        instance_of = np.array([owner[int(identity)] for identity in identities], np.uint16)
-        instance = instance_of[place]
-        source = np.array(mesh.face_id, np.int32)
-        source[instance > 0] = -1
-        return Carved(
-            vertices_mm=np.array(mesh.vert_properties, np.float64)[:, :3],
-            faces=np.array(mesh.tri_verts, np.int32),
-            instance=instance,
-            source_face=source,
-        )
+        return _labelled(_check(body, wanted), owner)
 
     @staticmethod
     def _other() -> int:
@@ -402,7 +454,7 @@ def _check(result: Manifold, wanted_mm3: float) -> Mesh64:
         raise BooleanError("a vertex isn't finite")
     if not is_closed(np.array(mesh.tri_verts, np.int32)):
         raise BooleanError("the result isn't closed")
-    tolerance = 1e-9 * max(1.0, float(result.surface_area()))
+    tolerance = VOLUME_TOLERANCE_MM * max(1.0, float(result.surface_area()))
     if abs(float(result.volume()) - wanted_mm3) > tolerance:
         raise BooleanError("the volumes don't add up")
     return mesh

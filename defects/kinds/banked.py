@@ -103,7 +103,8 @@ class Banked(Kind):
         if (height[mask] >= 0).all() or not inner.any():
             return reshape(lid, np.where(mask.ravel(), np.maximum(over, floor), over), None, None,
                            margin)  # fmt: skip
-        return reshape(lid, over, patch.cells(inner), over, margin)
+        pocket = np.minimum(over, 0.0) - margin
+        return reshape(lid, over, patch.cells(inner), pocket, margin)
 
     def _shape(self, sagitta: float) -> tuple[Floats, Bools, tuple[float, float]]:
         """Return heights and mask on a lattice as fine as it must be, and its steps."""

@@ -89,11 +89,13 @@ def drop(
     """Build one drop of half axes along and across the heading; `Bump` states its shape."""
     a, b = half_mm
     sagitta *= 3  # the shape is irregular anyway, and spatters have many drops
-    sectors = int(np.clip(4 * np.ceil(np.pi / 2 * np.sqrt(height / (2 * sagitta))), 24, 200))
+    sectors = int(np.clip(8 * np.ceil(np.pi / 4 * np.sqrt(height / (2 * sagitta))), 24, 200))
     rings = int(np.clip(np.ceil(fullness * np.sqrt(height / (8 * sagitta))), 6, 64))
     angles = np.linspace(0, 2 * np.pi, sectors, endpoint=False)
     radius = outline(angles, irregularity, rng) / np.hypot(np.cos(angles) / a, np.sin(angles) / b)
     rho = np.concatenate([np.linspace(0, 1, rings + 1)[1:], [1.05, 1.1]])
     patch = Patch.disk(surface, site, radius, rho)
     margin = float(np.clip(0.2 * height, 0.003, 0.05))
-    return reshape(patch, height * (1 - patch.first**fullness), None, None, margin)
+    return reshape(
+        patch, height * (1 - patch.first**fullness), None, None, margin, sagitta_mm=sagitta
+    )

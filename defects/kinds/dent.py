@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from defects.carving.solid import Cutter
 from defects.kind import Kind
-from defects.shape.patch import Patch, reshape
+from defects.shape.patch import Patch, eased, reshape
 from defects.surface.surface import Site, SiteError, Surface
 from quantity import quantity
 
@@ -90,33 +90,28 @@ class Dent(Kind):
         # An edge of the part in the way is found here, before all the rest is built.
         bend = max(surface.curvature_per_mm(site, q * a, self.aspect, whole=True), 1e-9)
         margin = float(np.clip(0.2 * self.depth_mm, 0.005, 0.05))
-        skirt = q + 0.06 * np.array([1.0, 2.0])
-        lid = self._patch(surface, site, (q, skirt), sagitta_mm, bend)
-        # The pocket only has to stay between the lid's top and its floor.
-        middle = 0.5 * (1.0 + q)
-        pocket = self._patch(surface, site, (middle, skirt[:0]), max(sagitta_mm, margin / 4), bend)
+        lid = self._patch(surface, site, sagitta_mm, bend)
         height = self.height_mm(lid.first)
+        share = np.clip((lid.first - 1.0) / (q - 1.0), 0.0, 1.0)
         thickness = _thickness(surface, site, lid, THIN * b)
-        if thickness is None:
-            return reshape(lid, height, pocket, self.height_mm(pocket.first), margin)
-        margin = min(margin, 0.25 * float(thickness.min()))
-        # Past the hollow the far skin stays, and the lid ends inside the sheet.
-        underside = np.where(lid.first <= 1.0, height, np.abs(height)) - thickness
-        return reshape(
-            lid, height, pocket, self.height_mm(pocket.first), margin, underside_mm=underside
-        )
+        underside = None
+        if thickness is not None:
+            margin = min(margin, 0.25 * float(thickness.min()))
+            # Past the hollow the far skin stays, and the lid ends inside the sheet.
+            underside = np.where(lid.first <= 1.0, height, np.abs(height)) - thickness
+        floor = eased(height, share, margin)
+        return reshape(lid, height, lid, floor, margin, underside, sagitta_mm)
 
     def _patch(
         self,
         surface: Surface,
         site: Site,
-        rings: tuple[float, Floats],
         sagitta: float,
         bend_per_mm: float,
     ) -> Patch:
-        """Spread a disk whose facets stand off by `sagitta`, up to a radius ratio and beyond."""
+        """Spread a disk whose facets stand off by `sagitta`, up to the rim's end and beyond."""
         a, b = self.length_mm / 2, self.length_mm * self.aspect / 2
-        last, beyond = rings
+        last = self.outer_ratio
         # |w''| <= 10 depth along the radius, |w'| <= 2 depth across it; at a crease of a coarse
         # mesh, where the curvature has no bound, the facets needn't be finer than the mesh is.
         edge_mm = max(float(np.sqrt(8 * sagitta / bend_per_mm)), 0.15, a / 50)
@@ -126,10 +121,11 @@ class Dent(Kind):
         )
         inner = np.linspace(0.0, 1.0, int(np.ceil(1 / ring)) + 1)[1:]
         rim = np.linspace(1.0, last, max(3, int(np.ceil((last - 1) / ring))) + 1)[1:]
-        # A multiple of four, so that the axes are among the headings.
-        angles = np.linspace(0, 2 * np.pi, 4 * int(np.ceil(np.pi / 2 / sector)), endpoint=False)
+        # A multiple of 16: the axes are among the headings, and cells make large blocks.
+        angles = np.linspace(0, 2 * np.pi, 16 * int(np.ceil(np.pi / 8 / sector)), endpoint=False)
         outline = 1 / np.hypot(np.cos(angles) / a, np.sin(angles) / b)
-        return Patch.disk(surface, site, outline, np.concatenate([inner, rim, beyond]))
+        skirt = last + 0.06 * np.array([1.0, 2.0])
+        return Patch.disk(surface, site, outline, np.concatenate([inner, rim, skirt]))
 
 
 def _thickness(surface: Surface, site: Site, lid: Patch, reach_mm: float) -> Floats | None:

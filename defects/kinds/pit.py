@@ -70,7 +70,7 @@ class Pit(Kind):
     ) -> Cutter:
         radius, depth = share * self.diameter_mm / 2, share * self.depth_mm
         sagitta *= 3  # the shape is irregular anyway, and clusters have many facets
-        sectors = int(np.clip(4 * np.ceil(np.pi / 2 * np.sqrt(radius / (8 * sagitta))), 32, 160))
+        sectors = int(np.clip(16 * np.ceil(np.pi / 8 * np.sqrt(radius / (8 * sagitta))), 32, 160))
         rings = int(np.clip(np.ceil(np.sqrt(depth * self.steepness**2 / (4 * sagitta))), 8, 48))
         angles = np.linspace(0, 2 * np.pi, sectors, endpoint=False)
         ring = radius * outline(angles, self.irregularity, rng)
@@ -81,4 +81,4 @@ class Pit(Kind):
         waves = np.cos(x[:, None] * wave[:, 0] + y[:, None] * wave[:, 1] + phase).mean(axis=1)
         fall = 1.0 - patch.first**self.steepness
         height = -depth * fall * (1 + 1.5 * self.irregularity * waves)
-        return dig(patch, height, patch.first <= 1.0, depth)
+        return dig(patch, height, patch.first <= 1.0, depth, sagitta)

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from defects.carving.solid import Cutter
 from defects.kind import Kind
-from defects.shape.patch import Patch, reshape
+from defects.shape.patch import Patch, eased, reshape
+from defects.shape.thinning import filled
 from defects.shape.track import Track, smooth_noise
 from defects.surface.surface import Site, SiteError, Surface
 from quantity import quantity
@@ -77,10 +78,11 @@ class Scratch(Kind):
         fine = float(np.clip(np.sqrt(0.8 * sagitta_mm / self.depth_mm), 0.02, 0.12))
         burr = 1.0 + _ramp(self.burr_width, min(fine, self.burr_width / 8))
         skirt = end + 0.08 * self.burr_width * np.array([1.0, 2.0])
-        across = a * np.concatenate([_ramp(1.0, fine), burr, skirt])
+        across = a * filled(np.concatenate([_ramp(1.0, fine), burr, skirt]))
         coarse = min(edge, self.length_mm / 40, 3 * self.width_mm)
         run = half - out + out * np.concatenate([_ramp(1.0, fine), burr, skirt])
         way = np.concatenate([(half - out) * _ramp(1.0, coarse / (half - out)), run])
+        way = filled(way)
         steps = np.diff(way, prepend=0.0)
         turn = np.deg2rad(self.bow_deg) * steps / self.length_mm
         track = Track.walked(
@@ -91,8 +93,8 @@ class Scratch(Kind):
         rho = np.hypot(u, np.maximum(np.abs(patch.first) - (half - out), 0.0) / out)
         height = self._height(rho, u, patch.first, rng)
         margin = float(np.clip(0.3 * self.depth_mm, 0.003, 0.05))
-        middle = 0.5 * (1.0 + end)
-        return reshape(patch, height, patch.part(rho < middle), height, margin)
+        floor = eased(height, np.clip((rho - 1) / self.burr_width, 0, 1), margin)
+        return reshape(patch, height, patch, floor, margin, sagitta_mm=sagitta_mm)
 
     def _height(self, rho: Floats, u: Floats, along: Floats, rng: np.random.Generator) -> Floats:
         v = along / (self.length_mm / 2)

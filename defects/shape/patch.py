@@ -8,10 +8,15 @@ from numpy.typing import NDArray
 
 from defects.carving.solid import Cutter, Solid
 from defects.seats.feature_edges import Frames
+from defects.shape.thinning import Grid, filled
 from defects.surface.surface import Site, SiteError, Surface
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+
+SPARED = 0.5
+"""Of the sagitta: up to where a grid built for that sagitta may leave points out. A point that is
+left out stood off by a quarter of that in its own cell, 4/3 of it come on top: 0.8 sagittas."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -27,6 +32,8 @@ class Patch:
     first, second
         (n,) coordinates of each point in the patch: radius ratio and angle of a disk; position
         along and across of a strip, both in mm.
+    grid
+        The faces' rows and columns; None: the faces are a piece of a grid.
     """
 
     skin_mm: Floats
@@ -34,6 +41,7 @@ class Patch:
     faces: Ints
     first: Floats
     second: Floats
+    grid: Grid | None = None
 
     @classmethod
     def disk(
@@ -53,13 +61,14 @@ class Patch:
             (k,) length of the walk to radius ratio 1, for k headings evenly spaced from the
             site's own.
         rho
-            (r,) rising radius ratios of the rings, above 0.
+            (r,) rising radius ratios of the rings, above 0; some come in between.
 
         Raises
         ------
         SiteError
             When the disk crosses an edge of the part or folds.
         """
+        rho = filled(rho, 1)
         k, r = len(outline_mm), len(rho)
         angles = np.arange(k) * (2 * np.pi / k)
         start = np.repeat(site.position_mm[None], k, axis=0)
@@ -71,15 +80,14 @@ class Patch:
             raise SiteError("the flaw would cross an edge of the part")
         skin = np.concatenate([site.position_mm[None], walk.points_mm.reshape(-1, 3)])
         normals = np.concatenate([site.normal[None], walk.normals.reshape(-1, 3)])
-        node = 1 + np.arange(k * r, dtype=np.int32).reshape(k, r)
-        after = np.roll(node, -1, axis=0)
-        fan = np.stack([np.zeros(k, np.int64), node[:, 0], after[:, 0]], axis=1)
+        grid = Grid(node=1 + np.arange(k * r, dtype=np.int32).reshape(k, r), hub=0)
         patch = cls(
             skin_mm=skin,
             normals=normals,
-            faces=np.concatenate([fan, _quads(node, after)]).astype(np.int32),
+            faces=grid.faces,
             first=np.concatenate([[0.0], np.tile(rho, k)]),
             second=np.concatenate([[0.0], np.repeat(angles, r)]),
+            grid=grid,
         )
         patch._check()
         return patch
@@ -119,14 +127,15 @@ class Patch:
 
         skin = both(onto, walk.points_mm)
         width = skin.shape[1]
-        node = np.arange(n * width, dtype=np.int32).reshape(n, width)
+        grid = Grid(node=np.arange(n * width, dtype=np.int32).reshape(n, width))
         across = np.concatenate([-across_mm[::-1], [0.0], across_mm])
         patch = cls(
             skin_mm=skin.reshape(-1, 3),
             normals=both(normals, walk.normals).reshape(-1, 3),
-            faces=_quads(node[1:], node[:-1]).astype(np.int32),
+            faces=grid.faces,
             first=np.repeat(along_mm, width),
             second=np.tile(across, n),
+            grid=grid,
         )
         patch._check()
         return patch
@@ -173,37 +182,61 @@ class Patch:
         sideways = np.cross(frames.outward, frames.along)
         normal = np.cos(lean_rad) * frames.outward + np.sin(lean_rad) * sideways
         n, k = skin.shape[:2]
-        node = np.arange(n * k, dtype=np.int32).reshape(n, k)
+        grid = Grid(node=np.arange(n * k, dtype=np.int32).reshape(n, k))
         patch = cls(
             skin_mm=skin.reshape(-1, 3),
             normals=np.repeat(normal, k, axis=0),
-            faces=_quads(node[1:], node[:-1]).astype(np.int32),
+            faces=grid.faces,
             first=np.repeat(along_mm, k),
             second=np.tile(across, n),
+            grid=grid,
         )
         patch._check()
         return patch
 
-    def solid(self, low_mm: Floats, high_mm: Floats) -> Solid:
-        """Return the closed solid between two heights (n,) above the skin, `low` below `high`."""
-        used = self._used()
-        number = np.full(len(self.skin_mm), -1, np.int32)
-        number[used] = np.arange(len(used), dtype=np.int32)
-        faces = number[self.faces]
-        count = len(used)
-        low = self.skin_mm[used] + low_mm[used, None] * self.normals[used]
-        high = self.skin_mm[used] + high_mm[used, None] * self.normals[used]
-        edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-        key = edges.astype(np.int64) @ np.array([count, 1])
-        rim = edges[~np.isin(key, edges[:, ::-1].astype(np.int64) @ np.array([count, 1]))]
-        a, b = rim[:, 0], rim[:, 1]
-        walls = np.concatenate(
-            [np.stack([a, b, b + count], 1), np.stack([a, b + count, a + count], 1)]
+    def solid(
+        self, low_mm: Floats, high_mm: Floats, *, loose_mm: tuple[float, float] = (0.0, 0.0)
+    ) -> Solid:
+        """Return the closed solid between two heights (n,) above the skin, `low` below `high`.
+
+        `loose_mm` states how far the facets of the two sides may stand off, where nobody sees them.
+        """
+        count = len(self.skin_mm)
+        start, end = self._rim()
+        sides, rims = [], []
+        for height, loose in zip((low_mm, high_mm), loose_mm, strict=True):
+            places = self.skin_mm + height[:, None] * self.normals
+            faces, own = self.faces, np.arange(count, dtype=np.int32)
+            if self.grid is not None and loose > 0:
+                faces = self.grid.thinned(places, loose)
+                own = self.grid.stand_ins(faces, count)
+            sides.append((places, faces))
+            rims.append((own[start], own[end]))
+        (a, b), (c, d) = rims
+        faces = np.concatenate(
+            [
+                sides[0][1][:, ::-1],
+                sides[1][1] + count,
+                np.stack([a, b, d + count], 1)[a != b],
+                np.stack([a, d + count, c + count], 1)[c != d],
+            ]
         )
+        used = np.zeros(2 * count, np.bool_)
+        used[faces] = True
+        number = np.cumsum(used, dtype=np.int32) - np.int32(1)
         return Solid(
-            vertices_mm=np.concatenate([low, high]),
-            faces=np.concatenate([faces[:, ::-1], faces + count, walls]).astype(np.int32),
+            vertices_mm=np.concatenate([sides[0][0], sides[1][0]])[used], faces=number[faces]
         )
+
+    def _rim(self) -> tuple[Ints, Ints]:
+        """Return the edges that one face alone has: their starts and their ends (n,)."""
+        if self.grid is not None:
+            return self.grid.rim, np.roll(self.grid.rim, -1)
+        edges = np.concatenate([self.faces[:, [k, (k + 1) % 3]] for k in range(3)])
+        there = edges.astype(np.int64) @ np.array([len(self.skin_mm), 1])
+        back = edges[:, ::-1].astype(np.int64) @ np.array([len(self.skin_mm), 1])
+        rim = edges[~np.isin(there, back)]
+        return rim[:, 0], rim[:, 1]
 
     def _used(self) -> NDArray[np.intp]:
         """Return the numbers of the points that faces meet in; `np.unique` takes far longer."""
@@ -249,43 +282,50 @@ def reshape(
     lid: Patch,
     lid_height_mm: Floats,
     pocket: Patch | None,
-    pocket_height_mm: Floats | None,
+    floor_mm: Floats | None,
     margin_mm: float,
     underside_mm: Floats | None = None,
+    sagitta_mm: float = 0.0,
 ) -> Cutter:
     """Give the skin another surface.
 
     What lies above the wanted surface goes, and a lid with the wanted surface on top comes,
     so that removed and added faces never nearly coincide: the pocket is cut `margin_mm`
-    deeper than wanted and the lid is twice that thick. The wanted surface must cross the skin
-    at an angle and end below it.
+    deeper than wanted, see `eased`, and the lid is twice that thick. The wanted surface must cross
+    the skin at an angle and end below it.
 
     Parameters
     ----------
     lid, lid_height_mm
         The whole footprint and (n,) the wanted surface above the skin along the local normal.
-    pocket, pocket_height_mm
-        Where the wanted surface lies below the skin and some way on, but less than the lid;
-        may have coarser facets, as long as they stay within the margin. None: nothing is removed.
+    pocket, floor_mm
+        What is removed: over which patch, and (n,) from which height over the skin on. None:
+        nothing.
     margin_mm
         See above.
     underside_mm
         (n,) the lid's lower side over the skin, where a thin sheet's far skin moves, too; None:
         the lid is `2 * margin_mm` thick.
+    sagitta_mm
+        How far facets may stand off the wanted surface.
     """
+    seen = SPARED * sagitta_mm
     top = lid_height_mm > 0.2 * max(float(lid_height_mm.max()), 1e-9)
     above = (lid.skin_mm + lid_height_mm[:, None] * lid.normals)[top]
     removed = None
-    if pocket is not None and pocket_height_mm is not None:
+    if pocket is not None and floor_mm is not None:
         rise = float(max(lid_height_mm.max(), 0.0)) + 2 * margin_mm
         high = np.full(len(pocket.skin_mm), rise)
-        removed = pocket.solid(np.minimum(pocket_height_mm, 0.0) - margin_mm, high)
+        removed = pocket.solid(floor_mm, high, loose_mm=(0.25 * margin_mm, margin_mm))
         roof = (pocket.skin_mm + rise * pocket.normals)[pocket._used()]
         above = np.concatenate([above, roof])
-    low = np.minimum(lid_height_mm, 0.0) - 2 * margin_mm if underside_mm is None else underside_mm
+    # A sheet's far skin is seen; a lid's underside only has to stay below the pocket's floor.
+    low, loose = underside_mm, seen
+    if low is None:
+        low, loose = np.minimum(lid_height_mm, 0.0) - 2 * margin_mm, 0.4 * margin_mm
     return Cutter(
         removed=removed,
-        added=lid.solid(low, lid_height_mm),
+        added=lid.solid(low, lid_height_mm, loose_mm=(loose, seen)),
         skin_mm=lid.skin_mm,
         normals=lid.normals,
         height_mm=lid_height_mm,
@@ -293,7 +333,22 @@ def reshape(
     )
 
 
-def dig(patch: Patch, height_mm: Floats, under: NDArray[np.bool_], depth_mm: float) -> Cutter:
+def eased(height_mm: Floats, share: Floats, margin_mm: float) -> Floats:
+    """Return a pocket's floor over the skin, a margin deeper than a wanted surface (n,).
+
+    `share` is 0 where the wanted surface lies below the skin. From there to the lid's end it rises
+    to 1, and the floor out of the skin, so that the pocket's walls stand in the air.
+    """
+    return np.where(share > 0, (2 * share - 1) * margin_mm, np.minimum(height_mm, 0) - margin_mm)
+
+
+def dig(
+    patch: Patch,
+    height_mm: Floats,
+    under: NDArray[np.bool_],
+    depth_mm: float,
+    sagitta_mm: float = 0.0,
+) -> Cutter:
     """Take away what lies above a wanted surface.
 
     Parameters
@@ -306,10 +361,17 @@ def dig(patch: Patch, height_mm: Floats, under: NDArray[np.bool_], depth_mm: flo
     depth_mm
         Of the flaw: the solid rises a quarter of it, at least 20 µm, above the highest point, so
         that its roof lies clearly in the air.
+    sagitta_mm
+        How far facets may stand off the wanted surface.
     """
-    rise = float(height_mm.max()) + max(0.02, 0.25 * depth_mm)
+    clear = max(0.02, 0.25 * depth_mm)
+    rise = float(height_mm.max()) + clear
     return Cutter(
-        removed=patch.solid(height_mm, np.full(len(height_mm), rise)),
+        removed=patch.solid(
+            height_mm,
+            np.full(len(height_mm), rise),
+            loose_mm=(SPARED * sagitta_mm, 0.25 * clear),
+        ),
         added=None,
         skin_mm=patch.skin_mm[under],
         normals=patch.normals[under],
@@ -330,10 +392,3 @@ def merge(cutters: list[Cutter]) -> Cutter:
         height_mm=np.concatenate([cutter.height_mm for cutter in cutters]),
         above_mm=np.concatenate([cutter.above_mm for cutter in cutters]),
     )
-
-
-def _quads(here: Ints, there: Ints) -> Ints:
-    """Join two rows (k, r) of node numbers, the second to the left of the first, by triangles."""
-    a, b = here[:, :-1].ravel(), here[:, 1:].ravel()
-    c, d = there[:, 1:].ravel(), there[:, :-1].ravel()
-    return np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])

@@ -85,8 +85,9 @@ def drop(points: Floats, skin: Skin) -> tuple[Floats, Floats, Ints]:
     onto = np.empty(points.shape)
     normals = np.empty(points.shape)
     triangles = np.empty(len(points), np.int32)
+    f = -1
     for i in range(len(points)):
-        f = nearest(points[i], -1, vertices, faces, order, box, node, weight)
+        f = nearest(points[i], f, vertices, faces, order, box, node, weight)
         triangles[i] = f
         for c in range(3):
             onto[i, c] = (

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from defects.carving.point_in_mesh import Inside
 from defects.carving.solid import Block, BooleanError, Change, Cutter
@@ -19,6 +18,7 @@ from defects.kinds.banked import Banked
 from defects.surface.surface import Site, SiteError, Surface
 from pipeline.injection.flawed_part import Flaw, FlawedPart
 from pipeline.injection.flawplan import FlawPlan, KindPlan
+from pipeline.injection.spacing import Footprint
 from pipeline.parts.part import Part
 
 __all__ = ["Flaw", "FlawedPart", "cutter_of", "inject"]
@@ -32,7 +32,7 @@ PLACES = 60
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class _Placed:
-    """A flaw that passed all its checks, with its neighbourhood for the distance to others."""
+    """A flaw that passed all its checks, with its footprint for the distance to others."""
 
     plan: KindPlan
     number: int
@@ -43,8 +43,7 @@ class _Placed:
     change: Change
     seed: int
     attempt: int
-    tree: cKDTree
-    spacing_mm: float
+    footprint: Footprint
 
 
 class _Misplaced(Exception):
@@ -214,16 +213,14 @@ def _try(
         raise _Misplaced("no visible place found")
     site = sites[0]
     for other in placed:
-        if other.tree.query(site.position_mm)[0] < max(plan.min_distance_mm, other.spacing_mm):
+        near = max(plan.min_distance_mm, other.footprint.spacing_mm)
+        if other.footprint.tree.query(site.position_mm)[0] < near:
             raise _Misplaced("too near to another flaw")
     cutter = flaw.cutter(surface, site, _shape_rng(seed, attempt), plan.facet_um * 1e-3)
     _check_free(surface, plan, cutter, forbidden)
-    points = np.concatenate([solid.vertices_mm for solid in cutter.solids])
-    spacing = 0.6 * max(_longest_edge(cutter), 1e-3)
-    for other in placed:
-        gap = max(plan.min_distance_mm, spacing, other.spacing_mm)
-        if np.isfinite(other.tree.query(points, distance_upper_bound=gap)[0]).any():
-            raise _Misplaced("too near to another flaw")
+    footprint = Footprint.of(cutter, plan.min_distance_mm)
+    if any(footprint.is_near(other.footprint, plan.min_distance_mm) for other in placed):
+        raise _Misplaced("too near to another flaw")
     return _Placed(
         plan=kind_plan,
         number=number,
@@ -234,8 +231,7 @@ def _try(
         change=block.trial(cutter),
         seed=seed,
         attempt=attempt,
-        tree=cKDTree(points),
-        spacing_mm=spacing,
+        footprint=footprint,
     )
 
 
@@ -245,16 +241,6 @@ def _check_free(surface: Surface, plan: FlawPlan, cutter: Cutter, forbidden: Boo
             raise _Misplaced("on a place to be kept free")
     if forbidden.any() and forbidden[surface.project(cutter.skin_mm)[2]].any():
         raise _Misplaced("on a region to be kept free")
-
-
-def _longest_edge(cutter: Cutter) -> float:
-    longest = 0.0
-    for solid in cutter.solids:
-        corner = solid.vertices_mm[solid.faces]
-        longest = max(
-            longest, float(np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max())
-        )
-    return longest
 
 
 def _carve(

@@ -34,8 +34,11 @@ def test_a_relief_is_the_flaw_within_the_noise(kind):
     assert not relief.height_mm[~relief.footprint].any()
     flaw, size = flawed.flaws[0], relief.dimensions()
     net = flaw.removed_mm3 - flaw.added_mm3
+    # The error of the relief's level, held to a tenth of the noise above, is no error of the sum.
+    level = error.sum() * relief.pitch_mm**2
     allowed = 4 * claimed * np.sqrt(relief.footprint.sum()) * relief.pitch_mm**2
-    assert size["removed_mm3"] - size["added_mm3"] == pytest.approx(net, rel=0.02, abs=allowed)
+    found_net = size["removed_mm3"] - size["added_mm3"] + level
+    assert found_net == pytest.approx(net, rel=0.02, abs=allowed)
 
 
 def test_wiener_is_the_limit_without_missing_readings():
