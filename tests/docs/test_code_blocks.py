@@ -1,31 +1,19 @@
 """The code blocks of the README, the tutorial and the how-tos run as they stand."""
 
-import importlib.util
 import shutil
-import sys
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 
-HOME = Path(__file__).resolve().parents[2]
+from tests.support.page_script import HOME, script
+
 PAGES = sorted(["README.md", "docs/tutorial.md", *(
     str(path.relative_to(HOME)) for path in (HOME / "docs/how-to").glob("*.md")
 )])  # fmt: skip
 NEEDS = {"docs/how-to/train.md": "torch"}  # extras that are not installed for the tests
 
 
-def _script() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("blocks", HOME / "docs/site/blocks.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["blocks"] = module  # dataclasses look their module up
-    spec.loader.exec_module(module)
-    return module
-
-
-BLOCKS = _script()
+BLOCKS = script("site/blocks.py")
 
 
 @pytest.mark.slow
