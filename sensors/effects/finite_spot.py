@@ -1,4 +1,4 @@
-"""The line has a width: each reading is an average over its footprint."""
+"""The laser line has a width: each reading is an average over its footprint."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
@@ -23,25 +23,26 @@ from sensors.view.view_cache import ViewCache
 
 _ROUNDED: ViewCache[NDArray[np.float64]] = ViewCache(1)
 TIMES_WIDER = (0.5, 1.4, 2.0, 2.8)
-"""Widths that are tried first, in times of the line that the file tells of."""
+"""Starting widths of a search, over the width of the line that the file states."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FiniteSpot(Effect):
-    """Mean over a Gaussian footprint on the surface that runs on from the centre.
+    """Mean depth over a Gaussian footprint on the surface that continues from the centre.
 
-    What a file tells of edges was measured with the line as it was. A line that is wider by now
-    (`beam_um`) adds to that what a matt surface under it reads beyond one under the former.
+    The file's values at edges were measured with the line width of that time. Where the line width
+    has increased since (`beam_um`), the reading changes by the difference between the readings of
+    a matt surface under both widths.
     """
 
     name: ClassVar = "finite_spot"
     summary: ClassVar = (
-        "Each reading averages the depth over the laser line's width: edges are rounded, "
-        "curvature biases."
+        "Each reading averages the depth over the laser line's width: edges are rounded, and "
+        "curved surfaces are biased."
     )
     equation: ClassVar = (
-        "z_m = Σ L(η) z(y+η) / Σ L(η), bias about s²/2 · ∂²z/∂y²; with a lean, + lean · "
-        "(Σ L I [z + κ η cot θ] / Σ L I less the same without the brightness I)"
+        "z_m = Σ L(η) z(y+η) / Σ L(η), bias about s²/2 · ∂²z/∂y²; with `lean`, + lean · "
+        "(Σ L I [z + κ η cot θ] / Σ L I - Σ L [z + κ η cot θ] / Σ L), I the brightness"
     )
     source: ClassVar = (
         "Centre of gravity of a Gaussian line, sensors/line/line_operator.py; "
@@ -49,8 +50,8 @@ class FiniteSpot(Effect):
         "ch. 17 for the beam's width away from focus"
     )
     statement: ClassVar = (
-        "Edges and tight radii are rounded as by a laser line of {line_sd_um:.0f} µm (standard "
-        "deviation across its width)."
+        "Edges and small radii are rounded as a laser line of {line_sd_um:.0f} µm (standard "
+        "deviation across its width) predicts."
     )
     channels: ClassVar = ("mean",)
     frame: ClassVar = "sensor"
@@ -59,7 +60,7 @@ class FiniteSpot(Effect):
     line_width: ClassVar = "line_sd_um"
     separating: ClassVar = (
         "rotate the part by 90°: rounding by the line's width stays along the travel; vary the "
-        "speed: motion blur grows with it"
+        "speed: motion blur grows with the speed"
     )
 
     line_sd_um: float | None = line_sd()
@@ -67,7 +68,7 @@ class FiniteSpot(Effect):
     rayleigh_mm: float = rayleigh()
 
     lean: float = parameter(
-        "how much of what a line this wide would lean to the brighter side of a crease it leans, "
+        "centroid bias towards the brighter side of a crease, over that of a line this wide, "
         "where the brightness is known",
         low=0.0,
         high=1.0,
@@ -75,8 +76,8 @@ class FiniteSpot(Effect):
     )
 
     beam_um: float = parameter(
-        "standard deviation that the line has by now, where the file's figures on edges were "
-        "measured with another; 0: as it was then",
+        "current standard deviation of the line, where the file's values at edges were measured "
+        "with another line width; 0: unchanged",
         unit="µm",
         low=0.0,
         high=500.0,
@@ -84,12 +85,12 @@ class FiniteSpot(Effect):
     )
 
     def searched(self, *, linear: bool | None = None) -> tuple[Parameter, ...]:
-        """Return the numbers that a fit may move: none of what was measured for the file."""
+        """Return the free parameters: values measured for the file stay fixed."""
         found = Effect.searched(self, linear=linear)
         return tuple(p for p in found if (p.name == "beam_um") == (self.beam_um > 0))
 
     def grid(self, view: View) -> tuple[Self, ...]:
-        """Return lines wider and narrower than the one whose spot the file lists, else any."""
+        """Return wider and narrower lines than the listed one; any line where none is listed."""
         if self != view.sensor.beam.spot:
             return Effect.grid(self, view)
         beam_um, high = 1e3 * listed_sd_mm(view), self.parameter("beam_um").high
@@ -106,26 +107,26 @@ class FiniteSpot(Effect):
         )
 
     def as_told(self) -> Self:
-        """Return the spot of the line as it was when the file's figures were measured."""
+        """Return the spot with the line width at which the file's values were measured."""
         return self.with_parameters(beam_um=0.0)
 
     def words(self) -> dict[str, float]:
-        """Say how wide the line is by now."""
+        """Return the current line width for the statement."""
         return {"line_sd_um": self.beam_um} if self.beam_um else {}
 
     def variants(self, view: View) -> tuple[Self, ...]:
-        """Return the line leaning to the bright side, where the brightness is known."""
+        """Return the line with a centroid bias, where the brightness is known."""
         placed = view.datasheet.triangulation_angle_deg is not None
         if self.beam_um or view.brightness is None or not placed:
             return ()
         return (self.with_parameters(lean=0.3),)
 
     def changed(self, law: Law, view: View) -> Law:
-        """Add the difference between the footprint's mean and the centre."""
+        """Add the difference between the footprint's mean and the depth at its centre."""
         return replace(law, mean_mm=law.mean_mm + self.shift(view))
 
     def shift(self, view: View) -> NDArray[np.float64]:
-        """Return the footprint's mean less the centre's depth; a wider line's change with it."""
+        """Return the footprint's mean minus the centre's depth, a wider line's change included."""
         told = self.as_told()
         rounded = _ROUNDED.get(view, told, lambda: told._rounded(view))
         return rounded + wider_mm(view, 1e-3 * self.beam_um) if self.beam_um else rounded

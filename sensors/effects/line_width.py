@@ -23,7 +23,7 @@ def line_sd() -> Any:
 
 
 def along(otherwise: str = "") -> Any:
-    """Declare the footprint along the line, and what stands in for 0."""
+    """Declare the footprint along the line, and the meaning of 0."""
     return parameter(
         f"standard deviation of the footprint along the line (lens and pixel){otherwise}",
         unit="µm",
@@ -35,7 +35,7 @@ def along(otherwise: str = "") -> Any:
 
 
 def rayleigh() -> Any:
-    """Declare how fast the line widens out of focus."""
+    """Declare the Rayleigh length of the line."""
     return parameter(
         "distance from focus at which the line is √2 wider; 0: no defocus",
         unit="mm",

@@ -1,4 +1,4 @@
-"""The sensor is mounted a little turned and displaced against its commanded pose."""
+"""Mounting error: the sensor is rotated and displaced relative to its commanded pose."""
 
 import math
 from dataclasses import dataclass
@@ -22,7 +22,8 @@ class PoseError(MotionEffect):
 
     name: ClassVar = "pose_error"
     summary: ClassVar = (
-        "The sensor isn't where it is said to be: everything it reads is turned or displaced."
+        "The sensor's true pose differs from the commanded one: all readings are rotated or "
+        "displaced."
     )
     equation: ClassVar = "pose_true = pose · T(x, y, z) Rz(yaw) Ry(roll) Rx(pitch)"
     source: ClassVar = (
@@ -30,7 +31,7 @@ class PoseError(MotionEffect):
         " (n·d)"
     )
     statement: ClassVar = (
-        "The sensor is mounted off its commanded pose: roll {roll_deg:.3f}°, pitch "
+        "The sensor's mounting differs from the commanded pose: roll {roll_deg:.3f}°, pitch "
         "{pitch_deg:.3f}°, yaw {yaw_deg:.3f}°, offsets {x_mm:.3f}, {y_mm:.3f}, {z_mm:.3f} mm."
     )
     channels: ClassVar = ("mean", "missing")
@@ -42,7 +43,7 @@ class PoseError(MotionEffect):
     )
 
     roll_deg: float = parameter(
-        "turn about the travel (sensor y)",
+        "rotation about the travel (sensor y)",
         unit="°",
         low=-5.0,
         high=5.0,
@@ -51,7 +52,7 @@ class PoseError(MotionEffect):
         linear=True,
     )
     pitch_deg: float = parameter(
-        "turn about the laser line (sensor x)",
+        "rotation about the laser line (sensor x)",
         unit="°",
         low=-5.0,
         high=5.0,
@@ -60,7 +61,7 @@ class PoseError(MotionEffect):
         linear=True,
     )
     yaw_deg: float = parameter(
-        "turn about the laser's axis (sensor z)",
+        "rotation about the laser's axis (sensor z)",
         unit="°",
         low=-5.0,
         high=5.0,
@@ -97,7 +98,7 @@ class PoseError(MotionEffect):
     )
 
     def fields(self, view: View) -> tuple[Floats, ...]:
-        """Return the first order for each turn and displacement."""
+        """Return the first order for each rotation and displacement."""
         push = rigid_jacobian(view)
         turn = math.radians(1.0)
         return turn * push[4], turn * push[3], turn * push[5], push[0], push[1], push[2]

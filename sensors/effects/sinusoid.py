@@ -1,4 +1,4 @@
-"""What effects that are a sine along a recording share: the phase, and the frequencies to try."""
+"""Common to effects that are a sine along a recording: phase and trial frequencies."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ FEWEST = 4
 
 
 def phase() -> Any:
-    """Declare the phase at the first profile, which each recording has of its own."""
+    """Declare the phase at the first profile, a per-recording parameter."""
     return parameter(
         "phase φ at the first profile",
         unit="rad",

@@ -1,4 +1,4 @@
-"""The stage or the sensor vibrates: whole rows move."""
+"""Vibration of stage or sensor: whole profiles move."""
 
 import math
 from dataclasses import dataclass
@@ -17,23 +17,24 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StageVibration(AdditiveEffect):
-    """A sine of time, equal in all columns; its phase is the recording's."""
+    """A sine of time, equal in all columns; the phase is a per-recording parameter."""
 
     name: ClassVar = "stage_vibration"
-    summary: ClassVar = "Whole profiles move up and down at a fixed frequency."
-    equation: ClassVar = "A sin(2π f t + φ); above half the profile rate it shows aliased"
+    summary: ClassVar = "Whole profiles move in depth at a constant frequency."
+    equation: ClassVar = "A sin(2π f t + φ); aliased above half the profile rate"
     source: ClassVar = "Forced vibration of a stage, 2 to 50 µm, 5 to 250 Hz"
     statement: ClassVar = (
-        "Whole profiles move up and down by {amplitude_um:.1f} µm at {frequency_hz:.1f} Hz (or an"
-        " alias of it above half the profile rate): stage or mounting vibrates."
+        "Stage or mounting vibrates: whole profiles move in depth with an amplitude of"
+        " {amplitude_um:.1f} µm at {frequency_hz:.1f} Hz, or at an alias above half the profile"
+        " rate."
     )
     channels: ClassVar = ("mean",)
     frame: ClassVar = "time"
     covariate: ClassVar = "time"
     rivals: ClassVar = ("travel_ripple", "form_error", "pixel_locking")
     separating: ClassVar = (
-        "change the speed: a vibration keeps its frequency in Hz, waviness of the part its length"
-        " in mm"
+        "change the speed: a vibration keeps its frequency in Hz, waviness of the part its "
+        "wavelength in mm"
     )
     sinusoid: ClassVar = True
 

@@ -1,4 +1,4 @@
-"""The travel isn't even: profiles lie a little before or behind their place."""
+"""Periodic error of the travel: profiles lie before or behind their stated position."""
 
 import math
 from dataclasses import dataclass
@@ -18,26 +18,26 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TravelRipple(MotionEffect):
-    """A sine of the travel, displacing each profile along y; its phase is the recording's."""
+    """A sine of the travel displaces each profile along y; the phase is per recording."""
 
     name: ClassVar = "travel_ripple"
     summary: ClassVar = (
-        "The stage runs unevenly: profiles are taken a little before or behind where they should,"
-        " which shows on slopes."
+        "The travel has a periodic error: profiles are taken before or behind their stated "
+        "position, which biases readings on slopes."
     )
     equation: ClassVar = "δy = A sin(2π s / period + φ); to first order δz = dz/dy · δy"
     source: ClassVar = "Periodic error of lead screw, belt or encoder, 5 to 100 µm"
     statement: ClassVar = (
-        "The travel is uneven: profiles lie up to {amplitude_um:.0f} µm off along it, repeating "
-        "every {period_mm:.2f} mm; it shows on slopes, not on flats."
+        "The travel has a periodic error of {amplitude_um:.0f} µm with a period of {period_mm:.2f} "
+        "mm, which biases readings on slopes and not on flats."
     )
     channels: ClassVar = ("mean",)
     frame: ClassVar = "travel"
     covariate: ClassVar = "travel"
     rivals: ClassVar = ("stage_vibration", "form_error", "incidence_bias")
     separating: ClassVar = (
-        "compare flats with slopes: uneven travel leaves flats alone; change the speed: it keeps "
-        "its length in mm"
+        "compare flats with slopes: a travel error biases slopes only; change the speed: a travel "
+        "error keeps its period in mm"
     )
     sinusoid: ClassVar = True
 
@@ -51,7 +51,7 @@ class TravelRipple(MotionEffect):
         linear=True,
     )
     period_mm: float = parameter(
-        "length of travel after which it repeats",
+        "period along the travel",
         unit="mm",
         low=0.01,
         high=5000.0,
@@ -66,7 +66,7 @@ class TravelRipple(MotionEffect):
         return 1e-3 * push * np.sin(turn), 1e-3 * push * np.cos(turn)
 
     def moved(self, view: View) -> View:
-        """Return the view with each profile where it really was taken."""
+        """Return the view with each profile at its true position."""
         turn = 2 * math.pi / self.period_mm * view.travel_mm + (self.phase_rad or 0.0)
         return view.shifted(dy_mm=1e-3 * self.amplitude_um * np.sin(turn))
 

@@ -284,13 +284,13 @@ def test_a_wider_line_cut_at_an_edge_reads_from_its_own_half(view_of):
     assert abs((wider - told)[0]) < 1e-9
 
 
-def test_a_fit_moves_the_line_as_it_is_by_now_where_a_file_tells_of_it(view_of):
+def test_a_fit_varies_the_current_width_where_a_file_states_the_former_one(view_of):
     listed = view_of("step", sheet={"effects": (SPOT, CUT_LINE)})
     points = FiniteSpot(line_sd_um=160.0).grid(listed)
     assert [p.beam_um for p in points] == [50.0, 140.0, 200.0, 280.0]
     assert [p.name for p in points[0].searched()] == ["beam_um"]
     assert points[0].variants(listed) == ()
-    assert "as by a laser line of 50 µm" in points[0].describe()
+    assert "as a laser line of 50 µm" in points[0].describe()
     for unlisted in (view_of("step"), view_of("step", sheet={"effects": (CUT_LINE,)})):
         bare = FiniteSpot(line_sd_um=160.0).grid(unlisted)
         assert all(p.beam_um == 0.0 for p in bare)
