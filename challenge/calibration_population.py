@@ -24,16 +24,23 @@ NULLS = 30
 _TRIES = 5
 
 
-def planned(nulls: int = NULLS, effects: bool = True) -> dict[str, Secret]:
-    """Return the sets by the names of their folders: nulls over all parts, then one effect each."""
+def planned(nulls: int = NULLS, each: int = 1) -> dict[str, Secret]:
+    """Return the sets by the names of their folders: nulls over all parts, then one effect each.
+
+    Parameters
+    ----------
+    each : sets of each effect
+    """
     shapes = list(SHAPES)
     sets = {}
     for k in range(nulls):
         sets[f"null-{k + 1:03d}"] = _secret("null", (), shapes[k % len(shapes)], 1)
-    if effects:
+    for turn in range(each):
         for k, name in enumerate(SINGLE):
             fitting = SWITCHES[name].shapes or tuple(shapes)
-            sets[f"one-{name}"] = _secret("one", (name,), fitting[k % len(fitting)], 1 + k % 2)
+            folder = f"one-{name}" if turn == 0 else f"one-{name}-{turn + 1}"
+            shape = fitting[(k + turn) % len(fitting)]
+            sets[folder] = _secret("one", (name,), shape, 1 + (k + turn) % 2)
     seeds = {name: int(child(SEED, name).integers(2**62)) for name in sets}
     return {name: replace(secret, seed=seeds[name]) for name, secret in sets.items()}
 
@@ -44,7 +51,7 @@ def _secret(kind: str, switches: tuple[str, ...], shape: str, strength: int) -> 
     )
 
 
-def calibrate(out: Path, *, nulls: int = NULLS, effects: bool = True) -> int:
+def calibrate(out: Path, *, nulls: int = NULLS, each: int = 1) -> int:
     """Make the population in a folder, one folder a set; continue where it was stopped.
 
     Returns
@@ -53,7 +60,7 @@ def calibrate(out: Path, *, nulls: int = NULLS, effects: bool = True) -> int:
         Exit code.
     """
     out.mkdir(parents=True, exist_ok=True)
-    sets = planned(nulls, effects)
+    sets = planned(nulls, each)
     todo = [name for name in sets if not (out / name / "truth.json").exists()]
     print(f"{len(sets)} sets, {len(todo)} to make", flush=True)
     for k, name in enumerate(todo):

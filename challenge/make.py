@@ -58,6 +58,8 @@ def make(
     if population is None:
         population = TEST.name if family == "second" else VALIDATION.name
     needs_aggregate(population)
+    if meshes is not None and family != "second":
+        raise ValueError(f"--meshes: of the second family; value --family {family}")
     (out / "cases").mkdir(parents=True, exist_ok=True)
     (out / "keys").mkdir(exist_ok=True)
     master_file = out / "keys" / "master.json"

@@ -10,6 +10,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "example:\n"
         "  flawforge challenge make --out out/proof --jobs 2\n"
         "  flawforge challenge run out/proof --jobs 2\n"
+        "  flawforge challenge measure out/proof\n"
         "  flawforge challenge judge out/proof --write docs/proof.md\n"
         "  flawforge challenge payoff --out out/payoff --write docs/payoff.md"
     )
@@ -45,8 +46,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--nulls", type=int, default=30, help="sets of the good instrument (default 30)"
     )
     calibrate.add_argument(
-        "--nulls-only", action="store_true", help="leave out the sets with one effect each"
-    )
+        "--each", type=int, default=1, metavar="N",
+        help="sets with one effect, of each effect (default 1; 0: the good instrument alone)",
+    )  # fmt: skip
     run_step = steps.add_parser(
         "run", help="diagnose each case in a process and folder without its key"
     )
@@ -59,13 +61,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--shuffled", type=int, default=0, metavar="N",
         help="instead, diagnose the first N cases with shuffled covariates: a baseline",
     )  # fmt: skip
+    run_step.add_argument(
+        "--measured", metavar="WAY",
+        help="instead, diagnose the cases with a further scan of `measure`: ranked or random",
+    )  # fmt: skip
+    further = steps.add_parser(
+        "measure",
+        help="make the scan that each answer proposes first, and a random one, for cases that one "
+        "recording can't decide",
+    )
+    further.add_argument("set", type=Path, help="folder of an answered set")
+    simple = steps.add_parser(
+        "baseline", help="answer a set by a gradient-boosted classifier on figures of residuals"
+    )
+    simple.add_argument("set", type=Path, help="folder of the set")
+    simple.add_argument(
+        "--train", type=Path, required=True, metavar="DIR", help="population made by `calibrate`"
+    )
     regions = steps.add_parser(
         "regions", help="draw the true regions of an answered set again, and from other draws"
     )
     regions.add_argument("set", type=Path, help="folder of the set")
     regions.add_argument("--jobs", type=int, default=1, help="processes (default 1)")
     judge = steps.add_parser("judge", help="open the keys, check the seals, score the answers")
-    judge.add_argument("set", type=Path, help="folder of the set")
+    judge.add_argument(
+        "set", type=Path, nargs="+", help="folder of the set; for a page, one of each family"
+    )
     judge.add_argument(
         "--partial", action="store_true",
         help="score the cases answered so far, where the run was stopped by the clock",
@@ -74,7 +95,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--aggregate", action="store_true", help="print and keep no case, only the scoreboard"
     )
     judge.add_argument(
-        "--record", type=Path, metavar="FILE.md", help="with --aggregate: enter the run there"
+        "--record", type=Path, metavar="FILE.md", help="enter a test set's run there"
     )
     judge.add_argument("--reason", default="", help="with --record: why the test was run")
     judge.add_argument("--write", type=Path, metavar="FILE.md", help="write the page with pictures")
@@ -116,7 +137,7 @@ def _step(arguments: argparse.Namespace) -> int:
     if arguments.step == "calibrate":
         from challenge.calibration_population import calibrate
 
-        return calibrate(arguments.out, nulls=arguments.nulls, effects=not arguments.nulls_only)
+        return calibrate(arguments.out, nulls=arguments.nulls, each=arguments.each)
     if arguments.step == "run":
         from challenge.run import run as diagnose_all
 
@@ -125,29 +146,47 @@ def _step(arguments: argparse.Namespace) -> int:
             jobs=arguments.jobs,
             timeout_s=arguments.timeout,
             shuffled=arguments.shuffled,
+            measured=arguments.measured,
         )
+    if arguments.step == "baseline":
+        from challenge.baseline.boosted import baseline
+
+        return baseline(arguments.set, arguments.train)
+    if arguments.step == "measure":
+        from challenge.measure import measure
+
+        return measure(arguments.set)
     if arguments.step == "regions":
         from challenge.regions import draw_again
 
         return draw_again(arguments.set, jobs=arguments.jobs)
     if arguments.step == "payoff":
         return _payoff(arguments)
-    from challenge.judge import judge
-    from challenge.proof import scoreboard, write_page
+    return _judge(arguments)
 
-    if arguments.aggregate and arguments.write is not None:
-        raise ValueError("--write shows cases; with --aggregate use --record")
-    scored = judge(arguments.set, partial=arguments.partial, aggregate=arguments.aggregate)
-    lines = scoreboard(scored)
-    for line in lines:
-        print(line)
-    if arguments.record is not None:
-        from challenge.record_of_tests import commit, enter
 
-        root = Path(__file__).parents[1]
-        enter(arguments.record, reason=arguments.reason, commit=commit(root), lines=lines)
+def _judge(arguments: argparse.Namespace) -> int:
+    from challenge.judge import judge, population_of
+    from challenge.populations import needs_aggregate
+    from challenge.proof import Judged, write_page
+    from challenge.record_of_tests import commit, enter
+    from challenge.scoreboard import figures, table
+
+    tests = [folder for folder in arguments.set if needs_aggregate(population_of(folder))]
+    if tests and arguments.write is not None and arguments.record is None:
+        raise ValueError(f"--write: {tests[0]} is a test set: --record and --reason enter its run")
+    version, judged = commit(Path(__file__).parents[1]), []
+    for folder in arguments.set:
+        whole = arguments.aggregate or (folder in tests and arguments.write is not None)
+        scored = judge(folder, partial=arguments.partial, aggregate=whole)
+        judged.append(Judged.of(scored, folder))
+        board = table({judged[-1].label: figures(scored)})
+        for line in board:
+            print(line)
+        if arguments.record is not None and (folder in tests or len(arguments.set) == 1):
+            enter(arguments.record, reason=arguments.reason, commit=version, lines=board)
     if arguments.write is not None:
-        write_page(scored, arguments.set, arguments.write)
+        write_page(judged, arguments.write, commit=version)
     return 0
 
 

@@ -24,7 +24,7 @@ from challenge.second.switches import FAULTS
 from challenge.second.world import Parameters, World, placed
 
 BASELINES = ("base-1", "base-2")
-SIZES = (0.3, 0.6, 1.2)
+SIZES = (0.2, 0.4, 0.8)
 """Of weak, medium and strong faults: about half of them are concealed from the paper's checks."""
 MISPLACED_RAD, MISPLACED_MM = 3.5e-4, 0.03
 OPTIONAL = ("line_width_um", "wavelength_nm", "exposure_s", "camera_rows", "repeatability_um")

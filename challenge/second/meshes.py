@@ -7,6 +7,9 @@ import trimesh
 
 from challenge.cases.parts import LENGTH_MM
 from challenge.instrument.instrument import Solid
+from challenge.instrument.rays import plant
+from challenge.second.edges import off_edges
+from challenge.second.lit import cast
 
 MARK = "mesh "
 """A case's shape that begins so is the name of a file among the set's meshes."""
@@ -15,19 +18,33 @@ MOST_FACES = 200_000
 HIGH_MM = 7.0
 """Height to which a mesh is scaled at most: the range is 12 mm, and the poses lean."""
 
+FIELD_MM, PITCH_MM, LEAST_SMOOTH = (8.0, 6.0), 0.1, 0.4
+"""Half the field that a scan sees, its pitch, and the share of it that must be off edges."""
+
 
 def files(folder: Path) -> list[Path]:
-    """Return the closed meshes of a folder.
+    """Return the closed meshes of a folder whose middle has places off edges to measure.
 
     Raises
     ------
     ValueError
         Where the folder has none.
     """
-    found = [p for p in sorted(folder.iterdir()) if p.suffix.lower() in KINDS and _closed(p)]
+    found = [p for p in sorted(folder.iterdir()) if p.suffix.lower() in KINDS and _fit(p)]
     if not found:
         raise ValueError(f"--meshes: no closed mesh; value {folder}; allowed: {', '.join(KINDS)}")
     return found
+
+
+def _fit(file: Path) -> bool:
+    """Whether a mesh is closed, and seen from above its middle isn't all facets' edges."""
+    if not _closed(file):
+        return False
+    solid = solid_of_file(file)
+    below = solid.vertices_mm * [1.0, 1.0, -1.0] + [0.0, 0.0, 50.0]  # seen along +z
+    x, y = (np.arange(-half, half, PITCH_MM) for half in FIELD_MM)
+    depth, _ = cast(plant(below, solid.faces[:, ::-1]), x, y)
+    return bool(off_edges(depth).mean() >= LEAST_SMOOTH)
 
 
 def _closed(file: Path) -> bool:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from challenge.cases.case import RECORDINGS, Secret
 from challenge.second.case import BASELINES, Staged
 from challenge.second.device import expected
+from challenge.second.edges import off_edges
 from challenge.second.world import World
 
 Floats = NDArray[np.float64]
@@ -19,7 +20,6 @@ FACTOR, SLACK_SD, SLACK_LOST = 1.5, 0.1, 0.005
 """A null's departure: at most so many times that of the worse baseline, and that much more."""
 LEAST_BLOCKS = 8
 """Fewer blocks off edges show no departure: such a part makes no null."""
-_BEND_MM = 0.005  # second difference beyond which a reading isn't off edges
 _LEAST = 0.4  # share of a block that must be off edges
 
 
@@ -76,6 +76,8 @@ def departure(depth_mm: Floats, truth_mm: Floats) -> tuple[float, float, int]:
     """Departure of block means off edges in standard deviations, share missing, and blocks."""
     smooth = off_edges(truth_mm)
     rest = np.where(smooth, depth_mm - truth_mm, np.nan)
+    if not np.isfinite(rest).any():
+        return 0.0, 0.0, 0
     centred = rest - np.nanmedian(rest)
     sd = 1.4826 * float(np.nanmedian(np.abs(centred)))
     means = []
@@ -86,15 +88,3 @@ def departure(depth_mm: Floats, truth_mm: Floats) -> tuple[float, float, int]:
                 means.append(abs(float(np.nanmean(block))) / sd)
     missing = float(np.isnan(depth_mm)[smooth].mean()) if smooth.any() else 0.0
     return (float(np.quantile(means, 0.95)) if means else 0.0), missing, len(means)
-
-
-def off_edges(truth_mm: Floats) -> NDArray[np.bool_]:
-    """Places where the surface doesn't bend within two profiles and two columns."""
-    flat = np.isfinite(truth_mm)
-    for axis in (0, 1):
-        bend = np.abs(np.diff(np.nan_to_num(truth_mm, nan=1e3), 2, axis=axis))
-        ends = [(1, 1) if a == axis else (0, 0) for a in (0, 1)]
-        flat &= np.pad(bend, ends, constant_values=np.inf) < _BEND_MM
-    wide = np.pad(flat, 2, constant_values=False)
-    windows = np.lib.stride_tricks.sliding_window_view(wide, (5, 5))
-    return np.asarray(windows.all(axis=(-2, -1)))

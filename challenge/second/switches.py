@@ -56,7 +56,7 @@ def _loose(world: World, size: float, rng: np.random.Generator) -> World:
 
 def _printed(world: World, size: float, rng: np.random.Generator) -> World:
     facets = replace(
-        world.facets, print_ratio=0.25 / size**0.5, print_period_mm=float(rng.uniform(3, 5)),
+        world.facets, print_ratio=0.2 / size**0.5, print_period_mm=float(rng.uniform(3, 5)),
         print_rad=float(rng.uniform(0, np.pi)),
     )  # fmt: skip
     return replace(world, facets=facets)
@@ -70,7 +70,7 @@ def _exposed(world: World, size: float, _rng: np.random.Generator) -> World:
 
 
 def _oily(world: World, size: float, rng: np.random.Generator) -> World:
-    film = Film(thickness_mm=0.05 * size, unevenness=0.9, period_mm=float(rng.uniform(6, 10)))
+    film = Film(thickness_mm=0.03 * size, unevenness=0.9, period_mm=float(rng.uniform(6, 10)))
     return replace(world, facets=replace(world.facets, coat=film))
 
 
@@ -86,7 +86,10 @@ def _scratched(world: World, size: float, rng: np.random.Generator) -> World:
 
 def _shaken(world: World) -> Parameters:
     robot = world.device.robot
-    return {"stage_vibration": {"amplitude_um": 1e3 * robot.shake_mm}}
+    found = {"amplitude_um": 1e3 * robot.shake_mm}
+    if robot.shake_hz < world.travels[0].rate_hz / 2:  # no alias of it
+        found["frequency_hz"] = robot.shake_hz
+    return {"stage_vibration": found}
 
 
 def _rippled(world: World) -> Parameters:
@@ -199,7 +202,7 @@ SINGLE: dict[str, Fault] = {
         apply=changed("device", firmware=_firmware(lost=lambda s: 0.02 * s)),
         accept=("random_dropout",), parameters=_lost),
     "median firmware": Fault(
-        apply=changed("device", firmware=_firmware(median=lambda s: 5 if s < 1 else 9)),
+        apply=changed("device", firmware=_firmware(median=lambda s: 5 if s < 0.6 else 9)),
         accept=("onboard_filter",), rivals=("roughness_level",)),
     "gap filling": Fault(
         apply=changed("device", firmware=_firmware(gap=lambda _: 60)),
@@ -209,7 +212,7 @@ SINGLE: dict[str, Fault] = {
 }  # fmt: skip
 UNKNOWN: dict[str, Fault] = {
     "sticking bit": Fault(
-        apply=changed("device", firmware=_firmware(stuck_bit=lambda s: 7 if s < 1 else 8)),
+        apply=changed("device", firmware=_firmware(stuck_bit=lambda s: 7 if s < 0.6 else 8)),
         accept=()),
     "lost pulses": Fault(
         apply=changed("device", robot=_robot(lost_mm=lambda s: 0.15 * s)), accept=(),
@@ -227,7 +230,7 @@ UNKNOWN: dict[str, Fault] = {
             d.exposures, gain=1.0 + 0.05 * s, target=0.7)), accept=()),
     "scratched window": Fault(apply=_scratched, accept=()),
     "second reflection": Fault(
-        apply=changed("device", window=lambda d, s: replace(d.window, ghost=min(0.5 * s, 0.6))),
+        apply=changed("device", window=lambda d, s: replace(d.window, ghost=min(0.75 * s, 0.6))),
         accept=(), shapes=SHADOWED),
     "last peak of a deep gloss": Fault(
         apply=changed("device", finder=lambda *_: "last", threshold=lambda *_: 0.004), accept=()),

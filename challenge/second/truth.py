@@ -10,7 +10,7 @@ from challenge.cases.seeds import child, number
 from challenge.cases.truth import DRAWS, Draws, Facts, facts_of
 from challenge.second.case import Staged
 from challenge.second.device import expected
-from challenge.second.nulls import off_edges
+from challenge.second.edges import off_edges
 from challenge.second.world import World, placed
 
 Floats = NDArray[np.float64]

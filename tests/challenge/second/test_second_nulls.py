@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from challenge.second.nulls import Check, departure, off_edges
+from challenge.second.edges import off_edges
+from challenge.second.nulls import Check, departure
 
 
 def surface():
