@@ -6,7 +6,8 @@ import os
 import re
 import sys
 from collections.abc import Sequence
-from typing import Any, Final, NoReturn
+from contextlib import suppress
+from typing import Any, Final, NoReturn, TextIO
 
 from pipeline.batch.stop import heard, stoppable
 
@@ -48,7 +49,12 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong; exit code 2."""
-        self.exit(2, f"flawforge: {message}; see {self.prog} --help\n")
+        _say(f"{message}; see {self.prog} --help")
+        sys.exit(2)
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Print --help; argparse would forget a fault of the output."""
+        print(message, end="", file=file)
 
 
 def command() -> NoReturn:
@@ -64,14 +70,57 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if argv is None else argv
     with stoppable():
         try:
-            return _main(_joined(words))
+            return _guarded(_joined(words))
         except BaseException:
             stop = heard()
             if stop is None:
                 raise
             then = GO_ON if _chosen(words) in GOES_ON else START_AGAIN
-            print(f"flawforge: {STOPPED[stop.name]}; {then}", file=sys.stderr)
+            _say(f"{STOPPED[stop.name]}; {then}")
             return 128 + stop
+
+
+def _guarded(words: Sequence[str]) -> int:
+    """Run; an error is one line and an exit code, standard output's own faults, too."""
+    try:
+        code = _main(words)
+    except SystemExit as end:  # argparse's, after --help or a wrong word
+        if heard() is not None:
+            raise
+        code = int(end.code or 0)
+    except BrokenPipeError:
+        code = 1
+    except Exception as error:
+        if "--debug" in words or heard() is not None:  # a wish to stop may come as any error
+            raise
+        _say(_said(error))
+        code = 2
+    fault = _given_out(sys.stdout)
+    if fault is not None and code == 0:
+        code = 1 if isinstance(fault, BrokenPipeError) else 2
+        if code == 2:
+            _say(_line(fault))
+    return code
+
+
+def _say(line: str) -> None:
+    """Print a line on standard error, if anybody takes it."""
+    if sys.stderr is not None:
+        with suppress(OSError):
+            print(f"flawforge: {line}", file=sys.stderr)
+        _given_out(sys.stderr)
+
+
+def _given_out(stream: TextIO | None) -> OSError | None:
+    """Flush a stream; where that fails, let the rest go nowhere, and return the fault."""
+    if stream is None:  # closed before Python began
+        return None
+    try:
+        stream.flush()
+    except OSError as fault:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        return fault
+    return None
 
 
 def _chosen(words: Sequence[str]) -> str | None:
@@ -140,37 +189,12 @@ def _main(words: Sequence[str]) -> int:
     if arguments.command is None:
         parser.print_help()
         return 0
-    return _run(arguments)
+    code: int = _module(arguments.command).run(arguments)
+    return code
 
 
 def _module(name: str) -> Any:
     return importlib.import_module(f"flawforge.{name}_command")
-
-
-def _run(arguments: argparse.Namespace) -> int:
-    try:
-        code: int = _module(arguments.command).run(arguments)
-        if sys.stdout is not None:  # here, where a fault is said in a line, not as Python ends
-            sys.stdout.flush()
-        return code
-    except BrokenPipeError:
-        _drop_output()
-        return 1
-    except Exception as error:
-        if arguments.debug or heard() is not None:  # a wish to stop may come as any error
-            raise
-        print(f"flawforge: {_said(error)}", file=sys.stderr)
-        try:
-            if sys.stdout is not None:
-                sys.stdout.flush()
-        except OSError:
-            _drop_output()
-        return 2
-
-
-def _drop_output() -> None:
-    """Let what standard output still holds go nowhere: nobody takes it."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _said(error: Exception) -> str:

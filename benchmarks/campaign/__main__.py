@@ -21,6 +21,7 @@ import numpy as np
 from benchmarks.campaign import damage, inputs, meshes, recipes
 from benchmarks.campaign.page import summarise, table
 from benchmarks.campaign.sandbox import Outcome
+from tests.support.small_recipe import write_shards
 
 LOADED = (
     "pandas", "scipy.optimize", "pipeline.batch.run", "sensors.effects", "diagnosis.diagnose",
@@ -77,7 +78,7 @@ def _warm() -> None:
     from pipeline.recipe import Recipe
 
     with tempfile.TemporaryDirectory() as folder:
-        generate(Recipe.load(damage.write_recipe(Path(folder))), Path(folder) / "out")
+        generate(Recipe.load(write_shards(Path(folder))), Path(folder) / "out")
 
 
 def _cases(
@@ -115,7 +116,7 @@ def _flips(count: int, seed: int, first: int) -> Iterator[tuple[int, Outcome]]:
     from pipeline.recipe import Recipe
 
     with tempfile.TemporaryDirectory() as folder:
-        recipe = damage.write_recipe(Path(folder))
+        recipe = write_shards(Path(folder))
         generate(Recipe.load(recipe), Path(folder) / "out")
         for number in range(first, first + count):
             rng = np.random.default_rng([seed, KINDS.index("flips"), number])
@@ -130,7 +131,7 @@ def _kills(count: int, seed: int) -> Iterator[tuple[int, Outcome]]:
     done, number = 0, 0
     with tempfile.TemporaryDirectory() as folder:
         reference = Path(folder) / "reference"
-        generate(Recipe.load(damage.write_recipe(reference)), reference / "out")
+        generate(Recipe.load(write_shards(reference)), reference / "out")
         while done < count:
             rng = np.random.default_rng([seed, KINDS.index("kills"), number])
             place = Path(folder) / "run"

@@ -9,23 +9,12 @@ import time
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from benchmarks.campaign.sandbox import Outcome
 from pipeline.dataset.checksums import NAME, own_files
 from pipeline.dataset.verify import verify
 from sensors.typed_yaml import RecipeError
-from tests.support.small_recipe import RECIPE, SENSOR, SURFACE
-
-
-def write_recipe(folder: Path, **changes: object) -> Path:
-    """Write a recipe of several shards."""
-    wanted = {"specimens": 4, "scans": 2, "scans_per_shard": 2, **changes}
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "recipe.yaml").write_text(yaml.safe_dump({**RECIPE, **wanted}, sort_keys=False))
-    (folder / "sensor.yaml").write_text(yaml.safe_dump(SENSOR))
-    (folder / "surface.yaml").write_text(yaml.safe_dump(SURFACE))
-    return folder / "recipe.yaml"
+from tests.support.small_recipe import write_shards
 
 
 def flip(dataset: Path, rng: np.random.Generator) -> Outcome:
@@ -82,7 +71,7 @@ def flip(dataset: Path, rng: np.random.Generator) -> Outcome:
 
 def killed(folder: Path, reference: Path, rng: np.random.Generator, jobs: int) -> Outcome:
     """Kill a run at random moments until it ends; compare every file with the reference's."""
-    recipe = write_recipe(folder)
+    recipe = write_shards(folder)
     out = folder / "out"
     command = [sys.executable, "-m", "flawforge.cli", "generate", str(recipe), "--out", str(out),
                "--jobs", str(jobs)]  # fmt: skip

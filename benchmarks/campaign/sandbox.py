@@ -88,8 +88,6 @@ def _child(words: list[str], folder: Path, said: int) -> None:
     code = 70
     try:
         code = main(words)
-    except SystemExit as error:
-        code = error.code if isinstance(error.code, int) else 1
     except BaseException:
         traceback.print_exc()
     finally:

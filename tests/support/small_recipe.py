@@ -1,5 +1,9 @@
 """A recipe, a sensor and a surface that make one small scan in a second."""
 
+from pathlib import Path
+
+import yaml
+
 SENSOR = {
     "name": "small", "working_distance_mm": 100.0, "z_range_mm": 60.0, "x_fov_mm": 40.0,
     "points_per_profile": 24, "z_resolution_um": 2.0, "repeatability_um": 1.0,
@@ -30,3 +34,13 @@ RECIPE = {
     },
     "visible_at": 3,
 }  # fmt: skip
+
+
+def write_shards(folder: Path, **changes: object) -> Path:
+    """Write a recipe of several shards, with its sensor and surface; return its path."""
+    wanted = {"specimens": 4, "scans": 2, "scans_per_shard": 2, **changes}
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "recipe.yaml").write_text(yaml.safe_dump({**RECIPE, **wanted}, sort_keys=False))
+    (folder / "sensor.yaml").write_text(yaml.safe_dump(SENSOR))
+    (folder / "surface.yaml").write_text(yaml.safe_dump(SURFACE))
+    return folder / "recipe.yaml"
