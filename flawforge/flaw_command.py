@@ -57,6 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     from sensors.datasheet import Datasheet
     from sensors.recording import Recording
     from sensors.typed_yaml import RecipeError
+    from sensors.whole_file import whole
 
     recording = Recording.load(arguments.recording)
     region = parse_region(arguments.region, recording.depth_mm.shape)
@@ -69,7 +70,8 @@ def run(arguments: argparse.Namespace) -> int:
     part = load_part(arguments.part, unit=arguments.part_unit)
     found = extract(recording, part, Datasheet.load(arguments.sensor), region, name)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    found.relief.save(arguments.out / f"{name}.npz")
+    with whole(arguments.out / f"{name}.npz") as aside:
+        found.relief.save(aside)
     draw(found, arguments.out / f"{name}.png")
     size = found.relief.dimensions()
     print(

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from flawforge.flaw_extraction import Extracted
+from sensors.whole_file import whole
 
 RAW, RELIEF, SKIN = "#8AA4BF", "#B3321E", "#22252B"
 
@@ -55,4 +56,5 @@ def draw(found: Extracted, path: Path) -> None:
     axes[1, 1].set_xlabel("across the flaw through its extreme, mm")
     axes[1, 1].legend(fontsize=8, frameon=False)
     figure.suptitle(f"{relief.name}, from {relief.facts.get('recording', 'a recording')}")
-    figure.savefig(path)
+    with whole(path) as aside:
+        figure.savefig(aside)

@@ -319,6 +319,7 @@ def _draw(done: "Imported", path: Path) -> None:
     from matplotlib.figure import Figure
 
     from sensors.typed_yaml import RecipeError
+    from sensors.whole_file import whole
 
     recording = done.recording
     heights = done.sensor.working_distance_mm - recording.depth_mm
@@ -346,6 +347,7 @@ def _draw(done: "Imported", path: Path) -> None:
         axes.set(title=f"profile {middle}", xlabel="x, mm", ylabel=title)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path)
+        with whole(path) as aside:
+            figure.savefig(aside)
     except (OSError, ValueError) as error:
         raise RecipeError(f"can't be written ({error})", where=path) from None

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from sensors.noise.noise_target import NoiseTarget
 from sensors.noise.spectrum import power_spectrum
+from sensors.whole_file import whole
 
 Floats = NDArray[np.float64]
 
@@ -74,4 +75,5 @@ def draw(
         if panel.axison:
             panel.legend(frameon=False, fontsize=8)
     figure.suptitle(name)
-    figure.savefig(path, dpi=120)
+    with whole(path) as aside:
+        figure.savefig(aside, dpi=120)

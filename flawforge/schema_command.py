@@ -23,11 +23,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Write the schema."""
     from pipeline.recipe_schema import schema
+    from sensors.whole_file import write_whole
 
     text = json.dumps(schema(), indent=1, ensure_ascii=False) + "\n"
     if arguments.out is None:
         print(text, end="")
     else:
-        arguments.out.write_text(text, encoding="utf-8")
+        write_whole(arguments.out, text)
         print(arguments.out)
     return 0

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from quantity import quantity
 from sensors.typed_yaml import RecipeError, dump_yaml, load_yaml, parse, plain, record
+from sensors.whole_file import write_whole
 
 MOST_AXIS_MM = 5000.0
 """How far the optical axis may lie from the sensor's origin: a field of the longest gantry."""
@@ -84,7 +85,7 @@ class Datasheet:
 
     def save(self, path: str | Path) -> None:
         """Write the datasheet in the form that `load` reads."""
-        Path(path).write_text(dump_yaml(plain(self)), encoding="utf-8")
+        write_whole(path, dump_yaml(plain(self)))
 
     @property
     def fov_rad(self) -> float:

@@ -15,6 +15,8 @@ from typing import Any
 
 import h5py
 
+from sensors.whole_file import whole
+
 
 class Output(io.RawIOBase):
     """What `h5py.File` takes in the place of a path, new and empty.
@@ -96,11 +98,8 @@ def created(path: str | Path) -> Iterator[h5py.File]:
     OSError
         Where the system couldn't write.
     """
-    output = Output(Path(path))
-    try:
+    with whole(path) as aside:
+        output = Output(aside)
         with output, h5py.File(output, "w") as file:
             yield file
         output.check()
-    except BaseException:
-        output.path.unlink(missing_ok=True)
-        raise

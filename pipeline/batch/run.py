@@ -7,10 +7,10 @@ alone, so the bytes are the same for any number of workers and after any restart
 import hashlib
 import json
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from pipeline.batch.backend import Backend
 from pipeline.batch.plan import Plan, PlannedPart, make_plan
@@ -31,6 +31,7 @@ from pipeline.recipe_paths import resolve
 __all__ = ["Backend", "generate"]
 
 LOG = logging.getLogger("flawforge.generate")
+MANY_FLAWS: Final = 100  # in a specimen, from which cutting them takes minutes
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -51,7 +52,7 @@ def generate(
     """Make the dataset of a recipe in the folder `out`; return what dataset.json says.
 
     What was made before and is whole stays. Progress goes to the logger "flawforge.generate":
-    records have an `event` ("plan", "part", "shard", "done") and its `facts`.
+    records have an `event` ("plan", "part", "warning", "shard", "done") and its `facts`.
 
     Raises
     ------
@@ -80,6 +81,7 @@ def generate(
             raise PartError(recipe.document.path, f"no part can be used: {wrong}", mend)
         plan = make_plan(recipe, parts)
         _log("plan", {"scans": plan.scans, "shards": len(plan.shards), "parts": len(parts)})
+        _warn_of_many(recipe, parts)
         attributes = {"name": recipe.file.name, "recipe": used, "versions": made_by}
         place = Workplace(recipe=recipe, out=out, attributes=attributes)
         _make_shards(place, plan, {one["part"]: one["triangles"] for one in facts}, backend)
@@ -109,6 +111,14 @@ def generate(
 
 def _log(event: str, facts: Mapping[str, Any]) -> None:
     LOG.info("%s %s", event, facts, extra={"event": event, "facts": facts})
+
+
+def _warn_of_many(recipe: Recipe, parts: Sequence[PlannedPart]) -> None:
+    """Say before the night is spent that specimens may have very many flaws."""
+    most = max(recipe.flaws_of(part.entry).most() for part in parts)
+    if most > MANY_FLAWS:
+        text = f"up to {most} flaws in a specimen, cut one by one: flawforge check says how long"
+        _log("warning", {"text": text})
 
 
 def find_wanted(recipe: Recipe) -> tuple[list[Wanted], list[dict[str, str]]]:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.batch.plan import PlannedPart, PlannedScans, PlannedShard
-from pipeline.dataset.folder import write_whole
 from pipeline.dataset.shards import ShardWriter, file_sha256
 from pipeline.injection.inject import Flaw
 from pipeline.injection.specimen import Specimen, make_specimen
@@ -21,6 +20,7 @@ from pipeline.scan.labelled_scan import Scan, take_scan
 from pipeline.scan.labels import Tally
 from pipeline.seeds import seed_of, streams
 from sensors.typed_yaml import plain
+from sensors.whole_file import write_whole
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from pipeline.dataset.folder import write_whole
 from pipeline.dataset.shards import file_sha256
+from sensors.whole_file import write_whole
 
 NAME: Final = "checksums.sha256"
 OWN: Final = (

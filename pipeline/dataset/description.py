@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from pipeline.dataset.folder import write_whole
 from pipeline.dataset.manifest import FLAW_COLUMNS, SCAN_COLUMNS
 from pipeline.dataset.shards import file_sha256
 from sensors.typed_yaml import dump_yaml
+from sensors.whole_file import write_whole
 
 Columns = Mapping[str, type]
 

@@ -2,16 +2,14 @@
 
 import fcntl
 import json
-import os
 import shutil
-import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from pipeline.dataset.shards import sync
 from sensors.typed_yaml import RecipeError
+from sensors.whole_file import write_whole
 
 
 @contextmanager
@@ -72,23 +70,9 @@ def _read(path: Path) -> Any:
         return None
 
 
-def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file so that it is there whole or as it was: aside, synced, renamed."""
-    aside = path.with_name(f".{path.name}.{uuid.uuid4().hex}.part")
-    data = content.encode() if isinstance(content, str) else content
-    try:
-        aside.write_bytes(data)
-        sync(aside)
-        os.replace(aside, path)
-    except OSError:
-        aside.unlink(missing_ok=True)
-        raise
-    sync(path.parent)
-
-
 def drop_leftovers(out: Path) -> None:
     """Remove what a worker that was killed had begun to write."""
-    for leftover in (*out.glob(".*.part"), *(out / ".flawforge").glob(".*")):
+    for leftover in (*out.glob(".*.part*"), *(out / ".flawforge").glob(".*")):
         leftover.unlink(missing_ok=True)
 
 

@@ -24,6 +24,7 @@ from pipeline.scan.labelled_scan import CLASS_NAMES, REASON_NAMES, Scan
 from pipeline.scan.labels import counts_of
 from sensors.datasheet import Datasheet
 from sensors.hdf5_output import Output
+from sensors.whole_file import sync
 
 FORMAT, VERSION = "flawforge-shard", 1
 FINE_MM = 1e-4  # ideal and clean depths: counts of 0.1 µm
@@ -267,12 +268,3 @@ def file_sha256(path: Path) -> str:
     """SHA-256 of a file's bytes, as hex."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def sync(path: Path) -> None:
-    """Make sure that a file, or a folder's list of names, has reached the disk."""
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

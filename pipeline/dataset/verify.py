@@ -8,10 +8,10 @@ from typing import Any, Final
 import numpy as np
 
 from pipeline.dataset.checksums import NAME, Checksums, own_files, read_checksums
-from pipeline.dataset.folder import write_whole
 from pipeline.dataset.manifest import FLAW_COLUMNS, SCAN_COLUMNS
 from pipeline.dataset.shards import file_sha256, pixels_in, scan_checksums, scans_in
 from sensors.typed_yaml import RecipeError
+from sensors.whole_file import write_whole
 
 LOCK_FORMAT: Final = "flawforge-lock"
 MADE_BY: Final = "a file made by verify --write"

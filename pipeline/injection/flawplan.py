@@ -113,6 +113,10 @@ class FlawPlan:
             plan.kind: round(plan.number.draw(rng_of("number", plan.kind))) for plan in self.kinds
         }
 
+    def most(self) -> int:
+        """Return how many flaws a specimen may have."""
+        return round(sum(plan.number.limits()[1] for plan in self.kinds))
+
     @classmethod
     def from_mapping(cls, data: Mapping[str, Any]) -> Self:
         """Read the `flaws:` part of a recipe.

@@ -28,6 +28,8 @@ Bools = NDArray[np.bool_]
 
 PLACES = 60
 """How many places are tried for a flaw, over all its draws, before it is given up."""
+NO_ROOM = 10
+"""After so many flaws of a kind given up in a row, the rest of the kind is dropped untried."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -100,7 +102,11 @@ def inject(
     dropped: list[str] = []
     numbers = plan.numbers(rng_of)
     for kind_plan in plan.kinds:
+        given_up = 0
         for i in range(numbers[kind_plan.kind]):
+            if given_up == NO_ROOM:
+                dropped.append(f"{kind_plan.kind} {i}: no room; {NO_ROOM} before it found none")
+                continue
             seed = int(rng_of("flaw", kind_plan.kind, i).integers(2**63))
             failed, missed, reason = 0, 0, ""
             while failed < plan.tries and missed < PLACES:
@@ -111,6 +117,7 @@ def inject(
                             visible_at, seed, failed + missed,
                         )  # fmt: skip
                     )
+                    given_up = 0
                     break
                 except BooleanError as error:
                     failed += 1
@@ -120,6 +127,7 @@ def inject(
                     reason = str(error)
             else:
                 dropped.append(f"{kind_plan.kind} {i}: {reason}")
+                given_up += 1
             redrawn += failed
             misplaced += missed
     carved, placed, lost = _carve(block, part, placed)

@@ -21,7 +21,6 @@ import numpy as np
 
 from defects.surface.surface import Surface
 from pipeline.batch.plan import PlannedPart
-from pipeline.dataset.folder import write_whole
 from pipeline.injection.inject import FlawedPart, inject
 from pipeline.motion.aim import Aimer, Outlook
 from pipeline.parts import builtin as parts
@@ -33,6 +32,7 @@ from pipeline.recipe import PartEntry, Recipe
 from pipeline.seeds import streams
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
+from sensors.whole_file import write_whole
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

@@ -14,6 +14,7 @@ from pipeline.preview.chart import LONGEST_PX, Chart
 from pipeline.preview.cloud import DEPTH_MAP, draw_cloud
 from pipeline.preview.cut import draw_cut
 from sensors.typed_yaml import RecipeError
+from sensors.whole_file import whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -56,7 +57,9 @@ def draw_scan(folder: str | Path, path: str | Path, *, scan_id: str | None = Non
     RecipeError
         Where there is no dataset, or no such scan in it.
     """
-    scan_figure(folder, scan_id).savefig(path, dpi=DPI)
+    figure = scan_figure(folder, scan_id)
+    with whole(path) as aside:
+        figure.savefig(aside, dpi=DPI)
     return Path(path)
 
 

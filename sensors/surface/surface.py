@@ -14,6 +14,7 @@ from sensors.noise.noise_target import NoiseTarget
 from sensors.noise.perlin import PerlinField
 from sensors.surface.roughness import FIGURES
 from sensors.typed_yaml import RecipeError, dump_yaml, load_yaml, parse, plain, record
+from sensors.whole_file import write_whole
 
 
 @record
@@ -113,7 +114,7 @@ class Surface:
 
     def save(self, path: str | Path) -> None:
         """Write the surface in the form that `load` reads, without what isn't known."""
-        Path(path).write_text(dump_yaml(_without_none(plain(self))), encoding="utf-8")
+        write_whole(path, dump_yaml(_without_none(plain(self))))
 
     @property
     def is_calibrated(self) -> bool:

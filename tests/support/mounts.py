@@ -1,4 +1,4 @@
-"""Small and read-only file systems for tests; a test skips, saying so, where none can be mounted."""
+"""Small and read-only file systems; a test skips, saying so, where none can be mounted."""
 
 import subprocess
 from collections.abc import Iterator
