@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import keyword
 import os
 import re
 import sys
@@ -194,7 +195,7 @@ def _main(words: Sequence[str]) -> int:
 
 
 def _module(name: str) -> Any:
-    return importlib.import_module(f"flawforge.{name}_command")
+    return importlib.import_module(f"flawforge.commands.{name}{'_' * keyword.iskeyword(name)}")
 
 
 def _said(error: Exception) -> str:

@@ -25,8 +25,8 @@ from tests.support.small_recipe import write_shards
 
 LOADED = (
     "pandas", "scipy.optimize", "pipeline.batch.run", "sensors.effects", "diagnosis.diagnose",
-    "sensors.formats.conversion", "sensors.formats.motion", "flawforge.roughness_command",
-    "flawforge.import_command", "flawforge.generate_command", "flawforge.diagnose_command",
+    "sensors.formats.conversion", "sensors.formats.motion", "flawforge.commands.roughness",
+    "flawforge.commands.import_", "flawforge.commands.generate", "flawforge.commands.diagnose",
 )  # fmt: skip
 KINDS = ("recipes", "inputs", "meshes", "flips", "kills")
 

@@ -26,7 +26,7 @@ from nominal import plate as nominal_plate  # noqa: E402
 from defects.flaw_bank import FlawBank, Relief  # noqa: E402
 from defects.kinds.banked import spread  # noqa: E402
 from defects.surface.surface import Surface as Skin  # noqa: E402
-from flawforge.flaw_extraction import extract  # noqa: E402
+from flawforge.flaw.extraction import extract  # noqa: E402
 from pipeline.injection.flawplan import FlawPlan, exactly  # noqa: E402
 from pipeline.injection.inject import inject  # noqa: E402
 from pipeline.parts import builtin  # noqa: E402
@@ -57,8 +57,8 @@ of the part's x and y, or profiles and points. The steps:
    around the region is taken off: form that the mesh lacks is not the flaw's.
 3. The noise's size and correlation are measured on smooth faces outside the region.
 4. The heights are denoised: the posterior mean of a Gaussian process with that noise and a Matérn
-   covariance, whose size and length come from the flaw (`flawforge/relief_denoising.py` has the
-   equations and sources). Missing readings are filled.
+   covariance, whose size and length come from the flaw (`flawforge/flaw/relief_denoising.py` has
+   the equations and sources). Missing readings are filled.
 5. The relief is laid on a square lattice on the part's skin, heading along the flaw's longer axis.
    It fades to zero over {fade} nodes beyond the flaw.
 
@@ -117,7 +117,7 @@ high beside that, mirrored and bent by 40°.
 
 def made_rows() -> str:
     """Return the table's rows; draw the scratch."""
-    from flawforge.flaw_picture import draw
+    from flawforge.flaw.picture import draw
 
     lines = []
     for kind, sizes in MADE.items():
@@ -192,7 +192,7 @@ def plant(relief: Relief) -> None:
 
 def main() -> None:
     """Write the page and its pictures."""
-    from flawforge.flaw_extraction import FADE_NODES
+    from flawforge.flaw.extraction import FADE_NODES
 
     (HERE.parent / "flaw-bank").mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:

@@ -103,12 +103,12 @@ def test_a_summary_keeps_to_a_few_lines_of_a_kind():
 
 
 def test_what_the_system_refuses_is_one_line(tmp_path, capfd, monkeypatch):
-    import flawforge.verify_command
+    import flawforge.commands.verify
 
     def full(arguments):
         raise OSError(errno.ENOSPC, "No space left on device", str(tmp_path / "x"))
 
-    monkeypatch.setattr(flawforge.verify_command, "run", full)
+    monkeypatch.setattr(flawforge.commands.verify, "run", full)
     assert main(["verify", str(tmp_path)]) == 2
     assert capfd.readouterr().err == (
         f"flawforge: {tmp_path}/x: the system says: No space left on device\n"
@@ -117,7 +117,7 @@ def test_what_the_system_refuses_is_one_line(tmp_path, capfd, monkeypatch):
     def piped(arguments):
         raise BrokenPipeError(errno.EPIPE, "Broken pipe")
 
-    monkeypatch.setattr(flawforge.verify_command, "run", piped)
+    monkeypatch.setattr(flawforge.commands.verify, "run", piped)
     monkeypatch.setattr(os, "dup2", lambda *descriptors: None)
     assert main(["verify", str(tmp_path)]) == 1
     assert capfd.readouterr().err == ""

@@ -1,6 +1,5 @@
 """How the command line's process ends: with its exit code, and what is to be done at exit done."""
 
-import importlib
 import signal
 import subprocess
 import sys
@@ -59,7 +58,7 @@ def test_a_command_that_is_stopped_says_whether_it_goes_on(name, number, monkeyp
         signal.raise_signal(number)
         raise AssertionError("wasn't stopped")
 
-    monkeypatch.setattr(importlib.import_module(f"flawforge.{name}_command"), "run", run)
+    monkeypatch.setattr(cli._module(name), "run", run)
     assert cli.main(["--debug", name, *words[name]]) == 128 + number
     said = capsys.readouterr().err
     assert said.count("\n") == 1

@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from flawforge.flaw_extraction import Region
+from flawforge.flaw.extraction import Region
 from pipeline.injection.flawplan import FlawPlan, exactly
 from pipeline.injection.inject import inject
 from pipeline.motion.trajectory import Trajectory, frame

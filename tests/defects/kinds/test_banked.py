@@ -9,7 +9,7 @@ from defects.carving.solid import Block
 from defects.flaw_bank import FlawBank, Relief
 from defects.kinds.banked import Banked
 from defects.surface.surface import SiteError
-from flawforge.flaw_extraction import extract
+from flawforge.flaw.extraction import extract
 from tests.support.flawed_scan import MADE, SHEET, around, plate, recorded
 from tests.support.reliefs import hollow_and_rim
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from flawforge import generate_command
 from flawforge.cli import main
+from flawforge.commands import generate as generate_command
 from pipeline.batch import stop
 from pipeline.batch.stop import Stopped, heard, stoppable
 

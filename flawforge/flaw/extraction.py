@@ -12,7 +12,7 @@ from defects.kinds.banked import spread
 from defects.surface.surface import Site, SiteError, Surface, tangent_axes
 from diagnosis.noise import NoiseModel, calibrate
 from diagnosis.registration import register, smooth_weight
-from flawforge.relief_denoising import Denoised, denoise
+from flawforge.flaw.relief_denoising import Denoised, denoise
 from pipeline.parts.part import Part
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene

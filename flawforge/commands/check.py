@@ -3,7 +3,7 @@
 import argparse
 import time
 
-from flawforge.recipe_options import add_recipe_options
+from flawforge.commands.recipe_options import add_recipe_options
 
 EPILOG = """\
 Takes a few scans of each part, keeps none of them, and says what the whole dataset would hold, how

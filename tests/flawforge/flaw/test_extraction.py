@@ -9,8 +9,8 @@ from defects.flaw_bank import Relief
 from defects.kinds.banked import spread
 from defects.surface.surface import Surface as Skin
 from flawforge.cli import main
-from flawforge.flaw_extraction import extract
-from flawforge.relief_denoising import denoise
+from flawforge.flaw.extraction import extract
+from flawforge.flaw.relief_denoising import denoise
 from tests.support.flawed_scan import MADE, SHEET, around, plate, recorded
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flawforge.flaw_extraction import Extracted
+from flawforge.flaw.extraction import Extracted
 from sensors.whole_file import whole
 
 RAW, RELIEF, SKIN = "#8AA4BF", "#B3321E", "#22252B"

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from flawforge.flaw_extraction import Region
+    from flawforge.flaw.extraction import Region
 
 EPILOG = """\
 Registers the recording on its part, takes the flaw's relief out (measured minus nominal, along the
@@ -51,8 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Extract, write, draw, say the dimensions."""
-    from flawforge.flaw_extraction import extract
-    from flawforge.flaw_picture import draw
+    from flawforge.flaw.extraction import extract
+    from flawforge.flaw.picture import draw
     from pipeline.parts.part import load_part
     from sensors.datasheet import Datasheet
     from sensors.recording import Recording
@@ -92,7 +92,7 @@ def parse_region(text: str, shape: tuple[int, ...]) -> "Region":
     RecipeError
         Where it is neither, or lies outside the scan.
     """
-    from flawforge.flaw_extraction import Region
+    from flawforge.flaw.extraction import Region
     from flawforge.region import parse_ranges
     from sensors.typed_yaml import RecipeError
 

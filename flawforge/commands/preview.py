@@ -4,8 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from flawforge.commands.recipe_options import add_recipe_options
 from flawforge.progress import compiling_said
-from flawforge.recipe_options import add_recipe_options
 
 EPILOG = """\
 examples:

@@ -4,8 +4,8 @@ import argparse
 import time
 from pathlib import Path
 
+from flawforge.commands.recipe_options import add_recipe_options
 from flawforge.progress import compiling_said, shown
-from flawforge.recipe_options import add_recipe_options
 from flawforge.summary import summary
 
 EPILOG = """\
