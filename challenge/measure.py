@@ -23,6 +23,8 @@ from challenge.second.world import placed
 
 RANKED, RANDOM = "ranked", "random"
 WAYS = (RANKED, RANDOM)
+CHANGE = "change.json"
+"""What was changed against a case's first scan; written last."""
 LATER_S = 120.0
 """After the last recording the further scan begins."""
 
@@ -61,7 +63,7 @@ def measure(out: Path) -> int:
                   RANDOM: scans.drawn(child(secret.seed, "measure"))}  # fmt: skip
         silent += wanted[RANKED] is None
         for way, change in wanted.items():
-            if change is not None and not (folder(out, way) / name / "change.json").exists():
+            if change is not None and not (folder(out, way) / name / CHANGE).exists():
                 _take(out, folder(out, way) / name, name, secret, change)
                 made += 1
     # which cases these are, and how many, is in the keys alone
@@ -81,7 +83,7 @@ def _take(out: Path, into: Path, name: str, secret: Secret, change: Change) -> N
     kept: dict[str, Any] = {"turn_deg": change.turn_deg, "tilt_deg": list(change.tilt_deg),
                             "shift_mm": list(change.shift_mm), "speed": change.speed,
                             "standoff_mm": change.standoff_mm}  # fmt: skip
-    write_whole(into / "change.json", json.dumps(kept).encode())
+    write_whole(into / CHANGE, json.dumps(kept).encode())
 
 
 def _first(secret: Secret, change: Change, file: Path, name: str, _meshes: Path) -> None:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from challenge.measure import WAYS, folder
+from challenge.measure import CHANGE, WAYS, folder
 from challenge.measure import answers as answers_of
 from challenge.processes import ONE_CORE
 from challenge.sealed import write_whole
@@ -54,7 +54,7 @@ def run(
         if measured not in WAYS:
             raise ValueError(f"--measured: value {measured!r}; allowed: {', '.join(WAYS)}")
         cases, answers = folder(out, measured), answers_of(out, measured)
-        names = [name for name in names if (cases / name / "change.json").exists()]
+        names = [name for name in names if (cases / name / CHANGE).exists()]
     answers.mkdir(exist_ok=True)
     todo = [name for name in names if not (answers / name / "run.json").exists()]
     print(f"{len(names)} cases, {len(todo)} to diagnose", flush=True)
@@ -87,11 +87,11 @@ def command(
     recordings: list[str], plates: list[str], baselines: Sequence[str] = ()
 ) -> list[str]:
     """Return the command line of one diagnosis, as a stranger would type it."""
-    good = ["--baseline", *baselines] if baselines else []
+    given = [word for option, names in (("--reference", plates), ("--baseline", baselines))
+             if names for word in (option, *names)]  # fmt: skip
     return [
-        sys.executable, "-m", "flawforge.cli", "diagnose", *recordings,
-        "--part", "part.stl", "--sensor", "sensor.yaml", "--reference", *plates,
-        "--part-unit", "mm", "--out", "diagnosis", *good,
+        sys.executable, "-m", "flawforge.cli", "diagnose", *recordings, "--part", "part.stl",
+        "--sensor", "sensor.yaml", "--part-unit", "mm", "--out", "diagnosis", *given,
     ]  # fmt: skip
 
 
@@ -121,6 +121,8 @@ def _diagnose(
     with tempfile.TemporaryDirectory(prefix="flawforge-case-") as bare:
         here = Path(bare)
         for file in (cases / name).iterdir():
+            if file.name == CHANGE:
+                continue  # the judge's note
             shutil.copyfile(file, here / file.name)
         if answers.name == SHUFFLED:
             shuffle(here, np.random.default_rng(list(name.encode())))

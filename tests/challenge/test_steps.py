@@ -8,7 +8,7 @@ import pytest
 
 from challenge import make as making
 from challenge.judge import judge
-from challenge.run import run
+from challenge.run import command, run
 from flawforge.cli import main
 
 
@@ -60,6 +60,15 @@ def test_run_shows_no_key_and_continues(sealed, monkeypatch):
     assert (answer / "run.json").read_bytes() == first
     assert judge(sealed)["cases"]["case-001"]["score"]["alarm"] is False
     assert judge(sealed)["seed"] == 3
+
+
+def test_a_case_without_plates_or_baselines_is_diagnosed_without_them():
+    words = command(["a.h5"], [])
+    assert "--reference" not in words
+    assert "--baseline" not in words
+    words = command(["a.h5"], ["plate-1.h5"], ["base-1.h5", "base-2.h5"])
+    assert words[words.index("--reference") + 1] == "plate-1.h5"
+    assert words[words.index("--baseline") + 1 :][:2] == ["base-1.h5", "base-2.h5"]
 
 
 def test_a_diagnosis_that_fails_is_kept_and_told(sealed, monkeypatch, tmp_path):
