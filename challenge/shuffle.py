@@ -85,7 +85,7 @@ def shuffle(folder: FilePath, rng: np.random.Generator) -> None:
 
 
 def moved_blocks(values: NDArray[np.float64], order: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Exchange blocks of 16 x 16; what is left over at the ends stays."""
+    """Exchange blocks of 16 x 16; the rest at the ends stays."""
     rows, columns = (size // _BLOCK for size in values.shape)
     out = values.copy()
     inner = values[: rows * _BLOCK, : columns * _BLOCK]

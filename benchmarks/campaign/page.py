@@ -26,7 +26,7 @@ def commit() -> str:
 
 
 def summarise(folder: Path, kind: str, found: Sequence[Outcome], seed: int) -> None:
-    """Keep what the table says of one kind of cases; an earlier summary of the kind goes."""
+    """Keep the table's entry for one kind of cases; an earlier summary of the kind goes."""
     facts = {
         "seed": seed, "commit": commit(), "cases": len(found),
         "kills": sum(outcome.code for outcome in found) if kind == "kills" else None,

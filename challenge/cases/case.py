@@ -74,7 +74,7 @@ class Staged:
     Attributes
     ----------
     on, off
-        The world as it is, and as the maker's word has it; both calibrated.
+        The world as it is, and as the maker's file states it; both calibrated.
     good
         The well-made instrument whose file is given.
     plates

@@ -291,7 +291,7 @@ def followed(world: World, index: int, exposure_s: float) -> World:
 
     Profiles are stamped when their exposure begins. A longer exposure lies further on along the
     travel, the same way for every profile: a shift of the part, which a registration takes up
-    whole, edges too. What is left of it is the blur.
+    whole, edges too. The remainder is the blur.
     """
     path = world.scans.paths[index]
     later = 0.5 * (exposure_s - world.device.sheet.exposure_s)

@@ -1,4 +1,4 @@
-"""Physical switches of the second family: what differs from the maker's word; never a depth."""
+"""Physical switches of the second family: what differs from the maker's file; never a depth."""
 
 from collections.abc import Callable
 from dataclasses import replace

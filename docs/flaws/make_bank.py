@@ -144,7 +144,7 @@ def made_rows() -> str:
 
 
 def real(shared: Path, folder: Path) -> tuple[Relief, str]:
-    """Return the figure's relief and what the command says of it; keep its picture."""
+    """Return the figure's relief and what the command prints about it; keep its picture."""
     run = [sys.executable, "-W", "ignore", "-m", "flawforge.cli"]
     subprocess.run(
         [*run, "import", str(shared / "real" / "sick" / SOURCE), "--as", str(folder / "panel.h5"),

@@ -82,7 +82,7 @@ Octaves have shifted lattices, and what the grid can't show is left out.
 
 To have Rp/Rq ≈ 3 *and* Rpm/Rp ≈ 0.9 within 501 points, the highest and lowest 2 % of the readings
 must form a shoulder with a sharp end (figure 10), and for Ra/Rq to stay at 0.79 the middle must
-give way. Of all maps that reach the figures to about 1 % the one closest to a straight line is
+flatten. Of all maps that reach the figures to about 1 % the one closest to a straight line is
 taken. Figures of whole profiles would need no shoulder: whoever has a scan of the real surface
 should give it to `flawforge roughness` instead, as below.
 

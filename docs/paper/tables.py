@@ -62,7 +62,7 @@ def real_figures(surface: Surface) -> Floats:
 
 
 def unlimited(field: PerlinField) -> PerlinField:
-    """Return the field with all its octaves, aliased or not: the text taken at its word."""
+    """Return the field with all its octaves, aliased or not: as the text states."""
     return replace(field, band_limited=False)
 
 

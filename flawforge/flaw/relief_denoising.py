@@ -20,7 +20,7 @@ as large."""
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Denoised:
-    """What is left of noisy heights.
+    """Denoised heights.
 
     Attributes
     ----------

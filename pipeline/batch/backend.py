@@ -99,7 +99,7 @@ class Backend:
                 sent += 1
             try:
                 others.submit(_worked, task, one).add_done_callback(receive)
-            except RuntimeError as error:  # broken, or shut down by now
+            except RuntimeError as error:  # broken, or shut down meanwhile
                 lost: Future[Any] = Future()
                 lost.set_exception(error)
                 done.put(lost)

@@ -73,7 +73,7 @@ class EdgeMixing(Effect):
             merge_um=max(beam.merge_um, self.merge_um),
         )
 
-    def as_told(self) -> Self:
+    def as_measured(self) -> Self:
         """Return the effect unchanged: its values were measured with the file's line."""
         return self
 

@@ -106,7 +106,7 @@ class FiniteSpot(Effect):
             along_um=max(beam.along_um, self.along_um),
         )
 
-    def as_told(self) -> Self:
+    def as_measured(self) -> Self:
         """Return the spot with the line width at which the file's values were measured."""
         return self.with_parameters(beam_um=0.0)
 
@@ -127,8 +127,8 @@ class FiniteSpot(Effect):
 
     def shift(self, view: View) -> NDArray[np.float64]:
         """Return the footprint's mean minus the centre's depth, a wider line's change included."""
-        told = self.as_told()
-        rounded = _ROUNDED.get(view, told, lambda: told._rounded(view))
+        measured = self.as_measured()
+        rounded = _ROUNDED.get(view, measured, lambda: measured._rounded(view))
         return rounded + wider_mm(view, 1e-3 * self.beam_um) if self.beam_um else rounded
 
     def _rounded(self, view: View) -> NDArray[np.float64]:

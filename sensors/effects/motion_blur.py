@@ -114,9 +114,9 @@ class MotionBlur(Effect):
         if sd > 0:
             stood = standing(view, still)
             # the file's bias of a standing line beyond this reading decreases in a longer line
-            told = view.depth_mm + listed_shift_mm(view) - stood.depth_mm
-            told = np.where(np.abs(told) <= STEEPEST * sd, told, 0.0)
-            mean += np.sqrt(still.variance / moving.variance)[:, None] * told
+            listed = view.depth_mm + listed_shift_mm(view) - stood.depth_mm
+            listed = np.where(np.abs(listed) <= STEEPEST * sd, listed, 0.0)
+            mean += np.sqrt(still.variance / moving.variance)[:, None] * listed
             # the noise of the law contains the spread of a standing line
             own = np.square(stood.spread_mm)
         wider = moving.variance - still.variance

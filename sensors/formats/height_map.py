@@ -27,7 +27,7 @@ class HeightMap:
     step_mm : float or None
         Resolution of the readings, mm.
     note : str
-        What the file says of itself: instrument, frame number.
+        What the file states about itself: instrument, frame number.
     unit_mm : float
         mm in one of the file's own numbers, where it is a bare table or image.
     slope_x : (n_points,) float64 or None

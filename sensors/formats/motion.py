@@ -25,7 +25,7 @@ _EULER = {"wpr": ("w", "p", "r"), "abc": ("c", "b", "a")}
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Rows:
-    """What a file says of each row.
+    """What a file states for each row.
 
     Attributes
     ----------

@@ -27,7 +27,7 @@ class Width(Protocol):
         """Standard deviation of the line for which it holds, µm; None: the datasheet's."""
         ...
 
-    def as_told(self) -> Self:
+    def as_measured(self) -> Self:
         """Return the effect of the line as it was when the file's figures were measured."""
         ...
 
@@ -43,8 +43,7 @@ class Beam:
     Attributes
     ----------
     spot, cut : how its width rounds readings, and mixes them where an edge cuts it; None: unsaid
-    sd_um : standard deviation that the line has by now; 0: as it was when spot and cut were
-        measured
+    sd_um : current standard deviation of the line; 0: that at which spot and cut were measured
     along_um : standard deviation of the footprint along the line
     merge_um : how far apart two levels that are lit may lie to be read as one
     weakest : share of the line's light that makes a peak; 0 if unsaid
@@ -59,19 +58,19 @@ class Beam:
 
     @property
     def widths(self) -> tuple[Width, ...]:
-        """What the file says of the line's width and readings."""
+        """The listed effects of the line's width on readings."""
         return tuple(one for one in (self.spot, self.cut) if one is not None)
 
     @property
-    def told_um(self) -> float | None:
+    def stated_um(self) -> float | None:
         """Width of the line where it is cut, else where it rounds; None: unsaid or the sheet's."""
         return self.widths[-1].line_sd_um if self.widths else None
 
 
 def stated_sd_mm(view: View) -> float:
-    """Return the line's standard deviation for which the file tells what edges do, mm; or 0."""
+    """Return the standard deviation for which the file states what edges do, mm; or 0."""
     beam = view.sensor.beam
-    return float(line_sd_mm(view, beam.told_um, None)) if beam.widths else 0.0
+    return float(line_sd_mm(view, beam.stated_um, None)) if beam.widths else 0.0
 
 
 def listed_sd_mm(view: View) -> float:
@@ -80,7 +79,7 @@ def listed_sd_mm(view: View) -> float:
 
 
 def wider_mm(view: View, sd_mm: float) -> NDArray[np.float64]:
-    """How much deeper a line that wide reads than the one the file tells of, (n, m) mm.
+    """Return the depth that a line of this width reads beyond the stated one, (n, m) mm.
 
     The difference of two lines on matt material; where the file has another level than the
     narrow one reads, what the wide one reads.
@@ -90,7 +89,7 @@ def wider_mm(view: View, sd_mm: float) -> NDArray[np.float64]:
         return np.zeros(view.shape)
     now = read_beam(view, _finely(sd_mm))
     stood = standing(view, _finely(stated)).depth_mm
-    filed = view.depth_mm + listed_shift_mm(view, told=True)
+    filed = view.depth_mm + listed_shift_mm(view, measured=True)
     change = now.depth_mm - np.where(np.abs(filed - stood) <= STEEPEST * stated, stood, filed)
     return np.where(np.isfinite(change) & (now.light >= view.sensor.beam.weakest), change, 0.0)
 
@@ -115,21 +114,21 @@ def read_beam(view: View, line: LineSpread) -> Line:
 
 
 def standing(view: View, line: LineSpread) -> Line:
-    """Read a line that doesn't move; kept for the next who asks."""
+    """Read a line that doesn't move; cached with the view."""
     key = float(line.variance[0]), line.step_mm
     return _STANDING.get(view, key, lambda: read_beam(view, line))
 
 
-def listed_shift_mm(view: View, *, told: bool = False) -> NDArray[np.float64]:
+def listed_shift_mm(view: View, *, measured: bool = False) -> NDArray[np.float64]:
     """Return what the listed line's width makes of each reading, (n, m) mm; kept with the view.
 
     Parameters
     ----------
-    told : of the line as it was when the file's figures were measured, not as it is by now
+    measured : of the line at which the file's figures were measured, not of the current one
     """
     widths = view.sensor.beam.widths
-    if told:
-        widths = tuple(one.as_told() for one in widths)
+    if measured:
+        widths = tuple(one.as_measured() for one in widths)
 
     def shift() -> NDArray[np.float64]:
         known = [s for s in (one.shift(view) for one in widths) if s is not None]

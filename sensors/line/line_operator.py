@@ -252,7 +252,7 @@ def bright_line(
 
 
 def line_mean(view: View, sd_mm: Floats | float, of: ViewFunction) -> Floats:
-    """Mean over the line of what a function says of its sub-lines' views, (n, m).
+    """Mean over the line of a function of its sub-lines' views, (n, m).
 
     Only of those whose depth runs on from the centre's; the centre's own value where none does.
     """

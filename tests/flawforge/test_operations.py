@@ -1,4 +1,4 @@
-"""What docs/operations.md says of surroundings: streams, locale, home, umask, folders that go."""
+"""docs/operations.md, by test: streams, locale, home, umask, folders that go."""
 
 import itertools
 import json

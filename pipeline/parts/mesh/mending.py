@@ -137,7 +137,7 @@ def flip_needles(vertices: Vertices, faces: Faces, tolerance_mm: float) -> tuple
 def part_edges(vertices: Vertices, faces: Faces) -> tuple[Vertices, Faces, int, int]:
     """Take apart what meets in an edge of four faces or more, or in a vertex only.
 
-    Around such an edge the two faces of one body stay together. What is left is sorted by angle
+    Around such an edge the two faces of one body stay together. The rest is sorted by angle
     and paired so that each pair has solid between it: a face that runs against the edge and the
     next one that runs along it. Each surface then gets vertices of its own.
 

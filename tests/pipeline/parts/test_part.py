@@ -14,7 +14,7 @@ from pipeline.parts.mesh.bodies import manifold
 from pipeline.parts.part import UNITS_MM, Part, find_parts, load_part
 from pipeline.parts.part_error import PartError
 
-# What independent readers (trimesh, per body) say of the volume, in the file's unit.
+# What independent readers (trimesh, per body) give for the volume, in the file's unit.
 CAD = {
     "1002_tray_bottom.STL": 347865.8964,
     "ADIS16480.STL": 2.8192470e-5,

@@ -49,7 +49,7 @@ def test_objects_share_the_room() -> None:
 
     for key in range(4):
         ask(0, key)
-    ask(1, 0)  # by now two of each have room
+    ask(1, 0)  # now two of each have room
     for key in (0, 4, 4):
         ask(0, key)
     assert made == [(0, 0), (0, 1), (0, 2), (0, 3), (1, 0), (0, 4)]
