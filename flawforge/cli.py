@@ -13,21 +13,21 @@ from typing import Any, Final, NoReturn, TextIO
 from pipeline.batch.stop import heard, stoppable
 
 COMMANDS: Final = {
-    "init": "write a recipe to start from, for a part",
+    "init": "write a first recipe for a part",
     "generate": "make a labelled dataset from a recipe",
-    "check": "predict a dataset, its cost and what it lacks from a few trial scans",
+    "check": "predict a dataset, its cost and its shortfalls from a few trial scans",
     "preview": "draw a scan of a dataset, or a recipe before anything is generated",
     "schema": "print the JSON Schema of a recipe, for editors",
-    "view": "make a gallery of a dataset, one HTML file with filters",
-    "verify": "check a dataset's files, also against the lock of a release",
-    "export": "turn a dataset into the form that another program opens",
-    "import": "turn an instrument's file into recording.h5",
-    "plan": "passes of the sensor over a part that together see it",
-    "pod": "probability of detection against the size of a flaw, with bounds",
+    "view": "write a gallery of a dataset, one HTML file with filters",
+    "verify": "check a dataset's files, and compare them with the lock of a release",
+    "export": "write a dataset in the form of another program",
+    "import": "convert an instrument's file to recording.h5",
+    "plan": "plan passes of the sensor that together cover a part",
+    "pod": "estimate the probability of detection as a function of flaw size",
     "roughness": "measure a surface's roughness and write its surface.yaml",
-    "flaw": "take a real flaw out of a recording, for a bank that recipes draw from",
-    "diagnose": "say where recordings differ from their simulation, and why",
-    "challenge": "prove the diagnosis on sealed recordings of an independent instrument",
+    "flaw": "extract a real flaw from a recording into a bank for recipes",
+    "diagnose": "find where and why recordings differ from their simulation",
+    "challenge": "test the diagnosis on sealed recordings of an independent instrument",
 }
 EXAMPLES: Final = """\
 examples:
@@ -36,20 +36,20 @@ examples:
   flawforge generate quickstart --out out/quickstart --jobs 2
   flawforge preview out/quickstart --out scan.png
   flawforge diagnose a.h5 b.h5 c.h5 --part part.stl --sensor sensor.yaml --out diagnosis
-  flawforge COMMAND --help      what a command does, with its options
+  flawforge COMMAND --help      a command's help
 """
 STOPPED: Final = {"SIGINT": "interrupted", "SIGTERM": "terminated"}
-GO_ON: Final = "what is finished stays; the same command goes on from there"
-START_AGAIN: Final = "the same command starts again from the beginning"
+GO_ON: Final = "finished work is kept; the same command continues from there"
+START_AGAIN: Final = "the same command starts from the beginning"
 GOES_ON: Final = ("generate", "challenge")
-"""Commands that find what an earlier run of them finished."""
+"""Commands that continue an earlier run."""
 
 
 class Parser(argparse.ArgumentParser):
-    """Answers a wrong word in one line, as every other wrong input."""
+    """Reports a wrong argument in one line, as every other wrong input."""
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong; exit code 2."""
+        """Print the error; exit code 2."""
         _say(f"{message}; see {self.prog} --help")
         sys.exit(2)
 
@@ -156,12 +156,12 @@ def parsers(chosen: str | None) -> tuple[Parser, argparse.ArgumentParser]:
     parser = Parser(
         prog="flawforge",
         description="Labelled laser-profilometer scans of flawed CAD parts, and a diagnosis of"
-        " what the simulation leaves out.",
+        " the effects that a simulation lacks.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="store_true", help="print the version and stop")
-    parser.add_argument("--debug", action="store_true", help="show where an error came from")
+    parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     asked: argparse.ArgumentParser = parser
     for name, summary in COMMANDS.items():
@@ -181,7 +181,7 @@ def _main(words: Sequence[str]) -> int:
     parser, asked = parsers(_chosen(words))
     arguments, unknown = parser.parse_known_args(words)
     if unknown:
-        asked.error(f"unknown words: {' '.join(unknown)}")
+        asked.error(f"unknown arguments: {' '.join(unknown)}")
     if arguments.version:
         from importlib.metadata import version
 
@@ -199,13 +199,13 @@ def _module(name: str) -> Any:
 
 
 def _said(error: Exception) -> str:
-    """Say an error in one line, whoever made it."""
+    """Return an error in one line, whatever its origin."""
     from flawforge.crash import is_memory, report
 
     if _is_users(error):
         return _line(error)
     if is_memory(error):
-        return "not enough memory for what was asked; fewer profiles, points or jobs need less"
+        return "not enough memory; fewer profiles, points or jobs need less"
     return report(error, sys.argv[1:])
 
 
@@ -221,9 +221,9 @@ def _is_users(error: Exception) -> bool:
 
 
 def _line(error: Exception) -> str:
-    """Say an error in one line; of the system's own, the file first."""
+    """Return an error in one line; the file comes first in an error of the system."""
     number = re.search(r"errno = (\d+)", str(error)) if isinstance(error, OSError) else None
-    if number is not None:  # of HDF5, which keeps the system's word in its own
+    if number is not None:  # of HDF5, whose message holds the system's error number
         return f"the system says: {os.strerror(int(number.group(1)))}"
     if isinstance(error, OSError) and error.strerror:
         said = f"the system says: {error.strerror}"

@@ -32,7 +32,7 @@ Scan = dict[str, Any]
 
 
 class ShardError(ValueError):
-    """Stored data that is damaged or missing: which file, and what is wrong with it."""
+    """Stored data is damaged or missing; the message names the file and the fault."""
 
     def __init__(self, path: Path, what: str) -> None:
         super().__init__(f"{path}: {what}")
@@ -52,17 +52,17 @@ def open(
     folder : path
         Holds manifest.parquet or manifest.csv, and the shards.
     fields : sequence of str, optional
-        Which arrays a scan shall hold, for instance ``("depth", "mask")``; all by default.
-        What isn't asked for isn't read.
+        Arrays of a scan, for instance ``("depth", "mask")``; all by default. Other arrays are
+        not read.
     raw : bool
-        Give the counts as stored instead of depths; `Dataset.coding` tells what they mean.
+        Return stored counts instead of depths; see `Dataset.coding`.
     dtype : dtype
         Type of the depths in mm. float64 holds them exactly; float32 to 0.02 µm at 400 mm.
 
     Raises
     ------
     ShardError
-        Where there is no dataset, or its tables can't be read.
+        Where the folder holds no dataset, or the tables are unreadable.
     """
     folder = Path(folder)
     manifest = _table(folder, "manifest")
@@ -86,9 +86,9 @@ def open(
 class Dataset:
     """Scans of a dataset, by number or `scan_id`; made by `open`.
 
-    Holds the tables and no scan: each access reads one scan from its shard. Files are opened by
-    each process for itself when first needed and are not pickled, so that a dataset can be handed
-    to worker processes, forked or spawned.
+    Holds the tables and no scan: each access reads one scan from its shard. Each process opens its
+    files on first access. Files are not pickled, so worker processes, forked or spawned, can share
+    a dataset.
 
     Attributes
     ----------
@@ -163,7 +163,7 @@ class Dataset:
         Raises
         ------
         KeyError
-            Where there is none.
+            For an unknown id.
         """
         return self._where[scan_id]
 
@@ -177,7 +177,7 @@ class Dataset:
 
     @property
     def splits(self) -> dict[str, int]:
-        """How many scans each split has."""
+        """Number of scans in each split."""
         if "split" not in self.manifest:
             return {}
         counts = self.manifest["split"].value_counts(sort=False)
@@ -213,7 +213,7 @@ class Dataset:
         kind : str
             A flaw of this kind is labelled in the scan.
         seen, visible : bool
-            Whether any flaw (of `kind`, where given) is labelled, or exceeds the noise.
+            Whether a flaw (of `kind`, where given) has labelled points, or visible ones.
         """
         keep = pd.Series(True, index=self.manifest.index)
         for column, value in (("split", split), ("part", part)):
@@ -238,7 +238,7 @@ class Dataset:
         """
         import io
 
-        # by name: this module is of use without the rest of the project
+        # by name: this module works without the rest of the project
         pictures = importlib.import_module("pipeline.preview.scan_picture")
         image = importlib.import_module("PIL.Image")
         buffer = io.BytesIO()
@@ -247,7 +247,7 @@ class Dataset:
         return image.open(buffer)
 
     def _repr_html_(self) -> str:
-        """Say in a notebook what the dataset holds."""
+        """Return the dataset's summary for a notebook."""
         import html
 
         kinds: dict[Any, Any] = {}
@@ -290,9 +290,9 @@ class Dataset:
         frame : {"part", "sensor"}
             In the sensor frame all profiles lie in the plane y = 0.
         depth : {"depth", "depth_ideal", "depth_clean"}
-            Which depths.
+            Array of depths.
         pose : {"pose", "pose_true"}
-            Where the sensor was told to be, or where it was.
+            Commanded or true poses.
 
         Returns
         -------
@@ -316,7 +316,7 @@ class Dataset:
     def coding(self, field: str) -> dict[str, float]:
         """Return `scale_mm`, `offset_mm` and `missing` of stored counts; empty for plain numbers.
 
-        A depth is offset_mm + scale_mm * count; the count `missing` means no return.
+        A depth is offset_mm + scale_mm * count; the count `missing` stands for a missing reading.
         """
         file = self._file(str(self.manifest["shard"].iloc[0]))
         attributes = self._array(file, field).attrs

@@ -132,7 +132,7 @@ def load_yaml(path: str | Path) -> Document:
             raise RecipeError("isn't a file", where=path)
         if path.stat().st_size > MOST_BYTES:
             raise RecipeError(
-                "is too long for a file that somebody wrote", where=path,
+                "is too long for a hand-written file", where=path,
                 value=f"{path.stat().st_size} bytes", allowed=f"{MOST_BYTES} at most",
             )  # fmt: skip
         text = path.read_text(encoding="utf-8")
@@ -202,7 +202,7 @@ def _check_scalar(node: Any, path: Path) -> None:
     """Refuse text that is no Unicode and numbers that no computer holds."""
     where = f"{path}:{node.start_mark.line + 1}"
     if any("\ud800" <= sign <= "\udfff" for sign in node.value):
-        raise RecipeError("holds half a character (a lone surrogate)", where=where)
+        raise RecipeError("holds a lone surrogate, which is no character", where=where)
     if node.tag.endswith(":int") and len(node.value) > LONGEST_NUMBER:
         raise RecipeError(
             "holds a number that is too long", where=where, value=f"{len(node.value)} digits",
@@ -218,7 +218,7 @@ def _note_lines(node: Any, at: KeyPath, lines: dict[KeyPath, int], path: Path) -
         for key, value in node.value:
             if key.value in seen:
                 line = key.start_mark.line + 1
-                raise RecipeError(f"key '{key.value}' stands twice", where=f"{path}:{line}")
+                raise RecipeError(f"key '{key.value}' occurs twice", where=f"{path}:{line}")
             seen.add(key.value)
             lines[(*at, key.value)] = key.start_mark.line + 1
             _note_lines(value, (*at, key.value), lines, path)

@@ -6,10 +6,9 @@ import time
 from flawforge.commands.recipe_options import add_recipe_options
 
 EPILOG = """\
-Takes a few scans of each part, keeps none of them, and says what the whole dataset would hold, how
-long it would take, how large it would be, and what it would lack. Numbers of flaws are exact; the
-shares of them that are seen and detectable are those of the trial. Exit code: 0 nothing to warn of,
-1 warnings, 2 bad recipe.
+Makes a few scans of each part, discards them, and predicts the dataset: its flaws, duration, size
+and shortfalls. Numbers of flaws are exact. The shares of flaws that are seen, visible and
+detectable are estimates from the trial. Exit code: 0 no warning, 1 warnings, 2 wrong recipe.
 
 examples:
   flawforge check quickstart
@@ -21,22 +20,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's words."""
     parser.epilog = EPILOG
     parser.add_argument(
-        "recipe", metavar="RECIPE", help="a YAML file, or the name of a recipe that flawforge has"
+        "recipe", metavar="RECIPE", help="a YAML file, or the name of a built-in recipe"
     )
     parser.add_argument(
-        "--specimens", type=int, default=2, metavar="N", help="tried of each part (default 2)"
+        "--specimens",
+        type=int,
+        default=2,
+        metavar="N",
+        help="specimens tried of each part (default 2)",
     )
     parser.add_argument(
-        "--scans", type=int, default=4, metavar="N", help="of each of these (default 4)"
+        "--scans", type=int, default=4, metavar="N", help="scans tried of each specimen (default 4)"
     )
     parser.add_argument(
-        "--jobs", type=int, default=1, metavar="N", help="processes that the time is said for"
+        "--jobs",
+        type=int,
+        default=1,
+        metavar="N",
+        help="processes for which the duration is predicted (default 1)",
     )
     add_recipe_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Try the recipe; say what came out."""
+    """Try the recipe and print the prediction."""
     from flawforge.summary import MOST_LINES, duration, size, table
     from pipeline.batch.backend import one_thread_each
     from sensors.typed_yaml import RecipeError

@@ -1,4 +1,4 @@
-"""`flawforge diagnose`: recordings against a simulation of them, and what the simulation lacks."""
+"""`flawforge diagnose`: compare recordings with their simulation and find missing effects."""
 
 import argparse
 import sys
@@ -9,13 +9,13 @@ from pathlib import Path
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.description = (
-        "Compare recordings with a simulation of them: where they differ, which physics the "
-        "simulation leaves out, and a model of the sensor that has it."
+        "Compare recordings with their simulation: locate differences, name the physical effects "
+        "that the simulation lacks, and write the sensor's file with them."
     )
     parser.epilog = """\
-Several recordings in different poses tell causes apart that one recording mixes. The last one
-(or those named by --holdout) is never fitted to: it judges. Read DIR/report.html first; use
-DIR/sensor.yaml in a recipe to generate data with the effects found.
+Recordings in several poses separate effects that one recording confounds. The last recording (or
+those of --holdout) is held out: no effect is fitted to it. Read DIR/report.html first. A recipe
+with DIR/sensor.yaml simulates the effects found.
 
 example:
   flawforge diagnose a.h5 b.h5 c.h5 --part part.stl --sensor sensor.yaml \\
@@ -37,10 +37,15 @@ example:
     )  # fmt: skip
     parser.add_argument(
         "--holdout", nargs="+", default=[], metavar="REC.h5",
-        help="recordings for judging alone (default: the last one; of a single one, blocks)",
+        help="held-out recordings (default: the last one; of a single recording, blocks)",
     )  # fmt: skip
     parser.add_argument("--out", required=True, help="folder for diagnosis.json, report.html, ...")
-    parser.add_argument("--seed", type=int, default=0, help="of the null's draws (default: 0)")
+    parser.add_argument(
+        "--seed",
+        type=int,
+        default=0,
+        help="seed of the draws of the null distribution (default: 0)",
+    )
     parser.add_argument("--quiet", action="store_true", help="no progress on stderr")
 
 
@@ -63,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
             print(f"[{time.monotonic() - began:5.1f} s] {text}", file=sys.stderr, flush=True)
 
     out = Path(args.out)
-    out.mkdir(parents=True, exist_ok=True)  # what can't be written to is said before any work
+    out.mkdir(parents=True, exist_ok=True)  # an unwritable folder fails before any work
     progress("reading")
     part = load_part(Path(args.part), unit=args.part_unit)
     result = diagnose(

@@ -5,7 +5,7 @@ from pathlib import Path
 
 EXAMPLES = """\
 Pictures (--image): relief8 is the local relief in 8 bits, depth16 the depth in 16 bits, float32
-the depth in mm. One scale holds for all pictures and stands beside them. See docs/exports.md.
+the depth in mm. All pictures share one scale, stated in a file beside them. See docs/exports.md.
 
 examples:
   flawforge export out/quickstart --to coco --mask visible --min-pixels 20
@@ -22,28 +22,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = f"forms:\n{forms}\n\n{EXAMPLES}"
     parser.add_argument("dataset", type=Path, metavar="DIR", help="folder of the dataset")
     parser.add_argument(
-        "--to", choices=tuple(FORMS), required=True, metavar="FORM", help="see below"
+        "--to", choices=tuple(FORMS), required=True, metavar="FORM", help="form to write, see below"
     )
     parser.add_argument(
         "--scan",
         action="append",
         metavar="ID",
-        help="which scan, may be given several times (default: all)",
+        help="scan to export; may be repeated (default: all)",
     )
     parser.add_argument(
-        "--splits", metavar="A,B", help="which splits, with commas between (default: all)"
+        "--splits", metavar="A,B", help="splits to export, separated by commas (default: all)"
     )
     parser.add_argument(
         "--mask",
         choices=("all", "visible"),
-        help="label all points of a flaw (default), or those where it exceeds the noise",
+        help="label all points of a flaw (default), or those whose deviation exceeds the noise",
     )
     parser.add_argument(
         "--min-pixels", type=int, metavar="N",
-        help="leave out flaws with fewer labelled points in a scan (default: 1)",
+        help="omit flaws with fewer labelled points in a scan (default: 1)",
     )  # fmt: skip
     parser.add_argument(
-        "--image", choices=("relief8", "depth16", "float32"), help="what pictures hold"
+        "--image", choices=("relief8", "depth16", "float32"), help="content of the pictures"
     )
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="folder to write (default: DIR/export-FORM)"
@@ -51,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Export; say what was written."""
+    """Export and print the number of files."""
     from flawforge.progress import shown
     from pipeline.dataset.export import export
 

@@ -1,4 +1,4 @@
-"""`flawforge flaw`: a bank of real flaws, taken out of recordings."""
+"""`flawforge flaw`: a bank of real flaws from recordings."""
 
 import argparse
 import re
@@ -9,9 +9,10 @@ if TYPE_CHECKING:
     from flawforge.flaw.extraction import Region
 
 EPILOG = """\
-Registers the recording on its part, takes the flaw's relief out (measured minus nominal, along the
-local normal), levels it by the rim around the region, denoises it by the recording's own noise and
-keeps it in the bank: BANK/NAME.npz with mask, dimensions and origin, and NAME.png to look at.
+Registers the recording on its part and extracts the flaw's relief (measured minus nominal, along
+the local normal). Levels the relief by the rim around the region and denoises it with the
+recording's noise. Writes BANK/NAME.npz with mask, dimensions and origin, and the picture
+BANK/NAME.png.
 
 A recipe puts variations of the bank's flaws on other parts:
   flaws: {bank: {path: bank, number: 2, scale: {uniform: [0.5, 2]}, mirror: true}}
@@ -27,12 +28,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     steps = parser.add_subparsers(dest="step", metavar="STEP", required=True)
     extract = steps.add_parser(
-        "extract", help="take one flaw out of a recording", epilog=EPILOG,
+        "extract", help="extract one flaw from a recording", epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     extract.add_argument("recording", type=Path, metavar="REC.h5", help="recording with the flaw")
     extract.add_argument(
-        "--part", type=Path, required=True, help="the part's mesh without the flaw, closed"
+        "--part", type=Path, required=True, help="closed mesh of the part without the flaw"
     )
     extract.add_argument(
         "--part-unit", default="mm", choices=("mm", "cm", "m", "inch", "um"),
@@ -41,16 +42,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     extract.add_argument("--sensor", required=True, help="the sensor's YAML file, or a preset")
     extract.add_argument(
         "--region", required=True, metavar="X0,Y0,X1,Y1 | R0:R1,C0:C1",
-        help="around the flaw: a box of the part's x and y, mm; or profiles and points, half-open",
+        help="around the flaw: a box in the part's x and y, mm; or profiles and points, half-open",
     )  # fmt: skip
-    extract.add_argument("--out", type=Path, required=True, metavar="BANK", help="folder")
     extract.add_argument(
-        "--name", help="of the flaw (default: the recording's, with profile and point)"
+        "--out", type=Path, required=True, metavar="BANK", help="folder of the bank"
+    )
+    extract.add_argument(
+        "--name", help="name of the flaw (default: that of the recording, with profile and point)"
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Extract, write, draw, say the dimensions."""
+    """Extract, write, draw, and print the dimensions."""
     from flawforge.flaw.extraction import extract
     from flawforge.flaw.picture import draw
     from pipeline.parts.part import load_part
@@ -64,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
     name = arguments.name or f"{recording.name}-{re.sub(r'[^0-9]+', '-', arguments.region)}"
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}", name):
         raise RecipeError(
-            "isn't a name for a file", where="--name", value=name,
+            "not a file name", where="--name", value=name,
             allowed="letters, digits, '.', '_' and '-'",
         )  # fmt: skip
     part = load_part(arguments.part, unit=arguments.part_unit)
@@ -105,7 +108,7 @@ def parse_region(text: str, shape: tuple[int, ...]) -> "Region":
         y0 = y1 = 0.0
     if not (x0 < x1 and y0 < y1):
         raise RecipeError(
-            "--region isn't understood", value=text,
+            "--region: wrong form", value=text,
             allowed="x0,y0,x1,y1 in mm, the least first, or "
             f"R0:R1,C0:C1 within 0:{shape[0]},0:{shape[1]}",
         )  # fmt: skip

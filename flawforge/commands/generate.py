@@ -9,9 +9,10 @@ from flawforge.progress import compiling_said, shown
 from flawforge.summary import summary
 
 EPILOG = """\
-The recipe is a YAML file: docs/recipe.md has every key, flawforge init writes one. The same recipe
-and seed give the same bytes for any --jobs. Started again after it was stopped, the command goes on
-where it was. Exit code: 0 all made, 1 some parts or scans failed (see dataset.json), 2 bad recipe.
+The recipe is a YAML file. docs/recipe.md lists every key, and flawforge init writes a first
+recipe. The same recipe and seed give the same bytes for any --jobs. A stopped run continues with
+the same command. Exit code: 0 complete, 1 some parts or scans failed (see dataset.json), 2 wrong
+recipe.
 
 example:
   flawforge generate quickstart --out out/quickstart --jobs 2
@@ -21,9 +22,7 @@ example:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's words."""
     parser.epilog = EPILOG
-    parser.add_argument(
-        "recipe", metavar="RECIPE", help="the recipe's YAML file, or 'quickstart'"
-    )
+    parser.add_argument("recipe", metavar="RECIPE", help="the recipe's YAML file, or 'quickstart'")
     add_recipe_options(parser)
     parser.add_argument(
         "--out", type=Path, required=True, metavar="DIR", help="folder of the dataset"
@@ -38,10 +37,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="where shards are made (default: processes on this machine)",
     )
     parser.add_argument(
-        "--scheduler", metavar="ADDRESS", help="with --backend dask: its scheduler, tcp://host:port"
+        "--scheduler",
+        metavar="ADDRESS",
+        help="address of the Dask scheduler, tcp://host:port (with --backend dask)",
     )
     parser.add_argument(
-        "--log-json", action="store_true", help="progress on standard output, JSON line by line"
+        "--log-json", action="store_true", help="progress on standard output as JSON lines"
     )
 
 
@@ -52,7 +53,7 @@ def _jobs(text: str) -> int:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Make the dataset; say on standard output what came out."""
+    """Make the dataset and print its summary."""
     import os
 
     from pipeline.batch.backend import Backend
@@ -64,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
         from sensors.typed_yaml import RecipeError
 
         if (arguments.backend == "dask") != (arguments.scheduler is not None):
-            raise RecipeError("--scheduler and --backend dask go together")
+            raise RecipeError("--scheduler and --backend dask require each other")
         recipe = Recipe.load(
             arguments.recipe,
             roots=tuple(arguments.parts),

@@ -10,31 +10,31 @@ if TYPE_CHECKING:
 EPILOG = """\
 formats, by suffix:
   .csv .txt .asc .xyz .dat
-                a matrix (a profile in each row), with axes or without; columns x,z (names such as
-                x_mm,z_um give the units); points x,y,z on a grid, or in profiles with an x of
-                their own; exports of Gocator, Gwyddion, Dektak
+                a matrix (a profile in each row), with or without axes; columns x,z (names such as
+                x_mm,z_um state the units); points x,y,z on a grid, or profiles with an x per
+                reading; exports of Gocator, Gwyddion, Dektak
   .npy .tif .png
-                an array or an image of heights, integer or float; a TIFF's second page is
-                brightness, its three channels are x, y, z
-  .ply .pcd     point clouds whose points stand in rows and columns along x and y
+                an array or an image of heights, integer or float; the second page of a TIFF is
+                brightness, three channels are x, y, z
+  .ply .pcd     point clouds with points in rows and columns along x and y
   .json         SICK height maps (heights, reflectance, encoder)
   .x3p .sur .sdf .bcr
-                topographies with their units inside
+                topographies that state their units
   .xlsx         a table, or a Mitutoyo SurfTest report
 
-Readings stay on the instrument's own grid: nothing is resampled, averaged or filled. Heights
-become depth = working distance - height. The part frame is the instrument's: x along the columns,
-y along the rows, z up; the sensor looks down from the working distance above height 0. Place a
-CAD part in that frame before you diagnose. A working distance or rate that no one states is
-assumed, and said so. Rows that repeat the one before while the travel goes on are no measurements
-and are dropped.
+Readings stay on the instrument's grid: the import resamples, averages and fills nothing. The
+depth is the working distance minus the height. The part frame is the instrument's: x along the
+columns, y along the rows, z up. The sensor looks down from the working distance above height 0.
+Place a CAD part in this frame before a diagnosis. The output lists assumed values, such as a
+working distance that neither file nor option states. Repeated rows are no measurements and are
+dropped.
 
-Units, pitches and sentinels are taken from the file where it states them; what was recognised is
-printed. Where readings can't be what they seem (one number that stands apart and repeats, heights
-that don't go with the width) the import stops and names the option that settles it.
+Units, pitches and marks for missing points come from the file where it states them. The output
+lists them. Where the readings are ambiguous (one isolated number that repeats, heights that don't
+match the width) the import stops, and the message names the option that resolves the ambiguity.
 
-Beside the recording a sensor.yaml is written that fits it: what the file doesn't tell (angle,
-line width, exposure ...) is null; put in what you know.
+The import also writes a sensor.yaml for the recording. Values that the file does not state
+(angle, line width, exposure ...) are null; add those that you know.
 
 examples:
   flawforge import image_9.json --as strip.h5
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's words."""
     parser.epilog = EPILOG
     parser.add_argument(
-        "files", type=Path, nargs="+", metavar="FILE", help="what the instrument wrote"
+        "files", type=Path, nargs="+", metavar="FILE", help="file of the instrument"
     )
     parser.add_argument(
         "--as", dest="target", type=Path, metavar="REC.h5", required=True, help="recording to write"
@@ -79,12 +79,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NUMBER",
-        help="number that stands for a missing point, in the file's own numbers; may be repeated",
+        help="number that marks a missing point, as in the file; may be repeated",
     )
     parser.add_argument(
         "--columns",
         metavar="x=NAME,z=NAME",
-        help="names of a table's columns: x, y, z, intensity, time, encoder (others are left out)",
+        help="names of a table's columns: x, y, z, intensity, time, encoder (others are ignored)",
     )
     parser.add_argument(
         "--pitch-x-mm", type=float, metavar="MM", help="distance of the columns, mm"
@@ -110,18 +110,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.0,
         metavar="MM",
-        help="x of the sensor's optical axis, from which effects along the line count (default: 0)",
+        help="x of the sensor's optical axis, the origin of effects along the line (default: 0)",
     )
     parser.add_argument("--rate-hz", type=float, metavar="HZ", help="profiles per second")
     parser.add_argument(
         "--travel",
         choices=("+y", "-y"),
         default="+y",
-        help="axis along which the rows follow each other; -y for images with y pointing up",
+        help="direction of the rows; -y for images with y pointing up",
     )
-    parser.add_argument(
-        "--flip-x", action="store_true", help="the columns follow each other along -x"
-    )
+    parser.add_argument("--flip-x", action="store_true", help="the columns run along -x")
     parser.add_argument(
         "--poses",
         type=Path,
@@ -134,7 +132,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="how --poses states rotations (default: by its columns' names)",
     )
     parser.add_argument(
-        "--rows", type=Path, metavar="CSV", help="place (y_mm), encoder count or time of each row"
+        "--rows",
+        type=Path,
+        metavar="CSV",
+        help="position (y_mm), encoder count or time of each row",
     )
     parser.add_argument(
         "--start-time-s",
@@ -146,13 +147,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--no-check",
         dest="checked",
         action="store_false",
-        help="take readings as they are, however odd",
+        help="accept readings without a plausibility check",
     )
     parser.add_argument(
-        "--picture", type=Path, metavar="PNG", help="draw what was read, to see whether it is right"
+        "--picture", type=Path, metavar="PNG", help="draw the recording, for a check by eye"
     )
     parser.add_argument(
-        "--keep-repeated", action="store_true", help="keep rows that repeat the one before"
+        "--keep-repeated", action="store_true", help="keep rows that repeat the previous one"
     )
     parser.add_argument("--name", help="name of the recording (default: the file's)")
     parser.add_argument(
@@ -161,7 +162,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Import; say what was made."""
+    """Import and print a summary."""
     from sensors.formats import read_height_map
     from sensors.formats.conversion import Setup, convert, stack
     from sensors.formats.motion import read_poses, read_rows
@@ -251,14 +252,16 @@ def _check(arguments: argparse.Namespace) -> None:
         value = getattr(arguments, key)
         if value is not None and not 0.0 < value < float("inf"):
             word = f"--{key.replace('_', '-')}"
-            raise RecipeError(f"{word} isn't above 0", value=value, allowed="a number above 0")
+            raise RecipeError(f"{word} is not above 0", value=value, allowed="a number above 0")
     if arguments.target.suffix.lower() not in (".h5", ".hdf5"):
         raise RecipeError("--as isn't a .h5 file", value=str(arguments.target), allowed=".h5")
     if arguments.target.is_dir():
         raise RecipeError("is a folder; --as should name a file", where=arguments.target)
     bare = all(path.suffix.lower() in BARE for path in arguments.files)
     if arguments.z_step_mm is not None and not bare:
-        raise RecipeError("--z-step-mm is for bare numbers", allowed=", ".join(BARE))
+        raise RecipeError(
+            "--z-step-mm requires a file of counts without a unit", allowed=", ".join(BARE)
+        )
     from sensors.datasheet import MOST_AXIS_MM
 
     axis_mm = arguments.optical_axis_x_mm
@@ -272,11 +275,11 @@ def _check(arguments: argparse.Namespace) -> None:
         if value is not None and not abs(value) < float("inf"):
             raise RecipeError(f"--{key.replace('_', '-')} isn't a number", value=value)
     if arguments.pose_convention is not None and arguments.poses is None:
-        raise RecipeError("--pose-convention goes with --poses")
+        raise RecipeError("--pose-convention requires --poses")
     if arguments.poses is not None and arguments.rows is not None:
-        raise RecipeError("--poses and --rows both tell where the rows are; give one")
+        raise RecipeError("--poses and --rows both state the position of the rows; give one")
     if arguments.z_step_mm is not None and arguments.unit is not None:
-        raise RecipeError("--unit and --z-step-mm both tell the height of one count; give one")
+        raise RecipeError("--unit and --z-step-mm both state the height of one count; give one")
 
 
 def _report(done: "Imported", kept: bool) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 from shlex import quote
 
 EPILOG = """\
-Unit, look direction and sensor are guessed from the part; the recipe's comments name each guess.
+Unit, look direction and sensor are guesses from the part. The recipe's comments mark each guess.
 
 example:
   flawforge init bracket.stl
@@ -22,15 +22,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, metavar="YAML", help="the recipe (default: PART.yaml, here)"
     )
     parser.add_argument(
-        "--unit", choices=("mm", "cm", "m", "um", "inch"), help="of the part (default: guessed)"
+        "--unit",
+        choices=("mm", "cm", "m", "um", "inch"),
+        help="unit of the part (default: guessed from the size)",
     )
-    parser.add_argument(
-        "--thicken-mm", type=float, metavar="MM", help="thickness of an open sheet"
-    )
+    parser.add_argument("--thicken-mm", type=float, metavar="MM", help="thickness of an open sheet")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write the recipe; say what comes next."""
+    """Write the recipe and print the next commands."""
     from pipeline.recipe_draft import draft
     from sensors.typed_yaml import RecipeError
     from sensors.whole_file import write_whole
@@ -38,15 +38,13 @@ def run(arguments: argparse.Namespace) -> int:
     part = arguments.part
     out = arguments.out or Path(f"{part.stem}.yaml")
     if out.suffix not in (".yaml", ".yml"):
-        raise RecipeError("isn't a recipe's name", where="--out", value=str(out),
+        raise RecipeError("not a YAML file name", where="--out", value=str(out),
                           allowed="NAME.yaml")  # fmt: skip
     if out.exists():
-        raise RecipeError("is there already", where=out, allowed="another name by --out")
+        raise RecipeError("file exists", where=out, allowed="another name with --out")
     inside = part.resolve().is_relative_to(out.resolve().parent)
     where = part.resolve().relative_to(out.resolve().parent) if inside else part.resolve()
-    text = draft(
-        part, where=str(where), unit=arguments.unit, thicken_mm=arguments.thicken_mm
-    )
+    text = draft(part, where=str(where), unit=arguments.unit, thicken_mm=arguments.thicken_mm)
     write_whole(out, text)
     for line in text.splitlines():
         if "check it" in line:

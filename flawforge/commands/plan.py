@@ -1,17 +1,17 @@
-"""`flawforge plan`: passes over a part that together see it."""
+"""`flawforge plan`: passes over a part that together cover it."""
 
 import argparse
 from pathlib import Path
 
 EPILOG = """\
-Lays straight passes over the part from 26 directions, keeps those that together see --cover of the
-surface in little length, and writes the poses of each, pass-00.h5 ..., which a recipe with as many
-profiles follows: `motion: {path: pass-00.h5}`. Seen is what the laser sweeps within line and range,
-at no more than 75° of incidence, with a free way to the laser and, where the triangulation angle is
-stated, to the camera. The picture shows in red what no pass saw. The table compares
-plans by length and coverage, * on the Pareto front; pit is the depth of a pit 2 mm wide that a
-matched filter finds at snr 5, median over what is seen. Exit code 1 where --cover isn't
-reached.
+Tries straight passes over the part from 26 directions and selects a short plan that covers the
+share --cover of the surface. pass-00.h5 ... hold the poses of each pass; a recipe with as many
+profiles follows one with `motion: {path: pass-00.h5}`. A point is seen if the laser sweeps it
+within line and range, at an incidence of at most 75°, and if nothing blocks the line of sight to
+the laser and, with a stated triangulation angle, to the camera. The picture shows unseen points
+in red. The table compares plans by length and coverage; * marks the Pareto front. pit is the
+depth at which a matched filter finds a pit 2 mm wide at a signal-to-noise ratio of 5, median over
+the points seen. Exit code 1 where --cover is not reached.
 
 examples:
   flawforge plan bearing_cap --sensor KEYENCE-LJ-X8200 --angle 30 --surface steel_plate --out plan
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     parser.add_argument("part", metavar="PART", help="a mesh file, or a built-in part")
     parser.add_argument("--sensor", required=True, metavar="S", help="a preset or a sensor.yaml")
-    parser.add_argument("--unit", default="mm", metavar="U", help="of the mesh (default mm)")
+    parser.add_argument("--unit", default="mm", metavar="U", help="unit of the mesh (default mm)")
     parser.add_argument(
         "--angle", type=float, metavar="DEG", help="triangulation angle in place of the sensor's"
     )
@@ -32,19 +32,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--surface", metavar="S", help="roughness: a preset or a file (default none)"
     )
     parser.add_argument(
-        "--cover", type=float, default=0.98, metavar="SHARE", help="wanted (default 0.98)"
+        "--cover",
+        type=float,
+        default=0.98,
+        metavar="SHARE",
+        help="share of the surface to cover (default 0.98)",
     )
     parser.add_argument(
-        "--samples", type=int, default=4000, metavar="N", help="points looked at (default 4000)"
+        "--samples",
+        type=int,
+        default=4000,
+        metavar="N",
+        help="sample points on the surface (default 4000)",
     )
     parser.add_argument(
-        "--profiles", type=int, default=400, metavar="N", help="poses of a pass (default 400)"
+        "--profiles", type=int, default=400, metavar="N", help="poses per pass (default 400)"
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder to write")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Plan, write the passes, and say the trade."""
+    """Plan, write the passes, and print the plans."""
     from dataclasses import replace
 
     import numpy as np
@@ -83,7 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
     samples = Samples.of(part, scene, arguments.samples, np.random.default_rng(0))
     tried = list(candidates(samples, scene, sheet))
     if not any(one.seen.any() for one in tried):
-        raise RecipeError("no pass sees anything of the part", where=arguments.part)
+        raise RecipeError("no pass sees the part", where=arguments.part)
     plans = trade(tried, arguments.cover)
     plan, optimal = plans[0], front(plans)
     pit = ReferencePit(datasheet=sheet, surface=surface, profiles=arguments.profiles)
@@ -107,6 +115,6 @@ def run(arguments: argparse.Namespace) -> int:
     draw_plan(plan, plans, samples, title, arguments.out / "plan.png")
     print(arguments.out / "plan.png")
     if plan.coverage[-1] < arguments.cover:
-        print(f"warning: {arguments.cover:.0%} can't be seen by these passes; red in the picture")
+        print(f"warning: {arguments.cover:.0%} cannot be seen by these passes; red in the picture")
         return 1
     return 0

@@ -10,7 +10,7 @@ from flawforge.progress import compiling_said
 EPILOG = """\
 examples:
   flawforge preview quickstart --out setup.png    part, flaws, sensor fan and path
-  flawforge preview out/quickstart --out scan.png                the scan whose flaw shows best
+  flawforge preview out/quickstart --out scan.png                the scan with the most visible flaw
   flawforge preview out/quickstart --scan car_door-0001-0000
   flawforge preview out/quickstart --all --out sheet.png         all scans side by side
 """
@@ -20,14 +20,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's words."""
     parser.epilog = EPILOG
     parser.add_argument(
-        "what", type=Path, metavar="DIR|RECIPE|PART",
+        "what",
+        type=Path,
+        metavar="DIR|RECIPE|PART",
         help="folder of a dataset, a recipe, or a mesh (as flawforge init would set it up)",
     )
-    parser.add_argument("--scan", metavar="ID", help="which scan (default: the most telling one)")
-    parser.add_argument("--all", action="store_true", help="of a dataset: a contact sheet")
     parser.add_argument(
-        "--part", metavar="NAME", help="of a recipe: which part (default: the first)"
+        "--scan",
+        metavar="ID",
+        help="scan of a dataset (default: the one with the most visible flaw)",
     )
+    parser.add_argument(
+        "--all", action="store_true", help="contact sheet of all scans of a dataset"
+    )
+    parser.add_argument("--part", metavar="NAME", help="part of a recipe (default: the first)")
     add_recipe_options(parser)
     parser.add_argument(
         "--out", type=Path, default=Path("preview.png"), metavar="PNG", help="default: preview.png"
@@ -35,19 +41,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Draw; say where the picture is."""
+    """Draw and print the picture's path."""
     from sensors.typed_yaml import RecipeError
 
     if arguments.out.suffix.lower() != ".png":
         raise RecipeError(
-            "isn't a picture's name", where="--out", value=str(arguments.out), allowed="NAME.png"
+            "not a PNG file name", where="--out", value=str(arguments.out), allowed="NAME.png"
         )
     if arguments.what.is_dir() and arguments.part is not None:
-        raise RecipeError("--part goes with a recipe; of a dataset, --scan chooses")
+        raise RecipeError("--part selects a part of a recipe; --scan selects a scan of a dataset")
     if not arguments.what.is_dir() and arguments.scan is not None:
-        raise RecipeError("--scan goes with a dataset; of a recipe, --part chooses")
+        raise RecipeError("--scan selects a scan of a dataset; --part selects a part of a recipe")
     if arguments.all and not (arguments.what.is_dir() and arguments.scan is None):
-        raise RecipeError("--all goes with a dataset, without --scan")
+        raise RecipeError("--all requires a dataset and excludes --scan")
     if arguments.all:
         from pipeline.gallery.contact_sheet import contact_sheet
 

@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 EPILOG = """\
 Writes surface.yaml (figures, and the noise whose simulated scans have the same figures, heights
 and spectra), roughness.csv (figures of each profile) and roughness.png (profile, histogram,
-spectra). Figures are those of the readings as they stand: of depths, a peak lies further away.
-Profiles that repeat the one before are dropped.
+spectra). The sign of the readings is kept: a peak of depths lies farther from the sensor.
+Repeated profiles are dropped.
 
-Given a surface.yaml, solves its noise for the figures in it.
+For a surface.yaml, the command solves the noise that has the stated figures.
 
 examples:
   flawforge roughness plate.h5 --region 0:200,100:900 --cutoff-mm 2.5 --out plate
@@ -37,30 +37,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--region",
         metavar="R0:R1,C0:C1",
-        help="profiles and points to use, half-open; either side may be left out",
+        help="profiles and points to use, half-open; either end may be omitted",
     )
     parser.add_argument(
         "--cutoff-mm",
         type=float,
         metavar="MM",
-        help="cut-off of the Gaussian filter (ISO 16610-21) that takes out the form",
+        help="cut-off wavelength of the Gaussian filter (ISO 16610-21) that removes the waviness",
     )
     parser.add_argument(
         "--form",
         choices=("line", "plane", "none"),
         default="line",
-        help="what is fitted and subtracted before the filter (line: for each profile)",
+        help="form that is fitted and subtracted before the filter (line: one per profile)",
     )
     parser.add_argument("--unit", help="unit of the readings (default: the file's own, else mm)")
     parser.add_argument("--pitch-x-mm", type=float, metavar="MM", help="distance of the points")
     parser.add_argument("--pitch-y-mm", type=float, metavar="MM", help="distance of the profiles")
     parser.add_argument(
-        "--sensor", metavar="SENSOR", help="sensor.yaml or preset: resolution, a fan's pitch"
+        "--sensor",
+        metavar="SENSOR",
+        help="sensor.yaml or preset, for resolution and the pitch of a fan",
     )
     parser.add_argument("--name", help="name of the surface (default: the file's)")
-    parser.add_argument(
-        "--no-noise", action="store_true", help="figures and pictures only, solve no noise"
-    )
+    parser.add_argument("--no-noise", action="store_true", help="write figures and pictures only")
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="folder for the results (default: NAME-roughness)"
     )
@@ -74,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
         value = getattr(arguments, key)
         if value is not None and not 0.0 < value < float("inf"):
             raise RecipeError(
-                f"--{key.replace('_', '-')} isn't a length", value=value, allowed="above 0"
+                f"--{key.replace('_', '-')} is not a length", value=value, allowed="above 0"
             )
     if arguments.file.suffix.lower() in (".yaml", ".yml"):
         return _solve_for_figures(arguments)

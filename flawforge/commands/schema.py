@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 
 EPILOG = """\
-Editors that know YAML's language server read the schema that a recipe names in its first line:
+An editor with a YAML language server reads the schema that the first line of a recipe names:
 
   # yaml-language-server: $schema=flawforge-recipe.schema.json
 

@@ -4,16 +4,17 @@ import argparse
 from pathlib import Path
 
 EPILOG = """\
-Every file of the dataset is held against checksums.sha256 (sha256sum --check reads it, too), the
-tables against the shards. Exit code 1 where something is wrong, each file named.
+Every file is compared with checksums.sha256 (which sha256sum --check reads, too), and the tables
+are compared with the shards. Exit code 1 where a file differs; the output names the file.
 
-A lock holds a released dataset: recipe, seed, exact versions, checksums of all shards. With the
-same versions a rebuild must give the same bytes; with others it is compared within a tolerance.
+A lock identifies a released dataset: recipe, seed, versions, checksums of all shards. With the
+same versions a rebuild must give the same bytes. With other versions it must agree within a
+tolerance.
 
 examples:
   flawforge verify out/quickstart
-  flawforge verify out/release --lock manifests/release.lock --write    make the lock
-  flawforge verify out/rebuilt --lock manifests/release.lock            hold a rebuild against it
+  flawforge verify out/release --lock manifests/release.lock --write    write the lock
+  flawforge verify out/rebuilt --lock manifests/release.lock            compare a rebuild with it
 """
 
 
@@ -25,19 +26,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--content",
         action="store_true",
-        help="decode every scan and hold arrays and labels against the tables; a table that was"
-        " rewritten in another form is no fault then",
+        help="decode every scan and compare arrays and labels with the tables; a table that was"
+        " rewritten in another form is then no fault",
     )
     parser.add_argument("--write", action="store_true", help="write --lock from this dataset")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Check; one line for each finding."""
+    """Check, and print one line for each finding."""
     from pipeline.dataset.verify import compare_with_lock, verify, write_lock
     from sensors.typed_yaml import RecipeError
 
     if arguments.write and arguments.lock is None:
-        raise RecipeError("--write needs --lock FILE")
+        raise RecipeError("--write requires --lock FILE")
     report = verify(arguments.dataset, content=arguments.content)
     print("\n".join(report.lines))
     if report.wrong or arguments.lock is None:

@@ -4,8 +4,8 @@ import argparse
 from pathlib import Path
 
 EPILOG = """\
-Open the file in a browser; it needs no network. Filter by split, part, kind, size and
-detectability; click a scan for its flaws.
+The page opens in a browser without a network. Filters select split, part, kind, size and
+detectability. A click on a scan lists its flaws.
 
 example:
   flawforge view out/quickstart      # quickstart.html
@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write the page; say where it is."""
+    """Write the page and print its path."""
     from flawforge.progress import shown
     from pipeline.gallery.page import write_gallery
     from sensors.typed_yaml import RecipeError
@@ -30,7 +30,7 @@ def run(arguments: argparse.Namespace) -> int:
     out = arguments.out or Path(f"{arguments.dataset.resolve().name}.html")
     if out.suffix.lower() not in (".html", ".htm"):
         raise RecipeError(
-            "isn't a page's name", where="--out", value=str(out), allowed="NAME.html"
+            "not an HTML file name", where="--out", value=str(out), allowed="NAME.html"
         )
     with shown("flawforge.export"):
         count = write_gallery(arguments.dataset, out)

@@ -140,7 +140,7 @@ def extract(
     try:
         patch = spread(surface, site, nodes, (step, step))
     except SiteError as error:
-        raise RecipeError(f"the flaw can't be laid flat: {error}", where=recording.name) from None
+        raise RecipeError(f"the flaw has no flat map: {error}", where=recording.name) from None
     height, mask = _on_lattice(patch.skin_mm, site, feet, smoothed, found, nodes)
     shift = placed.shift
     relief = Relief(

@@ -162,10 +162,10 @@ class Backend:
             yield None
         except BrokenExecutor:
             raise RecipeError(
-                "a worker was killed; memory may be short",
+                "a worker was killed, perhaps for lack of memory",
                 where="--jobs",
                 value=self.jobs,
-                allowed="fewer jobs; the same command goes on from what is finished",
+                allowed="fewer jobs; the same command continues from the finished shards",
             ) from None
 
 

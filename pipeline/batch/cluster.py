@@ -53,7 +53,7 @@ def cluster(address: str, wanted: Mapping[str, str]) -> Iterator[Any]:
             f"no Dask scheduler answers ({_short(error)})",
             where="--scheduler",
             value=address,
-            allowed="the address that 'dask scheduler' says, like tcp://host:8786",
+            allowed="the address that 'dask scheduler' prints, like tcp://host:8786",
         ) from None
     with client:
         try:

@@ -78,7 +78,7 @@ def inject(
         Tells which of some points (k, 3) the scan can see, for parts whose faces are larger than
         the scan; None: all.
     surface
-        `Surface.of(part.vertices_mm, part.faces)` if it is there already.
+        `Surface.of(part.vertices_mm, part.faces)`, where it was built before.
 
     Returns
     -------

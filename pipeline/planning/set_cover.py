@@ -55,7 +55,7 @@ def planned_passes(
     Raises
     ------
     PartError
-        Where no pass sees anything of the part.
+        Where no pass sees the part.
     """
     samples = Samples.of(part, scene, SAMPLES, np.random.default_rng(0))
     tried = list(candidates(samples, scene, datasheet))

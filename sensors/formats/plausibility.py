@@ -118,8 +118,8 @@ def check_sentinels(values: Floats) -> None:
     )
     options = " ".join(f"--missing {one.value:.9g}" for one in found)
     raise RecipeError(
-        f"holds what looks like a mark for missing points: {words}",
-        allowed=f"{options} where it is one, --no-check where it is a reading",
+        f"holds a number that may mark missing points: {words}",
+        allowed=f"{options} if the number marks missing points, --no-check if it is a reading",
     )
 
 

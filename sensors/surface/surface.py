@@ -152,7 +152,7 @@ class Surface:
             return surface
         where = f"surface '{self.name}'"
         if surface.pitch_x_mm is None or surface.pitch_y_mm is None:
-            raise RecipeError("figures hold at a pitch; key 'pitch_x_mm' is missing", where=where)
+            raise RecipeError("figures refer to a pitch; key 'pitch_x_mm' is missing", where=where)
         try:
             solution = calibrate(
                 NoiseTarget(

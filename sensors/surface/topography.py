@@ -84,7 +84,7 @@ def load_topography(
     pitch_x = pitch_x_mm or held[0]
     if pitch_x is None or not pitch_x > 0.0:
         raise RecipeError(
-            "doesn't say how far apart its points are; give --pitch-x-mm"
+            "states no pitch of its points; give --pitch-x-mm"
             + (" (or --sensor)" if kind in (".h5", ".hdf5") else ""),
             where=path,
         )

@@ -126,10 +126,10 @@ def test_what_the_system_refuses_is_one_line(tmp_path, capfd, monkeypatch):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["preview", "{}", "--part", "a"], "--part goes with a recipe"),
-        (["preview", "{}/r.yaml", "--scan", "a"], "--scan goes with a dataset"),
+        (["preview", "{}", "--part", "a"], "--part selects a part of a recipe"),
+        (["preview", "{}/r.yaml", "--scan", "a"], "--scan selects a scan of a dataset"),
         (["preview", "{}", "--out", "x.doc"], "allowed: NAME.png"),
-        (["verify", "{}", "--write"], "--write needs --lock"),
+        (["verify", "{}", "--write"], "--write requires --lock"),
         (["generate", "{}/r.yaml", "--out", "{}/o", "--parts", "{}/no"], "no such folder"),
     ],
 )

@@ -62,5 +62,5 @@ def test_a_command_that_is_stopped_says_whether_it_goes_on(name, number, monkeyp
     assert cli.main(["--debug", name, *words[name]]) == 128 + number
     said = capsys.readouterr().err
     assert said.count("\n") == 1
-    assert ("goes on from there" in said) == (name == "generate")
-    assert ("starts again from the beginning" in said) == (name != "generate")
+    assert ("continues from there" in said) == (name == "generate")
+    assert ("starts from the beginning" in said) == (name != "generate")

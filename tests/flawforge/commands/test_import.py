@@ -97,7 +97,7 @@ def test_roughness_reads_what_import_reads(tmp_path: Path, shared_dir: Path) -> 
     ("words", "said"),
     [
         ([], "give --pitch-x-mm"),
-        (["--pitch-x-mm", "-1"], "--pitch-x-mm isn't above 0"),
+        (["--pitch-x-mm", "-1"], "--pitch-x-mm is not above 0"),
         ([*PITCH, "--unit", "ell"], "unknown unit"),
         ([*PITCH, "--depth"], "--height"),
         ([*PITCH, "--working-distance-mm", "0.001"], "--working-distance-mm"),
@@ -125,7 +125,7 @@ def test_bad_targets_and_files(
         ([str(scan), "--as", str(tmp_path / "r.npy"), *PITCH], "isn't a .h5 file"),
         ([str(scan), "--as", str(tmp_path / "folder.h5"), *PITCH], "is a folder"),
         ([str(sick), "--as", target], "isn't JSON, or cut short"),
-        ([str(sick), "--as", target, "--z-step-mm", "1"], "is for bare numbers"),
+        ([str(sick), "--as", target, "--z-step-mm", "1"], "requires a file of counts"),
         ([str(tmp_path / "scan.foo"), "--as", target], "unknown format"),
         ([str(scan), str(scan), "--as", target, *PITCH], "isn't a single profile"),
     ):
@@ -137,7 +137,7 @@ def test_help_explains(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["import", "--help"]) == 0
     said = capsys.readouterr().out
     assert "example" in said
-    assert "nothing is resampled" in said
+    assert "resamples, averages and fills nothing" in said
 
 
 def test_real_groove(

@@ -157,10 +157,10 @@ def test_bad_files_give_one_line_and_exit_code_2(
     [
         ([], "pitch-x-mm"),
         ([*PITCH, "--region", "0:50,0:10"], "outside"),
-        ([*PITCH, "--region", "all"], "isn't understood"),
+        ([*PITCH, "--region", "all"], "--region: wrong form"),
         ([*PITCH, "--cutoff-mm", "-1"], "above 0"),
         ([*PITCH, "--unit", "ell"], "unknown unit"),
-        (["--pitch-x-mm", "nan"], "isn't a length"),
+        (["--pitch-x-mm", "nan"], "is not a length"),
     ],
 )
 def test_bad_words_give_one_line_and_exit_code_2(

@@ -80,8 +80,8 @@ def test_the_command_writes_a_flaw_a_picture_and_its_origin(tmp_path, capsys):
     assert (tmp_path / "bank" / "one.npz").read_bytes() == first
     capsys.readouterr()
     for region, said in (
-        ("0:9", "--region isn't understood"),
-        ("5,5,1,1", "--region isn't understood"),
+        ("0:9", "--region: wrong form"),
+        ("5,5,1,1", "--region: wrong form"),
         ("0:9,150:200", "--region lies outside the scan"),
         ("40,40,50,50", "--region holds no reading"),
         ("-19,13,-12,19", "--region holds no flaw above the noise"),

@@ -211,9 +211,9 @@ def test_poses_in_every_convention_are_the_same_poses(tmp_path, kind):
     np.testing.assert_allclose(poses[:, :3, 3], place)
 
 
-def test_poses_that_nobody_can_tell_are_refused(tmp_path):
+def test_poses_of_an_unstated_convention_are_refused(tmp_path):
     (tmp_path / "p.csv").write_text("x,y,z,u,v,t\n1,2,3,4,5,6\n")
-    with pytest.raises(RecipeError, match="in no convention .*FANUC"):
+    with pytest.raises(RecipeError, match="in a convention that its column names .*FANUC"):
         read_poses(tmp_path / "p.csv")
     (tmp_path / "q.csv").write_text("x,y,z,qw,qx,qy,qz\n1,2,3,2,0,0,0\n")
     with pytest.raises(RecipeError, match="not of length 1"):
