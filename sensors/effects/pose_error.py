@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,20 @@ from sensors.view.rigid import rigid_jacobian
 from sensors.view.view import View
 
 Floats = NDArray[np.float64]
+
+
+def _rotation(axis: str) -> Any:
+    return parameter(
+        f"rotation about {axis}",
+        unit="°", low=-5.0, high=5.0, typical=0.1, null=0.0, linear=True,
+    )  # fmt: skip
+
+
+def _displacement(axis: str) -> Any:
+    return parameter(
+        f"displacement along {axis}",
+        unit="mm", low=-20.0, high=20.0, typical=0.0, null=0.0, linear=True,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -42,60 +56,12 @@ class PoseError(MotionEffect):
         "scan a sphere or a stepped artefact in several orientations and solve for the mounting"
     )
 
-    roll_deg: float = parameter(
-        "rotation about the travel (sensor y)",
-        unit="°",
-        low=-5.0,
-        high=5.0,
-        typical=0.1,
-        null=0.0,
-        linear=True,
-    )
-    pitch_deg: float = parameter(
-        "rotation about the laser line (sensor x)",
-        unit="°",
-        low=-5.0,
-        high=5.0,
-        typical=0.1,
-        null=0.0,
-        linear=True,
-    )
-    yaw_deg: float = parameter(
-        "rotation about the laser's axis (sensor z)",
-        unit="°",
-        low=-5.0,
-        high=5.0,
-        typical=0.1,
-        null=0.0,
-        linear=True,
-    )
-    x_mm: float = parameter(
-        "displacement along the line",
-        unit="mm",
-        low=-20.0,
-        high=20.0,
-        typical=0.0,
-        null=0.0,
-        linear=True,
-    )
-    y_mm: float = parameter(
-        "displacement along the travel",
-        unit="mm",
-        low=-20.0,
-        high=20.0,
-        typical=0.0,
-        null=0.0,
-        linear=True,
-    )
-    z_mm: float = parameter(
-        "displacement along the laser's axis",
-        unit="mm",
-        low=-20.0,
-        high=20.0,
-        typical=0.0,
-        null=0.0,
-        linear=True,
-    )
+    roll_deg: float = _rotation("the travel (sensor y)")
+    pitch_deg: float = _rotation("the laser line (sensor x)")
+    yaw_deg: float = _rotation("the laser's axis (sensor z)")
+    x_mm: float = _displacement("the line")
+    y_mm: float = _displacement("the travel")
+    z_mm: float = _displacement("the laser's axis")
 
     def fields(self, view: View) -> tuple[Floats, ...]:
         """Return the first order for each rotation and displacement."""

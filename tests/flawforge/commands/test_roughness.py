@@ -5,6 +5,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from PIL import Image
 
 from flawforge.cli import main
 from sensors.recording import Recording
@@ -96,10 +97,9 @@ def test_profile_of_two_columns_gives_pitch_and_units(tmp_path: Path) -> None:
 
 
 def test_grids_in_csv_and_tiff_with_their_unit(tmp_path: Path) -> None:
-    image = pytest.importorskip("PIL.Image")
     z = np.random.default_rng(2).normal(size=(20, 30)).astype(np.float32)
     np.savetxt(tmp_path / "a.csv", z, delimiter=";")
-    image.fromarray(z).save(tmp_path / "a.tiff")
+    Image.fromarray(z).save(tmp_path / "a.tiff")
     for name in ("a.csv", "a.tiff"):
         scan = load_topography(tmp_path / name, unit="um", pitch_x_mm=0.1)
         np.testing.assert_allclose(scan.readings_mm, z / 1000.0, rtol=1e-6)
