@@ -18,6 +18,7 @@ from challenge.cases.seeds import child
 from challenge.cases.truth import Facts, facts
 from challenge.populations import TEST, VALIDATION, needs_aggregate
 from challenge.processes import in_processes
+from challenge.score import ORACLE_SEES, moves_readings
 from challenge.sealed import FULL, MESHES, PROTOCOL, counts_of, draw, entropy, seal, write_whole
 from challenge.second import case as second
 from challenge.second.meshes import files as mesh_files
@@ -26,6 +27,8 @@ from challenge.second.nulls import check_null as check_second_null
 from challenge.second.truth import facts as second_facts
 
 _TRIES = 5
+MOST_DOUBLED = 3
+"""How often a fault that nobody can see is made twice as large at most."""
 
 
 def make(
@@ -192,11 +195,24 @@ def _make_second(out: Path, name: str, secret: Secret) -> None:
         secret = replace(secret, seed=int(again.integers(2**62)), shape=shape)
     else:
         raise RuntimeError(f"{name}: {_TRIES} draws in a row were no valid case")
-    second.withhold(secret, aside)
     if secret.kind != "null":
-        known = _with_maps(out, name, second_facts(staged, secret))
+        seen = second_facts(staged, secret)
+        # what nobody can see can't be named; noise and dropouts have no such measure
+        while hidden_from_all(secret, seen.oracle_z) and secret.doubled < MOST_DOUBLED:
+            secret = replace(secret, doubled=secret.doubled + 1)
+            staged = second.stage(secret, out / MESHES)
+            shutil.rmtree(aside)
+            second.write(secret, staged, aside)
+            seen = second_facts(staged, secret)
+        known = _with_maps(out, name, seen)
+    second.withhold(secret, aside)
     aside.replace(folder)
     _seal(out, name, secret, {**known, **second.known_of(secret, staged)})
+
+
+def hidden_from_all(secret: Secret, oracle_z: float) -> bool:
+    """Whether a medium or strong fault that moves readings doesn't show to a perfect observer."""
+    return secret.strength > 0 and moves_readings(asdict(secret)) and oracle_z < ORACLE_SEES
 
 
 def _with_maps(out: Path, name: str, seen: Facts) -> dict[str, Any]:

@@ -22,6 +22,8 @@ _PLACELESS = {
     "roughness_level", "anisotropic_lay", "outlier_spikes", "random_dropout", "pose_error",
     "pixel_locking",
 }  # fmt: skip
+ORACLE_SEES = 8.0
+"""Standard deviations from which the held-out recording alone tells an effect from none."""
 STRANGE = ("unexplained", "partly_explained")
 
 
@@ -62,9 +64,13 @@ class Score:
 
 def has_place(secret: dict[str, Any]) -> bool:
     """Whether what a case hides is in the catalogue and has a place of its own."""
-    known = secret["kind"] not in ("null", "unknown")
+    return secret["kind"] not in ("null", "unknown") and moves_readings(secret)
+
+
+def moves_readings(secret: dict[str, Any]) -> bool:
+    """Whether what a case hides changes the mean of readings beyond what a registration absorbs."""
     right = {name for switch in secret["switches"] for name in SWITCHES[switch].accept}
-    return known and not _PLACELESS & right
+    return not _PLACELESS & right
 
 
 def overlap(one: NDArray[np.bool_], two: NDArray[np.bool_]) -> float:

@@ -14,9 +14,8 @@ from challenge.probabilities import (
     stated,
     stated_strange,
 )
-from challenge.score import clopper_pearson
+from challenge.score import ORACLE_SEES, clopper_pearson
 
-ORACLE_SEES = 8.0  # standard deviations
 Case = dict[str, Any]
 
 

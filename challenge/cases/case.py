@@ -49,6 +49,8 @@ class Secret:
     plates, baselines
         How many reference plates, and recordings of the instrument in good order, a stranger
         gets; the first family has no baselines.
+    doubled
+        How often the second family's size of a fault was doubled, so that it shows.
     """
 
     kind: str
@@ -60,6 +62,7 @@ class Secret:
     family: str = "first"
     plates: int = 2
     baselines: int = 0
+    doubled: int = 0
 
     @classmethod
     def of_key(cls, kept: dict[str, Any]) -> "Secret":

@@ -129,7 +129,8 @@ def stage(secret: Secret, meshes: Path | None = None) -> Staged:
                 seed=secret.seed)  # fmt: skip
     on = off
     for name, fault in zip(secret.switches, faults, strict=True):
-        on = fault.apply(on, SIZES[secret.strength], child(secret.seed, "fault", name))
+        size = SIZES[secret.strength] * 2**secret.doubled
+        on = fault.apply(on, size, child(secret.seed, "fault", name))
     dropped = child(secret.seed, "file").permutation(OPTIONAL)[: len(OPTIONAL) // 2]
     return Staged(
         on=_calibrated(on, secret.seed), off=_calibrated(off, secret.seed), plates=plates,

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -168,3 +169,22 @@ def test_the_right_name_scores_and_a_wrong_one_does_not():
 
     assert json.dumps(score("travel_ripple").top_1) == "1.0"
     assert score("line_bow").top_1 == 0.0
+
+
+def test_only_what_moves_readings_and_should_show_is_made_larger():
+    def hidden(switch, strength, z):
+        secret = Secret(kind="one", switches=(switch,), strength=strength, shape="waves",
+                        recordings=3, seed=1, family="second")  # fmt: skip
+        return making.hidden_from_all(secret, z)
+
+    assert hidden("worn roller", 1, 5.0)
+    assert not hidden("worn roller", 1, 9.0)
+    assert not hidden("worn roller", 0, 5.0)
+    assert not hidden("dropping link", 2, 0.0)
+
+
+def test_a_doubled_fault_is_twice_as_large():
+    secret = Secret(kind="one", switches=("shaking frame",), strength=1, shape="waves",
+                    recordings=1, seed=1, family="second")  # fmt: skip
+    sizes = [second.stage(replace(secret, doubled=k)).on.device.robot.shake_mm for k in (0, 1)]
+    assert sizes[1] == pytest.approx(2 * sizes[0])
