@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from defects.carving.booleans import union
 from defects.carving.solid import Cutter, Solid
 from defects.seats.feature_edges import Frames
 from defects.shape.thinning import Grid, filled
@@ -385,8 +386,8 @@ def merge(cutters: list[Cutter]) -> Cutter:
     removed = tuple(cutter.removed for cutter in cutters if cutter.removed is not None)
     added = tuple(cutter.added for cutter in cutters if cutter.added is not None)
     return Cutter(
-        removed=Solid.union(removed) if removed else None,
-        added=Solid.union(added) if added else None,
+        removed=union(removed) if removed else None,
+        added=union(added) if added else None,
         skin_mm=np.concatenate([cutter.skin_mm for cutter in cutters]),
         normals=np.concatenate([cutter.normals for cutter in cutters]),
         height_mm=np.concatenate([cutter.height_mm for cutter in cutters]),

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from defects.carving.block import Block
 from defects.carving.point_in_mesh import Inside
-from defects.carving.solid import Block, BooleanError, Change, Cutter
+from defects.carving.solid import BooleanError, Change, Cutter
 from defects.carving.stitch import Carved
 from defects.flaw_bank import FlawBank
 from defects.kind import Kind

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from defects.carving.solid import Block, BooleanError, Change
+from defects.carving.block import Block
+from defects.carving.solid import BooleanError, Change
 from defects.carving.stitch import is_closed
 from defects.kinds import KINDS
 from pipeline.injection.flawplan import FlawPlan

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from defects.carving.solid import Block
+from defects.carving.block import Block
 from defects.flaw_bank import FlawBank, Relief
 from defects.kinds.banked import Banked
 from defects.surface.surface import SiteError

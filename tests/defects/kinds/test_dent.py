@@ -5,7 +5,8 @@ import pytest
 import trimesh
 from scipy.integrate import quad
 
-from defects.carving.solid import Block, Solid
+from defects.carving.block import Block
+from defects.carving.solid import Solid
 from defects.kinds import KINDS
 from defects.kinds.dent import Dent
 from defects.surface.surface import Site, SiteError, Surface

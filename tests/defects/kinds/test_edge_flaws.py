@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from defects.carving.solid import Block
+from defects.carving.block import Block
 from defects.kinds.edge_burr import EdgeBurr
 from defects.kinds.edge_chip import EdgeChip
 from defects.kinds.missing_feature import MissingFeature

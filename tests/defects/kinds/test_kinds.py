@@ -4,7 +4,8 @@
 import numpy as np
 import pytest
 
-from defects.carving.solid import Block, Solid
+from defects.carving.block import Block
+from defects.carving.solid import Solid
 from defects.kinds import KINDS
 from defects.kinds.crack import TIP, Crack
 from defects.surface.surface import Site, SiteError, tangent_axes

@@ -8,7 +8,8 @@ import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from defects.carving.solid import Block, BooleanError, Solid
+from defects.carving.block import Block
+from defects.carving.solid import BooleanError, Solid
 from defects.carving.stitch import is_closed
 from defects.surface.surface import Surface
 from pipeline.injection.flawplan import FlawPlan, exactly
