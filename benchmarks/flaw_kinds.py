@@ -1,6 +1,6 @@
 """What a scan of each kind of flaw costs beside a dent's: CPU time, ratios within one run.
 
-Run `python -m benchmarks.flaw_kinds --write docs/kinds-cost.md`. A scan here is all that a dataset
+Run `python -m benchmarks.flaw_kinds --write docs/flaws/cost.md`. A scan here is all that a dataset
 needs for one: a specimen with one flaw of typical sizes drawn and cut, its scene, one path, one
 scan of 400 by 1024 readings with its labels. Kinds and dents take turns on the same part, so that
 a busy machine slows both.
