@@ -43,11 +43,18 @@ def opened(path: Path) -> Any:
     Raises
     ------
     OSError
-        Where it can't be read, or the package with its filter isn't installed.
+        Where it can't be read, an array of it lies in another file, or the package with its filter
+        isn't installed.
     """
     import h5py
 
+    from sensors.hdf5_input import lies_elsewhere
+
     file = h5py.File(path, "r")
+    foreign = [key for key in file if lies_elsewhere(file, key)]
+    if foreign:
+        file.close()
+        raise OSError(f"its '{foreign[0]}' lies in another file")
     if NEEDS in file.attrs:
         try:
             importlib.import_module(PLUGIN)

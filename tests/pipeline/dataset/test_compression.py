@@ -2,12 +2,14 @@
 
 import importlib.util
 import json
+import shutil
 import sys
 
 import h5py
 import pytest
 
 import flawforge.dataset
+from flawforge.cli import main
 from flawforge.dataset import ShardError
 from pipeline.batch.run import generate
 from pipeline.dataset.compression import reader_needs
@@ -73,3 +75,16 @@ def test_a_recipe_without_the_plugin_is_refused(recipe_path, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(RecipeError, match=r"lz4.*pip install 'flawforge\[hdf5plugin\]'"):
         Recipe.load(recipe_path, sets=["compression=lz4"])
+
+
+def test_a_shard_that_leads_elsewhere_is_not_followed(small_dataset, tmp_path, capsys):
+    shutil.copytree(small_dataset, tmp_path / "d")
+    shard = tmp_path / "d" / "shard-00000.h5"
+    with h5py.File(shard, "r+") as file:
+        del file["depth"]
+        file["depth"] = h5py.ExternalLink("/dev/zero", "/depth")
+    for words in (["verify", "--content"], ["export", "--to", "png", "--out", str(tmp_path / "e")]):
+        assert main([words[0], str(tmp_path / "d"), *words[1:]]) in (1, 2)
+        printed = capsys.readouterr()
+        assert "shard-00000.h5" in printed.out + printed.err
+        assert "'depth' lies in another file" in printed.out + printed.err
