@@ -28,13 +28,13 @@ a hollow's rim lies under it, so that no face of the flaw nearly coincides with 
 class Banked(Kind):
     """A relief of a bank made by `flawforge flaw extract`, laid on the skin.
 
-    The relief's lattice is laid on the part by walking on its skin, along the heading and then to
-    both sides, and each node is moved along the local normal by
+    The relief's lattice is laid on the part along geodesics of its skin, along the heading and then
+    to both sides. Each node is moved along the local normal by
 
         h = scale height_ratio relief(u / scale, v / scale),
 
-    u and v the ways walked, v turned round by `mirror`; `bend_deg` turns the middle line over the
-    flaw's length. Between nodes the relief is a bicubic spline.
+    with the geodesic distances u and v. `mirror` reverses v, and `bend_deg` turns the middle line
+    over the flaw's length. Between nodes the relief is a bicubic spline.
     """
 
     name: ClassVar[str] = "bank"
@@ -42,7 +42,9 @@ class Banked(Kind):
 
     which: float = quantity(
         "place of the flaw in the bank: 0 the first file by name, towards 1 the last",
-        low=0.0, high=1.0, typical=(0.0, 1.0),
+        low=0.0,
+        high=1.0,
+        typical=(0.0, 1.0),
     )
     scale: float = quantity(
         "factor on all lengths, height included", low=0.05, high=20.0, typical=(0.7, 1.4)
@@ -51,12 +53,18 @@ class Banked(Kind):
         "further factor on the height", low=0.05, high=20.0, typical=(0.7, 1.4)
     )
     mirror: float = quantity(
-        "1: left and right changed over; in a recipe, true for every second one, or false",
-        low=0, high=1, typical=(0, 1), whole=True,
+        "1: mirrored; in a recipe, true mirrors every second flaw",
+        low=0,
+        high=1,
+        typical=(0, 1),
+        whole=True,
     )
     bend_deg: float = quantity(
         "angle by which the middle line turns over the flaw's length",
-        unit="°", low=-180.0, high=180.0, typical=(-10.0, 10.0),
+        unit="°",
+        low=-180.0,
+        high=180.0,
+        typical=(-10.0, 10.0),
     )
     bank: FlawBank | None = None
 

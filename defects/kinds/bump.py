@@ -46,7 +46,7 @@ class Bump(Kind):
         low=0.0, high=0.3, typical=(0.02, 0.1),
     )
     droplets: float = quantity(
-        "how many smaller drops lie around", low=0, high=40, typical=(0, 5), whole=True
+        "number of smaller drops around it", low=0, high=40, typical=(0, 5), whole=True
     )
     spread_mm: float = quantity(
         "standard deviation of their distance", unit="mm", low=0.1, high=50.0, typical=(1.0, 4.0)

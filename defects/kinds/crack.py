@@ -36,16 +36,22 @@ class Crack(Kind):
         "length along the path", unit="mm", low=0.5, high=500.0, typical=(6.0, 40.0)
     )
     opening_mm: float = quantity(
-        "greatest width at the skin, about", unit="mm", low=0.005, high=3.0, typical=(0.08, 0.4)
+        "approximate greatest width at the skin",
+        unit="mm",
+        low=0.005,
+        high=3.0,
+        typical=(0.08, 0.4),
     )
     depth_mm: float = quantity(
         "greatest depth along the local normal", unit="mm", low=0.01, high=20.0, typical=(0.2, 1.5)
     )
     meander: float = quantity(
         "standard deviation of the heading, in units of 0.5 rad",
-        low=0.0, high=1.5, typical=(0.5, 1.0),
+        low=0.0,
+        high=1.5,
+        typical=(0.5, 1.0),
     )
-    branches: float = quantity("how many", low=0, high=8, typical=(0, 3), whole=True)
+    branches: float = quantity("number of branches", low=0, high=8, typical=(0, 3), whole=True)
 
     def cutter(
         self, surface: Surface, site: Site, rng: np.random.Generator, sagitta_mm: float = 0.001

@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EdgeBurr(Kind):
-    """A burr left by milling, drilling or shearing: material that stands out beyond the edge.
+    """A burr left by milling, drilling or shearing: material that protrudes beyond the edge.
 
     Its section is a triangle with a root on both faces; its crest is ragged along the edge and
     falls to the edge at both ends. ISO 13715 calls it a burr (an edge of undefined shape with an
@@ -36,7 +36,7 @@ class EdgeBurr(Kind):
         "along the edge", unit="mm", low=0.3, high=300.0, typical=(4.0, 25.0)
     )
     height_mm: float = quantity(
-        "greatest height over the edge, about; the recorded height is the one that came out",
+        "approximate greatest height over the edge; the manifest records the exact height",
         unit="mm", low=0.01, high=5.0, typical=(0.08, 0.5),
     )
     root_mm: float = quantity(

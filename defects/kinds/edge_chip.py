@@ -40,7 +40,7 @@ class EdgeChip(Kind):
         "along the edge", unit="mm", low=0.05, high=100.0, typical=(1.0, 6.0)
     )
     reach_mm: float = quantity(
-        "how far it reaches from the edge on the face where it reaches further",
+        "reach from the edge on the face with the larger reach",
         unit="mm", low=0.02, high=50.0, typical=(0.4, 2.0),
     )
     aspect: float = quantity(

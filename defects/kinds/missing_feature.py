@@ -23,9 +23,9 @@ SINK = 0.02
 class MissingFeature(Kind):
     """A hole of the part with another diameter, or none.
 
-    A missing or too small hole is filled from its rim: a blind one to its bottom, one that goes
-    through to `depth_share` of its depth, so that the far side shows a blind hole, as a drill that
-    came from there and stopped would leave it. A too large one is widened about its axis.
+    A missing or too small hole is filled from its rim. A blind hole is filled to its bottom, and a
+    through hole to `depth_share` of its depth: the far side then shows a blind hole, like that of
+    an unfinished drilling from there. A too large hole is widened about its axis.
     """
 
     name: ClassVar[str] = "missing_feature"
@@ -33,12 +33,16 @@ class MissingFeature(Kind):
     seat: ClassVar[Seat] = HoleRim()
 
     ratio: float = quantity(
-        "diameter over the wanted one: 0 is no hole; 0.98 to 1.02 is no flaw and refused",
-        low=0.0, high=2.0, typical=(0.0, 0.0),
+        "diameter over the nominal one: 0 is no hole; 0.98 to 1.02 is no flaw and refused",
+        low=0.0,
+        high=2.0,
+        typical=(0.0, 0.0),
     )
     depth_share: float = quantity(
-        "how deep a hole that goes through is filled, over its depth",
-        low=0.2, high=0.9, typical=(0.5, 0.8),
+        "filled depth of a through hole, over its depth",
+        low=0.2,
+        high=0.9,
+        typical=(0.5, 0.8),
     )
 
     def cutter(

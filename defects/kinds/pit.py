@@ -35,7 +35,7 @@ class Pit(Kind):
         "mean diameter of the largest pit", unit="mm", low=0.05, high=30.0, typical=(0.4, 3.0)
     )
     depth_mm: float = quantity(
-        "depth of the largest pit, about; the recorded depth is the one that came out",
+        "approximate depth of the largest pit; the manifest records the exact depth",
         unit="mm", low=0.005, high=10.0, typical=(0.1, 0.8),
     )
     irregularity: float = quantity(
@@ -46,7 +46,7 @@ class Pit(Kind):
         "2: a bowl; 4 and more: a flat floor with steep walls",
         low=1.5, high=8.0, typical=(2.0, 4.0),
     )
-    pits: float = quantity("how many", low=1, high=40, typical=(1, 6), whole=True)
+    pits: float = quantity("number of pits", low=1, high=40, typical=(1, 6), whole=True)
     spread_mm: float = quantity(
         "standard deviation of the others' distance from the first",
         unit="mm", low=0.1, high=50.0, typical=(1.0, 4.0),

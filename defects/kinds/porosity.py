@@ -34,7 +34,7 @@ class Porosity(Kind):
     depth_ratio: float = quantity(
         "depth of a pore over its diameter", low=0.1, high=1.5, typical=(0.35, 0.9)
     )
-    pores: float = quantity("how many", low=1, high=60, typical=(2, 9), whole=True)
+    pores: float = quantity("number of pores", low=1, high=60, typical=(2, 9), whole=True)
     spread_mm: float = quantity(
         "standard deviation of their places along the heading",
         unit="mm", low=0.1, high=100.0, typical=(1.5, 6.0),

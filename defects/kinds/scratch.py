@@ -44,7 +44,7 @@ class Scratch(Kind):
         unit="mm", low=0.02, high=10.0, typical=(0.05, 0.3),
     )
     depth_mm: float = quantity(
-        "greatest depth, about; the recorded depth is the one that came out",
+        "approximate greatest depth; the manifest records the exact depth",
         unit="mm", low=0.002, high=3.0, typical=(0.008, 0.06),
     )
     burr_ratio: float = quantity(

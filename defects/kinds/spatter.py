@@ -15,10 +15,10 @@ from quantity import quantity
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Spatter(Kind):
-    """Drops scattered over the skin beside a weld, each about a spherical cap.
+    """Drops scattered over the skin beside a weld, each approximately a spherical cap.
 
     Their diameters follow a lognormal distribution below `diameter_mm`, the largest; ISO 6520-1
-    number 602. Diameters of 0.2 to 3 mm are usual in gas-shielded arc welding.
+    number 602. Diameters of 0.2 to 3 mm are typical of gas-shielded arc welding.
     """
 
     name: ClassVar[str] = "spatter"
@@ -30,7 +30,7 @@ class Spatter(Kind):
     height_ratio: float = quantity(
         "height of a drop over its diameter", low=0.1, high=0.8, typical=(0.25, 0.5)
     )
-    drops: float = quantity("how many", low=1, high=60, typical=(3, 12), whole=True)
+    drops: float = quantity("number of drops", low=1, high=60, typical=(3, 12), whole=True)
     spread_mm: float = quantity(
         "standard deviation of their distance from the largest",
         unit="mm", low=0.2, high=200.0, typical=(3.0, 12.0),
@@ -43,7 +43,7 @@ class Spatter(Kind):
     def cutter(
         self, surface: Surface, site: Site, rng: np.random.Generator, sagitta_mm: float = 0.001
     ) -> Cutter:
-        """Build the drops; one that would reach over an edge of the part is left out."""
+        """Build the drops; a drop that would cross an edge of the part is omitted."""
         cutters = [self._one(surface, site, self.diameter_mm, rng, sagitta_mm)]
         for _ in range(int(self.drops) - 1):
             share = float(np.exp(-abs(rng.normal(0.0, self.scatter)) - 0.15))

@@ -38,14 +38,21 @@ class Wear(Kind):
     )
     tilt: float = quantity(
         "-1 to 1: how much more of the land lies on the left (right) face than on the other",
-        low=-0.8, high=0.8, typical=(-0.4, 0.4),
+        low=-0.8,
+        high=0.8,
+        typical=(-0.4, 0.4),
     )
     runout: float = quantity(
-        "share of the length over which it rises to the edge", low=0.1, high=1.0, typical=(0.2, 0.6)
+        "share of the length over which the land rises to the edge",
+        low=0.1,
+        high=1.0,
+        typical=(0.2, 0.6),
     )
     groove_ratio: float = quantity(
         "depth of the grooves over the land's depth under the edge",
-        low=0.0, high=0.2, typical=(0.0, 0.06),
+        low=0.0,
+        high=0.2,
+        typical=(0.0, 0.06),
     )
 
     def cutter(
@@ -60,9 +67,7 @@ class Wear(Kind):
         v = np.linspace(-1.12, 1.12, n + 1)
         frames = chain.frames(at + v * half)
         one = EdgeSection.of(frames, (1.0 + self.tilt, 1.0 - self.tilt))
-        width = float(
-            np.hypot(one.left_x + one.right_x, one.left_depth - one.right_depth)
-        )
+        width = float(np.hypot(one.left_x + one.right_x, one.left_depth - one.right_depth))
         unit = self.land_mm / width
         reach = (unit * (1.0 + self.tilt), unit * (1.0 - self.tilt))
         section = EdgeSection.of(frames, reach)

@@ -40,8 +40,8 @@ class Undercut(Kind):
         "reach on both faces together", unit="mm", low=0.1, high=20.0, typical=(0.8, 2.5)
     )
     depth_mm: float = quantity(
-        "greatest depth under the faces, along the bisector, about; the recorded depth is the one "
-        "that came out",
+        "approximate greatest depth under the faces, along the bisector; the manifest records the "
+        "exact depth",
         unit="mm", low=0.02, high=5.0, typical=(0.15, 0.8),
     )
     unevenness: float = quantity(
@@ -81,7 +81,7 @@ class LackOfFusion(Kind):
         "width of the gap at the surface", unit="mm", low=0.02, high=3.0, typical=(0.1, 0.5)
     )
     depth_mm: float = quantity(
-        "greatest depth along the bisector, about; the recorded depth is the one that came out",
+        "approximate greatest depth along the bisector; the manifest records the exact depth",
         unit="mm", low=0.02, high=10.0, typical=(0.3, 1.5),
     )
     unevenness: float = quantity(

@@ -109,7 +109,7 @@ def summary(errors: dict[str, Floats]) -> list[str]:
     paper = np.array(list(PAPERS_ERRORS.values()))
     lines.append(f"| the paper's simulation | {paper.mean():.2f} % | {paper.max():.2f} % |")
     names = {
-        "verbatim": "equation 9 as printed, unit gradients",
+        "verbatim": "equation 9 as published, unit gradients",
         "normalised": "equation 9, each octave scaled to reach ±1",
         "calibrated": "**calibrated**",
     }
@@ -120,7 +120,7 @@ def summary(errors: dict[str, Floats]) -> list[str]:
 
 
 def readings() -> list[str]:
-    """Compare readings of Rpm and Pc on the paper's own model with what it prints for it."""
+    """Compare definitions of Rpm and Pc on the paper's model with the published figures."""
     lines = [
         "| surface | points | Rq, mm | Rp/Rq | Rpm/Rp: readings | local maxima | five sections |"
         " Pc: every peak | 10 % as height | 10 % as distance in mm |",
@@ -130,7 +130,7 @@ def readings() -> list[str]:
         surface = Surface.load(name)
         _, rq, rp, _, rpm, _, pc = PAPERS_SIMULATION[name]
         lines.append(
-            f"| {surface.name}: **printed** | | {rq:g} | {rp / rq:.2f} | **{rpm / rp:.3f}** | | |"
+            f"| {surface.name}: **published** | | {rq:g} | {rp / rq:.2f} | **{rpm / rp:.3f}** | | |"
             f" **{pc:.2f}** | | |"
         )
         field = unlimited(surface.field(verbatim=True, normalised=True))
