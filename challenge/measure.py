@@ -8,7 +8,6 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -80,10 +79,7 @@ def _take(out: Path, into: Path, name: str, secret: Secret, change: Change) -> N
     further = RECORDINGS[secret.recordings]
     make = _second if secret.family == "second" else _first
     make(secret, change, into / f"{further}.h5", further, out / MESHES)
-    kept: dict[str, Any] = {"turn_deg": change.turn_deg, "tilt_deg": list(change.tilt_deg),
-                            "shift_mm": list(change.shift_mm), "speed": change.speed,
-                            "standoff_mm": change.standoff_mm}  # fmt: skip
-    write_whole(into / CHANGE, json.dumps(kept).encode())
+    write_whole(into / CHANGE, json.dumps(change.as_json()).encode())
 
 
 def _first(secret: Secret, change: Change, file: Path, name: str, _meshes: Path) -> None:
@@ -92,7 +88,7 @@ def _first(secret: Secret, change: Change, file: Path, name: str, _meshes: Path)
     start = change.moved(path.start, np.array([0.0, path.direction, 0.0]),
                          path.pitch_mm * (path.profiles - 1),
                          world.device.camera.working_distance_mm)  # fmt: skip
-    again = replace(path, start=start, rate_hz=path.rate_hz * change.speed,
+    again = replace(path, start=start, rate_hz=path.rate_hz / change.slower,
                     start_s=world.scans.paths[-1].start_s + LATER_S)  # fmt: skip
     place = second.drawn_place(child(secret.seed, "measure", "place"))
     more = replace(world.scans, paths=(again,), misplaced=(place,))
@@ -107,7 +103,7 @@ def _second(secret: Secret, change: Change, file: Path, name: str, meshes: Path)
     world = second.stage(secret, meshes).on
     device, travel = world.device, world.travels[0]
     start = change.moved(travel.start, device.way, float(travel.travel_mm[-1]), device.distance_mm)
-    again = replace(travel, start=start, rate_hz=travel.rate_hz * change.speed,
+    again = replace(travel, start=start, rate_hz=travel.rate_hz / change.slower,
                     start_s=world.travels[-1].start_s + LATER_S)  # fmt: skip
     place = second.drawn_place(child(secret.seed, "measure", "place"))
     more = replace(world, travels=(again,), misplaced=(place,))

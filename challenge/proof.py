@@ -8,23 +8,14 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from challenge.aims import ALARMS, IOU, PRECISION, SHARE, TOP_1, UNKNOWN
 from challenge.cases.case import RECORDINGS, Secret, stage
 from challenge.cases.seeds import child, number
 from challenge.populations import needs_aggregate
 from challenge.probabilities import stated
 from challenge.proof_pictures import draw_instrument, draw_power, draw_story
-from challenge.scoreboard import (
-    IOU,
-    PRECISION,
-    SHARE,
-    TOP_1,
-    UNKNOWN,
-    curve,
-    figures,
-    of_kinds,
-    share,
-    table,
-)
+from challenge.score import clopper_pearson
+from challenge.scoreboard import curve, figures, of_kinds, table
 
 STRENGTHS = ("weak", "medium", "strong")
 SURE = 0.9
@@ -64,7 +55,7 @@ class Judged:
 def summary(sets: Sequence[Judged]) -> list[str]:
     """Return what a sceptic asks first, a column for each set."""
     rows: list[tuple[str, Callable[[list[dict[str, Any]]], str]]] = [
-        ("Instruments in good order that were accused",
+        ("Instruments in good order that were declared faulty",
          lambda c: _part(of_kinds(c, "null"), lambda x: x["score"]["alarm"])),
         ("Single faults, medium and strong: named rightly, first",
          lambda c: _part(of_kinds(c, "one", medium=True), lambda x: x["score"]["top_1"] == 1)),
@@ -80,7 +71,8 @@ def summary(sets: Sequence[Judged]) -> list[str]:
          lambda c: _part(of_kinds(c, "undecidable"),
                          lambda x: (x["further"]["ranked"] or {}).get("right", False))),
     ]  # fmt: skip
-    lines = ["| asked | " + " | ".join(s.label for s in sets) + " |",
+    asked = "asked (in brackets: 95 % interval of the share)"
+    lines = ["| " + " | ".join([asked, *(s.label for s in sets)]) + " |",
              "| --- |" + " --- |" * len(sets)]  # fmt: skip
     for text, figure in rows:
         lines.append(f"| {text} | " + " | ".join(figure(s.cases) for s in sets) + " |")
@@ -88,12 +80,19 @@ def summary(sets: Sequence[Judged]) -> list[str]:
 
 
 def _part(group: Sequence[dict[str, Any]], test: Callable[[dict[str, Any]], bool]) -> str:
-    return f"{sum(bool(test(c)) for c in group)} of {len(group)}"
+    hits = sum(bool(test(c)) for c in group)
+    if not group:
+        return "none"
+    low, high = clopper_pearson(hits, len(group))
+    return f"{hits} of {len(group)} ({low:.2f} to {high:.2f})"
 
 
 def _sure(cases: Sequence[dict[str, Any]]) -> str:
     given = [right for c in cases for p, right in stated(c) if p >= SURE]
-    return share(sum(given), len(given)) if given else "none stated"
+    if not given:
+        return "none stated"
+    low, high = clopper_pearson(sum(given), len(given))
+    return f"{sum(given)} of {len(given)} ({low:.2f} to {high:.2f})"
 
 
 def _mean(values: Sequence[float]) -> str:
@@ -158,7 +157,7 @@ def pick_stories(scored: Scored) -> list[tuple[str, str]]:
 
     found = worst(lambda c: bool(c["facts"].get("concealed")) and c["score"]["top_1"] == 1)
     failures = [
-        ("A failure: an instrument in good order, accused",
+        ("A failure: an instrument in good order, declared faulty",
          worst(lambda c: c["secret"]["kind"] == "null" and c["score"]["alarm"])),
         ("A failure: a fault called by a wrong name",
          worst(lambda c: c["score"]["top_1"] == 0 and bool(c["score"]["reported"]))),
@@ -223,7 +222,8 @@ def write_page(sets: Sequence[Judged], page: Path, *, commit: str) -> None:
     )  # fmt: skip
     text = environment.get_template("proof.md.j2").render(
         when=f"commit {commit}", summary=summary(sets), stories=stories,
-        protocol=[f"- {k.replace('_', ' ')}: {v}" for k, v in protocol.items()],
+        protocol=[f"- {k.replace('_', ' ')}: {v}" for k, v in protocol.items()
+                  if k != "aims"],
         stopped=[line for s in sets for line in stopped(s)],
         board=table({s.label: figures(s.scored) for s in sets}), power=shown is not None,
         curves=[(s.label.capitalize(), curve(s.scored)) for s in sets],
@@ -277,7 +277,7 @@ def record(sets: Sequence[Judged], page: Path, commit: str) -> list[str]:
             of = f"{count} of {sealed} cases, stopped by the clock"
         which = f"seed {judged.scored['seed']}" if judged.open else f"test set, commit {commit}"
         now = f"- {which} ({of}): alarms " + "; ".join(
-            [values["alarms on nulls"], f"top-1 {values[TOP_1]}", f"precision {values[PRECISION]}",
+            [values[ALARMS], f"top-1 {values[TOP_1]}", f"precision {values[PRECISION]}",
              f"unknowns {values[UNKNOWN]}", f"IoU {values[IOU]}",
              f"share, at most 1, {values[SHARE]}"]
         )  # fmt: skip

@@ -6,6 +6,18 @@ from typing import Any
 
 import numpy as np
 
+from challenge.aims import (
+    AIMS,
+    ALARMS,
+    CONCEALED,
+    COVERAGE,
+    ERROR,
+    IOU,
+    PRECISION,
+    SHARE,
+    TOP_1,
+    UNKNOWN,
+)
 from challenge.measure import RANDOM, RANKED
 from challenge.probabilities import (
     calibration_error,
@@ -17,38 +29,6 @@ from challenge.probabilities import (
 from challenge.score import ORACLE_SEES, clopper_pearson
 
 Case = dict[str, Any]
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Aims:
-    """What a family's diagnosis should reach.
-
-    Attributes
-    ----------
-    alarms : on so many of 60 nulls at most
-    others : name of a figure -> aim
-    """
-
-    alarms: int
-    others: dict[str, str]
-
-
-TOP_1 = "top-1, medium and strong, one effect"
-PRECISION = "precision, medium and strong"
-UNKNOWN = "unknowns flagged"
-IOU = "overlap (IoU) of regions"
-SHARE = "share of the oracle's gain, each case at most 1"
-ERROR = "expected calibration error of probabilities"
-NEXT = "undecidable, after the scan ranked first: right name first"
-COVERAGE = "95 % intervals that hold the true parameter"
-_COMMON = {
-    TOP_1: ">= 0.8", PRECISION: ">= 0.9", SHARE: ">= 0.7", IOU: ">= 0.5", ERROR: "<= 0.07",
-    NEXT: ">= 0.9", COVERAGE: "0.92 to 0.98",
-}  # fmt: skip
-AIMS = {
-    "first": Aims(alarms=1, others={**_COMMON, UNKNOWN: ">= 0.8"}),
-    "second": Aims(alarms=2, others={**_COMMON, UNKNOWN: ">= 0.85"}),
-}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -85,7 +65,7 @@ def figures(scored: dict[str, Any]) -> list[Figure]:
     """Return the lines of a judged set's scoreboard."""
     cases = list(scored["cases"].values())
     family = cases[0]["secret"].get("family", "first") if cases else "first"
-    aims = AIMS[family]
+    aims = scored.get("protocol", {}).get("aims", AIMS)[family]
 
     def of(*kinds: str, medium: bool = False) -> list[Case]:
         return of_kinds(cases, *kinds, medium=medium)
@@ -100,7 +80,7 @@ def figures(scored: dict[str, Any]) -> list[Figure]:
     seen = [c for c in of("one", medium=True) if c["facts"].get("oracle_z", 0.0) > ORACLE_SEES]
     weak = [c for c in of("one") if c["secret"]["strength"] == 0]
     rows = [
-        ("alarms on nulls", share(_count(nulls, lambda c: c["score"]["alarm"]), len(nulls))),
+        (ALARMS, share(_count(nulls, lambda c: c["score"]["alarm"]), len(nulls))),
         *_alarms_by_file(nulls),
         (TOP_1, mean(of("one", medium=True), "top_1")),
         ("- of these where the held-out mean tells the oracle", mean(seen, "top_1")),
@@ -121,19 +101,13 @@ def figures(scored: dict[str, Any]) -> list[Figure]:
         (SHARE, mean(known, "recovered")),
         ("- half of the cases are below", _median(float(c["score"]["recovered"]) for c in known)),
         *_baselines(cases),
-        ("concealed from the paper's checks, of these detected",
+        (CONCEALED,
          f"{len(hidden)} of {len(holding)}, {_count(hidden, lambda c: c['score']['alarm'])}"),
         ("no answer (counted as misses, not as alarms)",
          str(_count(cases, lambda c: c["run"]["code"] != 0))),
         ("seconds a case, median and longest", _seconds(cases)),
     ]  # fmt: skip
-    return [Figure(name=name, value=value, aim=_aim(name, aims)) for name, value in rows]
-
-
-def _aim(name: str, aims: Aims) -> str:
-    if name == "alarms on nulls":
-        return f"at most {aims.alarms} of 60"
-    return aims.others.get(name, "")
+    return [Figure(name=name, value=value, aim=aims.get(name, "")) for name, value in rows]
 
 
 def _count(group: Sequence[Case], test: Callable[[Case], Any]) -> int:

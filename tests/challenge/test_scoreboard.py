@@ -2,9 +2,10 @@
 
 import math
 
+from challenge.aims import AIMS, COVERAGE, NEXT, SHARE, TOP_1, UNKNOWN
 from challenge.cases.parameters import true_parameters
 from challenge.probabilities import stated_strange
-from challenge.scoreboard import COVERAGE, NEXT, SHARE, TOP_1, UNKNOWN, curve, figures, table
+from challenge.scoreboard import curve, figures, table
 from challenge.side_answers import held, none_of_these
 
 NAN = float("nan")
@@ -101,6 +102,16 @@ def test_none_of_these_is_read_as_a_number_or_an_entry_and_counts_where_somethin
     assert stated_strange({**case("unknown"), "none_of_these": 0.9}) == [(0.9, True)]
     assert stated_strange({**case("one"), "none_of_these": 0.1}) == [(0.1, False)]
     assert stated_strange({**case("null"), "none_of_these": 0.1}) == []
+
+
+def test_every_aim_is_one_of_a_figure_and_those_of_the_set_count():
+    names = set(board(case("undecidable", further={"ranked": {"right": True, "alone": True},
+                                                   "random": None})))  # fmt: skip
+    for aims in AIMS.values():
+        assert set(aims) <= names
+    frozen = {"protocol": {"aims": {"second": {TOP_1: ">= 0.5"}}}}
+    found = figures({**frozen, "cases": {"1": case("one", switches=["hot air"], top_1=1.0)}})
+    assert {f.aim for f in found} == {"", ">= 0.5"}
 
 
 def test_two_families_are_two_columns_and_a_curve_needs_probabilities():
