@@ -92,7 +92,7 @@ def compiling_said() -> Iterator[None]:
         nonlocal said
         if not said:
             said = True
-            print("compiling the inner loops, once; this takes a minute", file=sys.stderr)
+            print("compiling the inner loops, once; this takes half a minute", file=sys.stderr)
 
     def ignore(*_: Any) -> None:
         pass

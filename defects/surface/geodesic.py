@@ -34,6 +34,27 @@ class Skin(NamedTuple):
 
 
 @njit(cache=True)
+def _dot(a: Floats, b: Floats) -> float:
+    """Return the scalar product of two vectors (3,)."""
+    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+@njit(cache=True)
+def _copy(vector: Floats, out: Floats) -> None:
+    """Copy a vector (3,): a slice's assignment would take a second to compile."""
+    for c in range(3):
+        out[c] = vector[c]
+
+
+@njit(cache=True)
+def _scale(vector: Floats) -> None:
+    """Give a vector (3,) length 1; 0 stays."""
+    length = np.sqrt(_dot(vector, vector))
+    for c in range(3):
+        vector[c] = vector[c] / length if length > 0.0 else vector[c]
+
+
+@njit(cache=True)
 def blend_normals(
     vertices: Floats, faces: Ints, unit: Floats, area: Floats, start: Ints, corner: Ints
 ) -> Floats:
@@ -43,38 +64,53 @@ def blend_normals(
     face beside it.
     """
     angle = np.zeros((len(faces), 3))
+    a, b = np.empty(3), np.empty(3)
     for f in range(len(faces)):
         for v in range(3):
-            a = vertices[faces[f, (v + 1) % 3]] - vertices[faces[f, v]]
-            b = vertices[faces[f, (v + 2) % 3]] - vertices[faces[f, v]]
-            length = np.sqrt(np.dot(a, a) * np.dot(b, b))
+            for c in range(3):
+                a[c] = vertices[faces[f, (v + 1) % 3], c] - vertices[faces[f, v], c]
+                b[c] = vertices[faces[f, (v + 2) % 3], c] - vertices[faces[f, v], c]
+            length = np.sqrt(_dot(a, a) * _dot(b, b))
             if length > 0.0:
-                angle[f, v] = np.arccos(min(1.0, max(-1.0, np.dot(a, b) / length)))
+                angle[f, v] = np.arccos(min(1.0, max(-1.0, _dot(a, b) / length)))
     limit = np.cos(CREASE_RAD)
-    blended = np.empty((len(faces), 3, 3))
+    blended = np.zeros((len(faces), 3, 3))
     for f in range(len(faces)):
         for v in range(3):
-            total = np.zeros(3)
-            vertex = faces[f, v]
+            vertex, total = faces[f, v], blended[f, v]
             for i in range(start[vertex], start[vertex + 1]):
                 g, w = corner[i] // 3, corner[i] % 3
-                if np.dot(unit[f], unit[g]) >= limit:
-                    total += area[g] * angle[g, w] * unit[g]
-            length = np.sqrt(np.dot(total, total))
-            blended[f, v] = total / length if length > 0.0 else unit[f]
+                if _dot(unit[f], unit[g]) >= limit:
+                    for c in range(3):
+                        total[c] += area[g] * angle[g, w] * unit[g, c]
+            if _dot(total, total) > 0.0:
+                _scale(total)
+            else:
+                _copy(unit[f], total)
     return blended
 
 
 @njit(cache=True)
-def smooth_normal(corner_normals: Floats, triangle: int, weight: Floats) -> Floats:
-    """Return the unit normal (3,) that the corners' normals (F, 3, 3) blend to at weights (3,)."""
-    n = (
-        weight[0] * corner_normals[triangle, 0]
-        + weight[1] * corner_normals[triangle, 1]
-        + weight[2] * corner_normals[triangle, 2]
-    )
-    length = np.sqrt(np.dot(n, n))
-    return np.asarray(n / length if length > 0.0 else n)  # 0 on a face without area
+def _smooth_normal(corner_normals: Floats, f: int, weight: Floats, out: Floats) -> None:
+    """Write the unit normal (3,) that the corners' normals (F, 3, 3) blend to at weights (3,)."""
+    for c in range(3):
+        out[c] = (
+            weight[0] * corner_normals[f, 0, c]
+            + weight[1] * corner_normals[f, 1, c]
+            + weight[2] * corner_normals[f, 2, c]
+        )
+    _scale(out)  # 0 on a face without area
+
+
+@njit(cache=True)
+def _place(vertices: Floats, faces: Ints, f: int, weight: Floats, out: Floats) -> None:
+    """Write the point (3,) of a face at weights (3,)."""
+    for c in range(3):
+        out[c] = (
+            weight[0] * vertices[faces[f, 0], c]
+            + weight[1] * vertices[faces[f, 1], c]
+            + weight[2] * vertices[faces[f, 2], c]
+        )
 
 
 @njit(cache=True)
@@ -85,17 +121,12 @@ def drop(points: Floats, skin: Skin) -> tuple[Floats, Floats, Ints]:
     onto = np.empty(points.shape)
     normals = np.empty(points.shape)
     triangles = np.empty(len(points), np.int32)
-    f = -1
+    f = np.int64(-1)
     for i in range(len(points)):
         f = nearest(points[i], f, vertices, faces, order, box, node, weight)
         triangles[i] = f
-        for c in range(3):
-            onto[i, c] = (
-                weight[0] * vertices[faces[f, 0], c]
-                + weight[1] * vertices[faces[f, 1], c]
-                + weight[2] * vertices[faces[f, 2], c]
-            )
-        normals[i] = smooth_normal(corner_normals, f, weight)
+        _place(vertices, faces, f, weight, onto[i])
+        _smooth_normal(corner_normals, f, weight, normals[i])
     return onto, normals, triangles
 
 
@@ -118,35 +149,50 @@ def walk(
     directions = np.empty((walks, count, 3))
     triangles = np.empty((walks, count), np.int32)
     complete = np.ones(walks, np.bool_)
-    weight = np.empty(3)
-    limit = np.cos(CREASE_RAD)
+    weight, limit = np.empty(3), np.cos(CREASE_RAD)
+    p, n, t = np.empty(3), np.empty(3), np.empty(3)
+    aim, moved, new = np.empty(3), np.empty(3), np.empty(3)
     for k in range(walks):
-        p, n, t = start[k].copy(), start_normal[k].copy(), direction[k].copy()
-        f = start_triangle[k]
+        _copy(start[k], p)
+        _copy(start_normal[k], n)
+        _copy(direction[k], t)
+        f = np.int64(start_triangle[k])
         for i in range(count):
-            turn = turns[k, i]
-            if turn != 0.0:
-                t = np.cos(turn) * t + np.sin(turn) * np.cross(n, t)
+            if turns[k, i] != 0.0:
+                _turn(t, n, turns[k, i])
             parts = max(1, int(np.ceil(steps[k, i] / max_step)))
             h = steps[k, i] / parts
             for _ in range(parts):
                 if not complete[k] or h == 0.0:
                     break
-                aim = p + h * t
+                for c in range(3):
+                    aim[c] = p[c] + h * t[c]
                 f = nearest(aim, f, vertices, faces, order, box, node, weight)
-                reached = (
-                    weight[0] * vertices[faces[f, 0]]
-                    + weight[1] * vertices[faces[f, 1]]
-                    + weight[2] * vertices[faces[f, 2]]
-                )
-                new = smooth_normal(corner_normals, f, weight)
-                moved = reached - p
-                if np.dot(moved, moved) < (0.85 * h) ** 2 or not np.dot(new, n) >= limit:
+                _place(vertices, faces, f, weight, aim)
+                _smooth_normal(corner_normals, f, weight, new)
+                for c in range(3):
+                    moved[c] = aim[c] - p[c]
+                if _dot(moved, moved) < (0.85 * h) ** 2 or not _dot(new, n) >= limit:
                     complete[k] = False
                     break
-                p, n = reached, new
-                t = t - np.dot(t, n) * n
-                t = t / np.sqrt(np.dot(t, t))
-            points[k, i], normals[k, i], directions[k, i] = p, n, t
+                _copy(aim, p)
+                _copy(new, n)
+                up = _dot(t, n)
+                for c in range(3):
+                    t[c] -= up * n[c]
+                _scale(t)
+            _copy(p, points[k, i])
+            _copy(n, normals[k, i])
+            _copy(t, directions[k, i])
             triangles[k, i] = f
     return points, normals, directions, triangles, complete
+
+
+@njit(cache=True)
+def _turn(way: Floats, about: Floats, angle_rad: float) -> None:
+    """Turn a vector (3,) to the left about a unit vector across it."""
+    x, y, z = way[0], way[1], way[2]
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    way[0] = cos * x + sin * (about[1] * z - about[2] * y)
+    way[1] = cos * y + sin * (about[2] * x - about[0] * z)
+    way[2] = cos * z + sin * (about[0] * y - about[1] * x)

@@ -191,7 +191,7 @@ def nearest(
                 gap = on_triangle(p, vertices[f[0]], vertices[f[1]], vertices[f[2]], trial)
                 if gap < best:
                     best, found = gap, order[i]
-                    weight[:] = trial
+                    weight[0], weight[1], weight[2] = trial[0], trial[1], trial[2]
         else:
             nearer = child
             if _box_gap(p, box[child + 1]) < _box_gap(p, box[child]):

@@ -133,8 +133,9 @@ class Tree:
         count = len(rays.frame_of)
         depth = np.full(count, np.nan)
         triangle = np.full(count, -1, dtype=np.int32)
-        nearest = np.broadcast_to(np.asarray(nearest, dtype=np.float64), count)
-        farthest = np.broadcast_to(np.asarray(farthest, dtype=np.float64), count)
+        # Arrays of one layout, so that the loops are compiled once.
+        nearest = np.array(np.broadcast_to(nearest, count), dtype=np.float64, order="C")
+        farthest = np.array(np.broadcast_to(farthest, count), dtype=np.float64, order="C")
         if ignored is None:
             ignored = np.full(count, -1, dtype=np.int32)
         for begin in range(0, count, _BATCH):
@@ -299,7 +300,7 @@ def _judge(  # noqa: C901 - one compiled loop
         # Follow the ray over the triangles that hang together with the candidate and that it
         # passes closely: a few around an edge or a corner, more along a wall that it grazes.
         queue[0] = t
-        size, head, turned = 1, 0, 0
+        size, head, turned = np.int64(1), np.int64(0), np.int64(0)  # compiled for one type
         while head < size:
             for corner in range(3):
                 v = faces[queue[head], corner]
