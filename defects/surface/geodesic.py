@@ -121,7 +121,7 @@ def drop(points: Floats, skin: Skin) -> tuple[Floats, Floats, Ints]:
     onto = np.empty(points.shape)
     normals = np.empty(points.shape)
     triangles = np.empty(len(points), np.int32)
-    f = np.int64(-1)
+    f = int(np.int64(-1))  # no literal: one type, compiled once
     for i in range(len(points)):
         f = nearest(points[i], f, vertices, faces, order, box, node, weight)
         triangles[i] = f
@@ -156,7 +156,7 @@ def walk(
         _copy(start[k], p)
         _copy(start_normal[k], n)
         _copy(direction[k], t)
-        f = np.int64(start_triangle[k])
+        f = int(np.int64(start_triangle[k]))
         for i in range(count):
             if turns[k, i] != 0.0:
                 _turn(t, n, turns[k, i])

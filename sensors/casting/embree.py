@@ -300,7 +300,8 @@ def _judge(  # noqa: C901 - one compiled loop
         # Follow the ray over the triangles that hang together with the candidate and that it
         # passes closely: a few around an edge or a corner, more along a wall that it grazes.
         queue[0] = t
-        size, head, turned = np.int64(1), np.int64(0), np.int64(0)  # compiled for one type
+        one = int(np.int64(1))  # no literal: one type, compiled once
+        size, head, turned = one, one - 1, one - 1
         while head < size:
             for corner in range(3):
                 v = faces[queue[head], corner]

@@ -299,7 +299,7 @@ def _fill(
         for row in range(first, last):
             depth[order[row], :] = np.nan
             triangle[order[row], :] = -1
-        waiting = np.int64(0)
+        waiting = int(np.int64(0))  # no literal: one type, compiled once
         for member in range(start[block], start[block + 1]):
             run = members[member]
             t = which[run]
@@ -335,7 +335,7 @@ def _fill(
                     for end in range(2):
                         _left_of(clip[2 * end], clip[2 * end + 1], waiting, fan, spans[end])
                     _keep_nearest(depth, triangle, source, ends, spans, waiting, x_mm, slope_x)
-                    waiting = np.int64(0)
+                    waiting = int(np.int64(0))  # no literal: one type, compiled once
         for end in range(2):
             _left_of(clip[2 * end], clip[2 * end + 1], waiting, fan, spans[end])
         _keep_nearest(depth, triangle, source, ends, spans, waiting, x_mm, slope_x)
