@@ -107,7 +107,7 @@ PAGE   ?= docs/proof.md
 RECORD ?= docs/test-record.md
 
 proof: $(DEV)
-	$(BIN)/flawforge challenge calibrate --each 3 --out $(PROOF)/calibration
+	$(BIN)/flawforge challenge calibrate --each 3 --jobs 2 --out $(PROOF)/calibration
 	for family in first second; do \
 	  $(BIN)/flawforge challenge make --family $$family --cases $(CASES) --jobs 2 \
 	    $(if $(MESHES),$$([ $$family = second ] && echo --meshes $(MESHES))) \
@@ -118,9 +118,9 @@ proof: $(DEV)
 	    $(BIN)/flawforge challenge run $(PROOF)/$$family --measured $$way --jobs 2 \
 	      || [ $$? -eq 1 ] || exit; \
 	  done; \
+	  $(BIN)/flawforge challenge run $(PROOF)/$$family --shuffled 12 --jobs 2 || [ $$? -eq 1 ] || exit; \
 	  $(BIN)/flawforge challenge baseline $(PROOF)/$$family --train $(PROOF)/calibration || exit; \
 	done
-	-$(BIN)/flawforge challenge run $(PROOF)/first --shuffled 12 --jobs 2
 	$(BIN)/flawforge challenge judge $(PROOF)/first $(PROOF)/second --write $(PAGE) \
 	  --record $(RECORD) --reason "$(REASON)"
 

@@ -15,6 +15,7 @@ from challenge.cases.nulls import check_null
 from challenge.cases.parts import SHAPES
 from challenge.cases.seeds import child
 from challenge.cases.switches import SINGLE
+from challenge.processes import in_processes
 from challenge.sealed import write_whole
 
 POPULATION = "challenge-1-calibration"
@@ -51,7 +52,7 @@ def _secret(kind: str, switches: tuple[str, ...], shape: str, strength: int) -> 
     )
 
 
-def calibrate(out: Path, *, nulls: int = NULLS, each: int = 1) -> int:
+def calibrate(out: Path, *, nulls: int = NULLS, each: int = 1, jobs: int = 1) -> int:
     """Make the population in a folder, one folder a set; continue where it was stopped.
 
     Returns
@@ -63,8 +64,9 @@ def calibrate(out: Path, *, nulls: int = NULLS, each: int = 1) -> int:
     sets = planned(nulls, each)
     todo = [name for name in sets if not (out / name / "truth.json").exists()]
     print(f"{len(sets)} sets, {len(todo)} to make", flush=True)
-    for k, name in enumerate(todo):
-        _make_one(out / name, sets[name])
+    calls = [(out / name, sets[name]) for name in todo]
+    for k, (folder, _) in enumerate(in_processes(_make_one, calls, jobs)):
+        name = folder.name
         print(f"{name} ({k + 1} of {len(todo)})", flush=True)
     write_whole(out / "population.json", json.dumps(
         {"name": POPULATION, "seed": SEED, "sets": list(sets), "opened": True}, indent=1

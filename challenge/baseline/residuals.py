@@ -10,8 +10,8 @@ import yaml
 from numba import njit
 from numpy.typing import NDArray
 
+from challenge.cases.files import read_stl
 from challenge.instrument.rays import Tree, nearest, plant
-from challenge.shuffle import read_stl
 
 Floats = NDArray[np.float64]
 

@@ -49,6 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--each", type=int, default=1, metavar="N",
         help="sets with one effect, of each effect (default 1; 0: the good instrument alone)",
     )  # fmt: skip
+    calibrate.add_argument("--jobs", type=int, default=1, help="processes (default 1)")
     run_step = steps.add_parser(
         "run", help="diagnose each case in a process and folder without its key"
     )
@@ -137,7 +138,8 @@ def _step(arguments: argparse.Namespace) -> int:
     if arguments.step == "calibrate":
         from challenge.calibration_population import calibrate
 
-        return calibrate(arguments.out, nulls=arguments.nulls, each=arguments.each)
+        return calibrate(arguments.out, nulls=arguments.nulls, each=arguments.each,
+                         jobs=arguments.jobs)  # fmt: skip
     if arguments.step == "run":
         from challenge.run import run as diagnose_all
 

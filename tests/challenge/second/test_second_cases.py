@@ -1,6 +1,7 @@
 """Cases of the second family: drawn, written, sealed, and judged in aggregate."""
 
 import json
+import shutil
 import sys
 from dataclasses import replace
 
@@ -20,6 +21,7 @@ from challenge.second.meshes import files as mesh_files
 from challenge.second.meshes import solid_of_file
 from challenge.second.switches import DECOY, FAULTS, SINGLE, UNDECIDABLE, UNKNOWN
 from challenge.second.world import placed
+from challenge.shuffle import shuffle
 from flawforge.cli import main
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
@@ -188,3 +190,15 @@ def test_a_doubled_fault_is_twice_as_large():
                     recordings=1, seed=1, family="second")  # fmt: skip
     sizes = [second.stage(replace(secret, doubled=k)).on.device.robot.shake_mm for k in (0, 1)]
     assert sizes[1] == pytest.approx(2 * sizes[0])
+
+
+def test_a_case_of_the_second_family_is_shuffled_about_its_mesh(sealed, tmp_path):
+    here = tmp_path / "case"
+    shutil.copytree(sealed / "cases" / "case-001", here)
+    shuffle(here, np.random.default_rng(0))
+    for name in ("a", "b", "c"):
+        was = Recording.load(sealed / "cases" / "case-001" / f"{name}.h5").depth_mm
+        now = Recording.load(here / f"{name}.h5").depth_mm
+        both = np.isfinite(was) & np.isfinite(now)
+        assert both.mean() > 0.7
+        assert 1e-4 < np.median(np.abs(now - was)[both]) < 0.3  # residuals moved, the part did not
