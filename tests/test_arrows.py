@@ -111,6 +111,18 @@ def test_nothing_installed_imports_tests_or_benchmarks():
             assert not imports(path) & {"tests", "benchmarks", "pytest", "hypothesis"}, path
 
 
+def test_every_room_stands_in_contributing():
+    page = (ROOT / "CONTRIBUTING.md").read_text()
+    rooms = {
+        path.parent.relative_to(ROOT)
+        for package in set(MAY_IMPORT) - {"diagnosis"}
+        for path in sources(package)
+    }
+    missing = [room for room in rooms if len(room.parts) == 2 and f"`{room}/`" not in page]
+    assert not missing
+    assert len(rooms) > 20
+
+
 def test_no_test_needs_a_benchmark_but_its_own():
     files = [path for path in sources("tests") if ROOT / "tests/benchmarks" not in path.parents]
     assert ROOT / "tests/support/small_parts.py" in files
