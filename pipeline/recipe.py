@@ -124,8 +124,9 @@ class RecipeFile:
     compression: Compression = "deflate"
 
     def __post_init__(self) -> None:
-        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", self.name):
-            raise ValueError(f"name: {self.name!r} must be of letters, digits, '.', '_' and '-'")
+        for key, name in (("name", self.name), *(("splits", split) for split in self.splits)):
+            if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", name):
+                raise ValueError(f"{key}: {name!r} must be of letters, digits, '.', '_' and '-'")
         if abs(sum(self.splits.values()) - 1) > 1e-6:
             raise ValueError(
                 f"splits: the shares must add up to 1, not {sum(self.splits.values()):g}"

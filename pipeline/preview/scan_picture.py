@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.dataset.shards import read_scan
+from pipeline.dataset.tables import read_table
 from pipeline.dataset.verify import read_dataset
 from pipeline.preview.annotation import COLOURS, colour_of, spread
 from pipeline.preview.chart import LONGEST_PX, Chart
@@ -112,14 +113,12 @@ def most_visible(manifest: "pd.DataFrame", flaws: "pd.DataFrame") -> str:
 
 
 def _tables(folder: Path) -> tuple["pd.DataFrame", "pd.DataFrame"]:
-    import pandas as pd
-
     paths = [folder / f"{name}.parquet" for name in ("manifest", "flaws")]
     for path in paths:
         if not path.is_file():
             read_dataset(folder)  # says it where the dataset isn't finished
             raise RecipeError(f"no dataset here ({path.name} is missing)", where=folder)
-    return pd.read_parquet(paths[0]), pd.read_parquet(paths[1])
+    return read_table(paths[0]), read_table(paths[1])
 
 
 def _facts(row: "pd.Series[Any]", scan: Mapping[str, Any]) -> str:

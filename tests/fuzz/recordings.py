@@ -146,6 +146,8 @@ def _write_entry(stored: h5py.File, name: str, entry: Entry, other: Path) -> Non
         stored.create_dataset(name, shape=shape, dtype="f8", external=where)
     elif way == "virtual":
         layout = h5py.VirtualLayout(shape=shape, dtype="f8")
+        if entry.values.size:
+            layout[...] = h5py.VirtualSource(str(other), "depth", shape=shape)
         stored.create_virtual_dataset(name, layout)
     elif way == "soft link":
         stored[name] = h5py.SoftLink("/pose")
