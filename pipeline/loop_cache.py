@@ -1,4 +1,4 @@
-"""Where compiled inner loops are kept when neither the installation nor the home can be written."""
+"""A cache folder for compiled loops where installation and home are read-only."""
 
 import os
 import stat
@@ -10,7 +10,7 @@ VARIABLE: Final = "NUMBA_CACHE_DIR"
 
 
 def keep_loops(installed: Path) -> None:
-    """Name a folder of the user's own for numba where it would find none, and fail.
+    """Set a writable cache folder where numba would find none and fail.
 
     Numba keeps what it compiled beside the source, else in the user's cache. An image that is
     mounted read-only, run by a user without a home, has neither: then the folder is in the

@@ -1,4 +1,4 @@
-"""The recipe: what a user asks for, read from YAML and checked before anything is made."""
+"""The recipe: read from YAML and checked before any work."""
 
 import importlib.util
 import re
@@ -260,7 +260,7 @@ class Recipe:
 
     @property
     def datasheet(self) -> Datasheet:
-        """What the sensor's maker states."""
+        """Datasheet of the sensor."""
         return self.sensor.datasheet
 
     @property
@@ -279,7 +279,7 @@ class Recipe:
     def flaws_of(self, entry: PartEntry, specimen: int = 0) -> FlawPlan:
         """Return the flaws wanted in a specimen: its part's, else the recipe's; good ones last.
 
-        Numbers beyond the last specimen begin anew, with flawed ones.
+        Numbers beyond the last specimen start again with flawed ones.
         """
         if specimen % self.specimens_of(entry) >= (entry.specimens or self.file.specimens):
             return NO_FLAWS
@@ -304,7 +304,7 @@ class Recipe:
         return replace(self, surfaces=surfaces)
 
     def as_used(self) -> dict[str, Any]:
-        """Return plain data that says all that the recipe and the files it names said."""
+        """Return plain data with all values of the recipe and of the files that it names."""
         used: dict[str, Any] = plain(self.file)
         used["sensor"] = plain(self.datasheet)
         used["surfaces"] = {name: plain(surface) for name, surface in self.surfaces.items()}
@@ -373,7 +373,7 @@ def _check_motion(motion: Motion, datasheet: Datasheet, profiles: int, where: st
 def _named(
     load: Callable[[str], T], name: str, folders: tuple[Path, ...], where: str
 ) -> T:
-    """Load what the recipe names at `where`, a preset or a file, and say so if it isn't there."""
+    """Load what the recipe names at `where`, a preset or a file, or raise where it is absent."""
     source = _inside(name, folders, where)
     try:
         return load(source)

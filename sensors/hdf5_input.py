@@ -11,7 +11,7 @@ from sensors.typed_yaml import RecipeError
 
 
 def has(file: h5py.File, key: str) -> bool:
-    """Whether a file has an entry of its own; a link elsewhere isn't followed to find out."""
+    """Whether a file has an entry of its own; a link elsewhere is not followed."""
     return file.get(key, getlink=True) is not None
 
 
@@ -29,7 +29,7 @@ def numbers(file: h5py.File, key: str, path: str | Path) -> NDArray[np.float64]:
     Raises
     ------
     RecipeError
-        Where it isn't there, leads to another file, holds no numbers, or too many.
+        Where it is absent, leads to another file, holds no numbers, or too many.
     """
     if not has(file, key):
         raise RecipeError(f"has no /{key}", where=path)

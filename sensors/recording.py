@@ -28,7 +28,7 @@ class Recording:
     ----------
     name : str
     depth_mm : (n_profiles, n_points) float64
-        Depth in the sensor frame, mm; NaN = no return.
+        Depth in the sensor frame, mm; NaN = missing reading.
     poses : (n_profiles, 4, 4) float64
         Commanded or encoder pose of each profile, sensor to part.
     time_s : (n_profiles,) float64

@@ -1,4 +1,4 @@
-"""Files that are there whole or as they were: written aside, then renamed."""
+"""Files that are either complete or unchanged: written aside, then renamed."""
 
 import os
 import uuid

@@ -1,7 +1,7 @@
 """Where shards are made: processes here, or the workers of a Dask scheduler.
 
-The one place that knows joblib. It loads nothing until it must, so that processes start while the
-rest is loaded.
+Only this module uses joblib. The module imports late, so that processes start while the rest is
+loaded.
 """
 
 import importlib
@@ -27,7 +27,7 @@ Arguments = tuple[Any, ...]
 
 
 def one_thread_each() -> None:
-    """Keep libraries that aren't loaded yet from starting threads, unless the user wants them."""
+    """Keep libraries that are not loaded yet from starting threads, unless the user set them."""
     for name, threads in THREADS.items():
         os.environ.setdefault(name, threads)
 
@@ -36,7 +36,7 @@ def one_thread_each() -> None:
 class Backend:
     """Where shards are made: `jobs` processes here, or the workers of a Dask scheduler.
 
-    The process that asks is one of the jobs: it works as the others do.
+    The calling process is one of the jobs and works as the others.
     """
 
     jobs: int = 1
@@ -44,9 +44,9 @@ class Backend:
 
     @contextmanager
     def started(self) -> Iterator["Backend"]:
-        """Have the other processes begin to load what scans need, while the recipe is read.
+        """Start the other processes, which load modules while the recipe is read.
 
-        They end with the context, at once: they hold nothing that isn't written.
+        They end with the context: all their results are written.
         """
         if self.jobs == 1 or self.scheduler:
             yield self
@@ -60,7 +60,7 @@ class Backend:
             others.shutdown(kill_workers=True)
 
     def results(self, task: Task, each: Iterable[Arguments]) -> Iterator[Any]:
-        """Run a task on each of some arguments; give results as they come, in any order."""
+        """Run a task on each argument; yield results in the order of completion."""
         if self.scheduler:
             return self._by_dask(task, each)
         if self.jobs > 1:

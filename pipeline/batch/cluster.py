@@ -1,4 +1,4 @@
-"""The workers of a Dask scheduler: reached, and checked to be fit for the same bytes."""
+"""The workers of a Dask scheduler: connection, and a check for equal bytes."""
 
 import re
 import socket

@@ -36,7 +36,7 @@ MANY_FLAWS: Final = 100  # in a specimen, from which cutting them takes minutes
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Wanted:
-    """A part that the recipe names, before anyone has looked at it."""
+    """A part that the recipe names, not loaded yet."""
 
     name: str
     entry: PartEntry
@@ -49,9 +49,9 @@ def generate(
     *,
     backend: Backend | None = None,
 ) -> dict[str, Any]:
-    """Make the dataset of a recipe in the folder `out`; return what dataset.json says.
+    """Make the dataset of a recipe in the folder `out`; return the content of dataset.json.
 
-    What was made before and is whole stays. Progress goes to the logger "flawforge.generate":
+    Whole shards of an earlier run are kept. Progress goes to the logger "flawforge.generate":
     records have an `event` ("plan", "part", "warning", "shard", "done") and its `facts`.
 
     Raises
@@ -122,7 +122,7 @@ def _warn_of_many(recipe: Recipe, parts: Sequence[PlannedPart]) -> None:
 
 
 def find_wanted(recipe: Recipe) -> tuple[list[Wanted], list[dict[str, str]]]:
-    """List every part that the recipe names, each under a name of its own; and what isn't there."""
+    """List every part of the recipe under a unique name, and the missing ones."""
     wanted: list[Wanted] = []
     failed: list[dict[str, str]] = []
     taken: set[str] = set()
@@ -180,7 +180,7 @@ def _checksums(recipe: Recipe, wanted: list[Wanted]) -> dict[str, str | None]:
 def prepare(
     recipe: Recipe, wanted: list[Wanted], folder: Path, backend: Backend
 ) -> tuple[list[PlannedPart], list[dict[str, Any]], list[dict[str, str]]]:
-    """Load, mend and keep every part, in parallel; one that fails doesn't stop the others."""
+    """Load, mend and store every part, in parallel; a failure does not stop the others."""
     drop_parts(folder)
     folder.mkdir()
     results: dict[str, tuple[str | None, dict[str, Any]]] = {}
@@ -228,7 +228,7 @@ def _prepare_one(
 def _make_shards(
     place: Workplace, plan: Plan, triangles: Mapping[str, int], backend: Backend
 ) -> None:
-    """Make the shards that aren't there yet; the dearest first, so that none is waited for."""
+    """Make the missing shards, the most expensive first, to shorten the wait at the end."""
     todo = []
     for shard in plan.shards:
         if is_whole(place, shard.name):

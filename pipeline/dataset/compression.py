@@ -1,4 +1,4 @@
-"""How shards are compressed, and what a reader needs for that.
+"""Compression of shards, and the packages that a reader needs.
 
 The default is deflate, which any HDF5 library reads. zstd and lz4 are HDF5's registered filters
 32015 and 32004, which the package hdf5plugin brings.
@@ -16,12 +16,12 @@ NEEDS: Final = "reader_needs"  # attribute of a shard: what to import before its
 
 
 def reader_needs(compression: Compression) -> str | None:
-    """Return the package that a reader has to import, beside h5py."""
+    """Return the package that a reader has to import in addition to h5py."""
     return PLUGIN if compression in PLUGGED else None
 
 
 def filters(compression: Compression) -> dict[str, Any]:
-    """Return what `h5py.Group.create_dataset` has to know of a compression.
+    """Return the arguments of `h5py.Group.create_dataset` for a compression.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""A dataset describes itself: croissant.json for machines, README.md for readers.
+"""Description of a dataset: croissant.json for machines, README.md for readers.
 
 Croissant is the metadata format of MLCommons (https://docs.mlcommons.org/croissant/, version 1.0).
-Both files follow from the dataset alone: no date, no path, the same bytes on a rebuild.
+Both files depend on the dataset only: no date, no path, the same bytes on a rebuild.
 """
 
 import json
@@ -46,7 +46,7 @@ CITATION: Final = (
 
 
 def describe(out: Path, dataset: Mapping[str, Any]) -> None:
-    """Write README.md and croissant.json of a dataset whose other files are there.
+    """Write README.md and croissant.json of a dataset whose other files exist.
 
     Parameters
     ----------
@@ -176,10 +176,10 @@ depth, mask = scans[0]["depth"], scans[0]["mask"]    # mm, NaN = missing; class 
 ```
 
 Without flawforge: each `shard-*.h5` holds, scans along the first axis, `depth` (a number n means
-`offset_mm + scale_mm * n` of its attributes, `missing` no return), `depth_ideal`, `depth_clean`,
-`mask`, `mask_visible`, `instance`, `invalid_reason`, `pose`, `time`.{plugin}
-`flawforge view .` makes a gallery, `flawforge export . --to coco` and other forms what further
-programs open.
+`offset_mm + scale_mm * n` of its attributes, `missing` a missing reading), `depth_ideal`,
+`depth_clean`, `mask`, `mask_visible`, `instance`, `invalid_reason`, `pose`, `time`.{plugin}
+`flawforge view .` makes a gallery; `flawforge export . --to coco` and other forms write files for
+other programs.
 
 ## Files
 
@@ -189,7 +189,7 @@ programs open.
 
 ## Made by
 
-{versions}; `flawforge verify .` checks every file. The dataset belongs to whoever made it.
+{versions}; `flawforge verify .` checks every file. The dataset belongs to the person who made it.
 
 ```yaml
 {dump_yaml(recipe).rstrip()}

@@ -16,8 +16,8 @@ from sensors.whole_file import write_whole
 def held(out: Path, fingerprint: str) -> Iterator[Path]:
     """Hold a dataset's folder for one run; yields the folder of its journals.
 
-    The lock is the operating system's: it is gone when the process is, however it ended. A run
-    that is refused before it made a shard leaves the folder as it found it.
+    The operating system holds the lock and releases it at the end of the process. A run that is
+    refused before its first shard leaves the folder unchanged.
 
     Raises
     ------
@@ -71,11 +71,11 @@ def _read(path: Path) -> Any:
 
 
 def drop_leftovers(out: Path) -> None:
-    """Remove what a worker that was killed had begun to write."""
+    """Remove partial files of killed workers."""
     for leftover in (*out.glob(".*.part*"), *(out / ".flawforge").glob(".*")):
         leftover.unlink(missing_ok=True)
 
 
 def drop_parts(folder: Path) -> None:
-    """Remove the kept parts of a dataset that is finished, or of a run that was stopped."""
+    """Remove the stored parts of a finished dataset or of a stopped run."""
     shutil.rmtree(folder, ignore_errors=True)

@@ -1,6 +1,6 @@
 """The manifest: a row for each scan, a row for each flaw in each scan, and the dataset's facts.
 
-Written from the shards' journals one after the other, so that memory doesn't grow with the
+Written from the shards' journals one after the other, so that memory is independent of the
 number of scans.
 """
 
@@ -60,7 +60,7 @@ ROWS_AT_ONCE: Final = 20_000
 
 
 def versions(further: Iterable[str] = ()) -> dict[str, str]:
-    """Return versions of everything that has a say in a shard's bytes, further packages too."""
+    """Return versions of all packages that determine a shard's bytes, and of further ones."""
     found = {name: importlib.metadata.version(name) for name in (*LIBRARIES, *further)}
     return {"python": platform.python_version(), "machine": platform.machine(), **found}
 
@@ -151,7 +151,7 @@ class _Table:
         self._rows: list[dict[str, Any]] = []
 
     def add(self, row: Mapping[str, Any]) -> None:
-        """Append a row; keys that are no columns are left out."""
+        """Append a row; keys without a column are ignored."""
         self._rows.append({name: row.get(name) for name in self._columns})
         if len(self._rows) == ROWS_AT_ONCE:
             self._flush()

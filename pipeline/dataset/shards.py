@@ -36,7 +36,7 @@ CHECKED = (  # what a scan's checksum is made of, in this order
 
 
 class DepthCode:
-    """Depths as counts: depth = offset + scale * count, the largest count meaning missing.
+    """Depths as counts: depth = offset + scale * count; the largest count is a missing reading.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class DepthCode:
 class ShardWriter:
     """Writes one shard scan by scan, with memory for one scan; a context manager.
 
-    Left without an exception, the shard stands under its own name; else nothing of it does.
+    Without an exception the shard gets its final name; otherwise no file remains.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Whether a dataset is whole, and whether a rebuild is the dataset that was released."""
+"""Check of a dataset, and comparison of a rebuild with a release."""
 
 import json
 from dataclasses import dataclass
@@ -22,14 +22,14 @@ SHARE_TOLERANCE, DEPTH_TOLERANCE_MM, PIXEL_TOLERANCE = 1e-3, 1e-3, 0.01
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Report:
-    """What a check found: lines to read, and how many of them are faults."""
+    """Result of a check: lines, and the number of faults."""
 
     lines: tuple[str, ...]
     wrong: int
 
 
 def read_dataset(folder: Path) -> dict[str, Any]:
-    """Return what dataset.json says.
+    """Return the content of dataset.json.
 
     Raises
     ------
@@ -302,7 +302,7 @@ def write_lock(folder: Path, lock: Path) -> None:
 
 
 def compare_with_lock(folder: Path, lock: Path) -> Report:
-    """Hold a dataset against the lock of a release.
+    """Compare a dataset with the lock of a release.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A part with its flaws: the solid, where each face comes from, and a record of each flaw."""
+"""A part with its flaws: the solid, the origin of each face, and a record of each flaw."""
 
 from dataclasses import dataclass
 
@@ -56,7 +56,7 @@ class Flaw:
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class FlawedPart:
-    """A part with its flaws: a closed solid whose every face knows which flaw made it.
+    """A part with its flaws: a closed solid whose faces state the flaw that made them.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class FlawedPart:
         return np.array([0, *(flaw.class_id for flaw in self.flaws)], np.uint8)
 
     def removed_at(self, points_mm: Floats) -> NDArray[np.uint16]:
-        """Say which flaw removed the material at some points.
+        """Return the flaw that removed the material at each point.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Which flaws a recipe wants in each part: kinds, numbers, sizes, severity tiers and places."""
+"""The flaws of a recipe for each part: kinds, numbers, sizes, severity tiers and places."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -19,7 +19,7 @@ VISIBLE = "visible"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Tier:
-    """A severity: how often, and how it changes the sizes.
+    """A severity: its weight, and its changes of the sizes.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class KindPlan:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FlawPlan:
-    """All the flaws wanted in each part.
+    """All flaws of each part.
 
     Parameters
     ----------
@@ -108,13 +108,13 @@ class FlawPlan:
     tries: int = 8
 
     def numbers(self, rng_of: Callable[..., np.random.Generator]) -> dict[str, int]:
-        """Draw how many flaws of each kind a specimen is to have, from "number" and the kind."""
+        """Draw the number of flaws of each kind in a specimen."""
         return {
             plan.kind: round(plan.number.draw(rng_of("number", plan.kind))) for plan in self.kinds
         }
 
     def most(self) -> int:
-        """Return how many flaws a specimen may have."""
+        """Return the largest number of flaws in a specimen."""
         return round(sum(plan.number.limits()[1] for plan in self.kinds))
 
     @classmethod
@@ -298,7 +298,7 @@ def _tiers(kind: str, data: Any) -> tuple[Tier, ...]:
 def exactly(
     kind: str, number: int = 1, bank: FlawBank | None = None, **sizes: float
 ) -> KindPlan:
-    """Return a plan for `number` flaws of one kind with the given sizes fixed, the rest typical."""
+    """Return a plan for `number` flaws of a kind with the given sizes; others are typical."""
     fixed = {name: Fixed(value=value) for name, value in sizes.items()}
     return KindPlan(
         kind=kind,

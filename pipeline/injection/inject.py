@@ -150,7 +150,7 @@ def inject(
 def cutter_of(
     surface: Surface, flaw: Flaw, facet_um: float = 1.0, bank: FlawBank | None = None
 ) -> Cutter:
-    """Build a recorded flaw's cutter again, alone, from its record.
+    """Build the cutter of a recorded flaw from its record.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Flaws lie apart: points all over a cutter, close enough together to stand for its faces."""
+"""Spacing of flaws: sample points of a cutter that represent its faces."""
 
 from dataclasses import dataclass
 from typing import Final, Self
@@ -17,7 +17,7 @@ FINEST: Final = 50  # points across a cutter, at most
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Footprint:
-    """Points of a cutter, to measure how far others are.
+    """Sample points of a cutter, for distances to others.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class Footprint:
 
     @classmethod
     def of(cls, cutter: Cutter, wanted_mm: float) -> Self:
-        """Sample a cutter so that distances are known to `wanted_mm`, if that isn't too fine."""
+        """Sample a cutter so that distances are accurate to `wanted_mm`, up to a limit."""
         size = float(np.ptp(cutter.box_mm, axis=0).max())
         edge_mm = max(wanted_mm / SHARE, size / FINEST)
         points = np.concatenate(

@@ -1,4 +1,4 @@
-"""How the sensor may move, as a recipe says it."""
+"""Limits of the sensor's motion, as stated in a recipe."""
 
 from typing import Annotated
 
@@ -45,11 +45,11 @@ class Motion:
     """Limits of the sensor's path; every number may be a distribution.
 
     The sensor looks along `look` (part frame) and travels along `travel`, turned by yaw about its
-    own axis, then pitch about x, then roll about y. The middle of the path looks at a point of
-    the surface: of a flaw with probability `aim_at_flaws`, else anywhere on what can be seen.
+    own axis, then pitch about x, then roll about y. The middle of the path is aimed at a point
+    of the surface: on a flaw with probability `aim_at_flaws`, else at any visible point.
     Path length = profiles * speed / rate: `length_mm` sets the speed, and with both given the
     profiles are triggered by an encoder and the rate follows. A `path` is given by its waypoints,
-    or by the name of a file of poses, CSV or HDF5, as a robot recorded them. With `cover`, passes
+    or by the name of a file of poses, CSV or HDF5, recorded by a robot. With `cover`, passes
     are planned over the part from all sides, and the scans of a specimen take one after the other.
     """
 

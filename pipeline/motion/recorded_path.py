@@ -1,4 +1,4 @@
-"""A path as a robot or an encoder recorded it: poses from CSV or HDF5, sampled at the profiles.
+"""A path recorded by a robot or an encoder: poses from CSV or HDF5, sampled at the profiles.
 
 Between recorded poses positions are interpolated linearly, orientations by slerp, as between
 waypoints; nothing is padded.
@@ -25,10 +25,10 @@ RIGID: Final = 1e-4
 
 
 def replay(file: str, rate_hz: float, profiles: int) -> Trajectory:
-    """Return a pose for each profile from a file's.
+    """Return a pose for each profile from recorded ones.
 
-    Where the file has times, a profile is taken every 1/rate from its first on. Without times, or
-    with exactly as many poses as profiles, each pose is a profile's.
+    With times, profiles are sampled at intervals of 1/rate from the first time. Without times, or
+    with exactly as many poses as profiles, each profile has one pose.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Embree as the finder of triangles, double precision as the judge of hits.
+"""Rays along any path: Embree proposes triangles, double precision decides hits.
 
 Embree works in single precision: about 0.1 µm at 400 mm, and a hit near an edge may fall on the
 wrong side of it. So the mesh goes into its tree about its own centre and with every triangle grown
@@ -66,7 +66,7 @@ class Skin(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Which hits of each ray count; see `Tree.first`."""
+    """Limits of valid hits of each ray; see `Tree.first`."""
 
     nearest: Floats
     farthest: Floats
@@ -75,14 +75,14 @@ class Limits(NamedTuple):
 
 
 class Search(NamedTuple):
-    """Where each ray goes on, and its nearest hit so far; written while rays are followed.
+    """State of a search: where each ray continues, and its nearest hit so far.
 
     Attributes
     ----------
     directions : (k, 3)
         Of the rays, part frame.
     start, best : (k,)
-        Ray parameter from which the ray goes on, and of the nearest hit.
+        Ray parameter from which the ray continues, and that of the nearest hit.
     triangle : (k,)
         Of the nearest hit, -1 without one.
     """
@@ -343,7 +343,7 @@ def _judge(  # noqa: C901 - one compiled loop
 def _try_all(
     skin: Skin, rays: Rays, limits: Limits, search: Search, live: NDArray[np.int64]
 ) -> None:
-    """Hold rays that never settled against every triangle."""
+    """Test rays without a decision against every triangle."""
     vertices, faces = skin.vertices, skin.faces
     frame, origin, place, frame_of, x_mm, slope_x = rays
     nearest, farthest, ignored, outside = limits

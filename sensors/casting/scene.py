@@ -1,4 +1,4 @@
-"""A part as the laser sees it: a closed triangle mesh and the first hits of rays on it."""
+"""A closed triangle mesh, and the first hits of rays on it."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -23,8 +23,8 @@ _CLEARANCE_MM = 1e-6  # hits closer than 1 nm to a sight line's ends don't block
 class Scene:
     """A closed triangle mesh, part frame, mm; never changed after it is built.
 
-    The sensor is taken to stand outside the solid: a scan's rays meet the outer side of triangles
-    only.
+    The sensor is assumed to be outside the solid: a scan's rays meet only the outer side of
+    triangles.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class Scene:
 
     @property
     def tree(self) -> "Tree":
-        """Embree's tree, built when first asked for."""
+        """Embree's tree, built on first access."""
         if self._tree is None:
             from sensors.casting.embree import Tree
 

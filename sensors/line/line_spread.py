@@ -26,7 +26,7 @@ FEWEST_STEPS = 8
 CUT = 4.0
 """Standard deviations at which a Gaussian ends."""
 LEAST_LIGHT = 1e-12
-"""Share of the light below which nothing is said about where in the line it lies."""
+"""Share of the light below which its position in the line is undefined."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -70,7 +70,7 @@ class LineSpread:
 def line_spread(
     sd_mm: float, start_mm: ArrayLike, end_mm: ArrayLike, step_mm: float | None = None
 ) -> LineSpread:
-    """Spread a line over the way that it goes.
+    """Blur a line over its path during the exposure.
 
     Parameters
     ----------

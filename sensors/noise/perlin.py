@@ -65,9 +65,9 @@ class PerlinField:
         Monotone map from the standardised sum (zero mean, unit variance) to heights. Without one
         the sum of the octaves is used as it stands.
     aligned : bool
-        All octaves share the origin of the grid as a control point, as the text says.
+        All octaves share the origin of the grid as a control point, as the paper states.
     band_limited : bool
-        Leave out what the grid can't show; off only to look at what aliasing does.
+        Omit octaves beyond the grid's limit; False shows the aliasing.
     """
 
     amplitude_mm: float

@@ -47,7 +47,7 @@ def load_topography(
         `x_mm,z_um` in its first line give the units.
     unit : str, optional
         Unit of the readings in a file that isn't a recording (mm, um, nm, m); the file's own, or
-        mm, where nothing else is said.
+        mm, without a stated unit.
     pitch_x_mm, pitch_y_mm : float, optional
         Pitch in mm, where the file doesn't hold it or holds it wrong.
     sensor : Datasheet, optional

@@ -68,7 +68,7 @@ def _curvature_y(view: View) -> Floats:
 def hidden_from(view: View, camera_y_mm: float) -> Floats:
     """Return 1 where a camera at (0, camera_y_mm, 0) doesn't see the hit, 0 where it does, (n, m).
 
-    NaN without a return.
+    NaN at missing readings.
     """
     return np.where(view.valid, (~view.visible_from(camera_y_mm)).astype(np.float64), np.nan)
 

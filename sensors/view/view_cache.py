@@ -1,4 +1,4 @@
-"""A cache of what is expensive to compute from a view: kept with the view, and gone with it."""
+"""A cache of expensive values of a view, with the view's lifetime."""
 
 from collections.abc import Callable, Hashable
 from typing import Generic, TypeVar
@@ -26,7 +26,7 @@ class ViewCache(Generic[T]):
         self, owner: object, key: Hashable, make: Callable[[], T], *, keep: bool = True,
         size: int = 1,
     ) -> T:  # fmt: skip
-        """Return what was made under a key, or make it; the one last asked for goes last.
+        """Return the value of a key, computed once; the least recently used value is dropped.
 
         Parameters
         ----------
