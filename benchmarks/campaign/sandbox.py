@@ -43,9 +43,7 @@ def run(words: Sequence[str], folder: Path) -> Outcome:
     """Run `flawforge` with these words in a folder; the modules loaded here are there already."""
     with tempfile.TemporaryFile() as said:
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        context = multiprocessing.get_context("fork")
-        process = context.Process(target=_child, args=(list(words), folder, said.fileno()))
-        process.start()
+        process = started(words, folder, said.fileno())
         process.join(WAIT_S)
         hung = process.is_alive()
         if hung:
@@ -70,6 +68,14 @@ def run(words: Sequence[str], folder: Path) -> Outcome:
     elif code == 2 and len([line for line in printed.splitlines() if line.strip()]) < 1:
         fault = "silent"
     return Outcome(fault=fault, code=code, seconds=seconds, words=printed[-600:])
+
+
+def started(words: Sequence[str], folder: Path, said: int) -> multiprocessing.process.BaseProcess:
+    """Start `flawforge` in a process group of its own; what it prints goes into a file."""
+    context = multiprocessing.get_context("fork")
+    process = context.Process(target=_child, args=(list(words), folder, said))
+    process.start()
+    return process
 
 
 def _child(words: list[str], folder: Path, said: int) -> None:
