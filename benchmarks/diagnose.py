@@ -1,6 +1,6 @@
 """The development bench of the diagnosis: nulls, every effect at three strengths, withheld effects.
 
-Recordings come from the plain simulator plus effects, so that this shows errors of the inference,
+Recordings come from the nominal simulator plus effects, so that this shows errors of the inference,
 not of the physics. strength.py says what a strength is.
 
     python -m benchmarks.diagnose [--nulls 60] [--minutes 30]
@@ -244,7 +244,7 @@ def table(rows: Sequence[Row], seed: int) -> str:
         "# Development bench of the diagnosis",
         "",
         f"Made by `python -m benchmarks.diagnose`, seed {seed}: two recordings fitted, one held "
-        f"out, {PROFILES} x {POINTS} points each, from the plain simulator plus effects. The "
+        f"out, {PROFILES} x {POINTS} points each, from the nominal simulator plus effects. The "
         "effect on the left was in the recordings; what was found stands on the right. Strength "
         "is the whitened signal to noise over the fitted recordings, the pose projected out.",
         "",

@@ -74,7 +74,7 @@ def write(found: Results) -> str:
         "search in single precision. *Embree, refined* is this package's own caster for curved "
         "paths, with the sweep's results.\n",
         _casting(found.casting),
-        *(f"{name}: skipped, the file isn't there.\n" for name in found.absent),
+        *(f"{name}: skipped, the file is missing.\n" for name in found.absent),
         "## A labelled scan\n",
         "Flawed and clean cast, camera's shadows, noise, masks, checksum, compression and "
         "writing; the car door with 7 flaws "

@@ -4,7 +4,7 @@ Nats are those that the true law gains over the plain one on all fitted readings
 
 - of bulk physics, expected, the pose projected out;
 - of what lives on depth edges, where poses are uncertain, those of simulated recordings;
-- of a finish, which changes the noise alone, Kullback and Leibler's of two stationary Gaussian
+- of a surface texture, which changes only the noise, that of two stationary Gaussian
   fields, 1/2 Σ_k [S1/S0 - 1 - ln(S1/S0)] over their spectra (Whittle 1953);
 - of a mounting, 1/2 Σ δᵀ C⁻¹ δ over the recordings, C how parts lie by chance.
 """
@@ -56,7 +56,7 @@ def finish_nats(
     shape: tuple[int, int],
     white_mm: float,
 ) -> float:
-    """Nats between a field (n, m) of the noise and the same with a finish, level known.
+    """Kullback-Leibler divergence, nats, between noise (n, m) with and without a texture.
 
     Parameters
     ----------

@@ -119,7 +119,7 @@ class Facts:
         Standard deviations by which the held-out recording alone prefers the oracle's mean with
         the effect to that without, speckle taken as independent beyond 3 x 2 points.
     ks, roughness
-        Kolmogorov-Smirnov distance to the plain simulation with fitted noise; largest relative
+        Kolmogorov-Smirnov distance to the nominal simulation with fitted noise; largest relative
         difference of a roughness figure.
     concealed
         True where the usual checks (roughness within 10 %, KS <= 0.05) see nothing.

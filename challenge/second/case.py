@@ -96,7 +96,7 @@ def stage(secret: Secret, meshes: Path | None = None) -> Staged:
     Raises
     ------
     ValueError
-        When the part's booleans failed, or its mesh isn't there.
+        When the part's booleans failed, or its mesh is missing.
     """
     if secret.shape.startswith(MARK):
         if meshes is None:

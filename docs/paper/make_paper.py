@@ -190,7 +190,7 @@ def tables_section() -> list[str]:
 
 
 def figures_section() -> list[str]:
-    """Draw the paper's figures and return what is said of them."""
+    """Draw the paper's figures and return their captions."""
     scan = door_scan()
     figure_6(scan)
     figure_7(scan)

@@ -73,7 +73,7 @@ class Parameter(Quantity):
         return self.allowed
 
 
-def parameter(  # noqa: PLR0913 - a keyword for each thing that may be said of a parameter
+def parameter(  # noqa: PLR0913 - a keyword for each attribute of a parameter
     meaning: str,
     *,
     unit: str = "",

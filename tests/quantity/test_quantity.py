@@ -1,4 +1,4 @@
-"""A declared number: bounds, their words, and what a value out of them is answered with."""
+"""A declared number: bounds, their text, and the message for a value out of bounds."""
 
 import math
 from dataclasses import dataclass

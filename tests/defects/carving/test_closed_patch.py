@@ -55,7 +55,7 @@ def test_inside_the_box_the_patch_is_the_solid(name, seed):
     try:
         closed = close_off(vertices, faces, patch, box)
     except Unclosable:
-        return  # said of boxes that hold no facet, below
+        return  # boxes without a facet are tested below
     assert is_closed(closed.faces)
     np.testing.assert_array_equal(closed.corners[closed.faces[: len(patch)]], faces[patch])
     own = closed.vertices_mm[: len(closed.corners)]

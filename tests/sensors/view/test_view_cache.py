@@ -20,7 +20,7 @@ def test_the_last_few_are_kept_and_the_least_asked_for_goes() -> None:
 
     for key in ("a", "b", "a", "c", "a", "b"):
         assert ask(key) == key
-    # b gave way to c, not a, which had been asked for since
+    # c replaced b, not a, which was used since
     assert made == ["a", "b", "c", "b"]
     ask("d", keep=False)
     ask("b")
