@@ -1,6 +1,6 @@
-"""How strong an effect is in the bench's recordings: whitened signal to noise, sqrt(2 x nats).
+"""Strength of an effect in the bench's recordings: whitened signal-to-noise ratio, √(2 gain).
 
-Nats are those that the true law gains over the plain one on all fitted readings:
+The gain is the log-likelihood, nats, of the true law over the nominal one on all fitted readings:
 
 - of bulk physics, expected, the pose projected out;
 - of what lives on depth edges, where poses are uncertain, those of simulated recordings;

@@ -10,13 +10,13 @@ the figures of the paper's simulation; `docs/paper.md` holds the table.
   profiles of 4096 points, which meet the published ratios, the two definitions agree.
 - *Pc*: "the distance between the current peak and the previous one is greater than 10 % of the
   maximum height". As a height (a peak must rise by 10 %), the paper's model has a Pc 15 to 30 %
-  below the published one; as a distance along the profile, Pc agrees within 5 to 20 %. At its pitches such a distance, in points, excludes no peak (in mm it
-  would exclude every second peak of the plate, whose Pc then white noise couldn't reach), so
-  every local maximum counts: a plateau once, the ends of a profile never, ripples below 1 % of
-  Rq not. `peak_height_share` gives the other definition.
+  below the published one; as a distance along the profile, Pc agrees within 5 to 20 %. At the
+  paper's pitches such a distance, in points, excludes no peak. In mm it would exclude every second
+  peak of the plate, whose Pc would then exceed that of white noise. So every local maximum counts:
+  a plateau once, the ends of a profile never, ripples below 1 % of Rq not. `peak_height_share` gives the other definition.
 - *Mean line*: each profile's mean, after whatever form was removed.
 
-Figures are those of the readings as they stand: of depths, a peak lies further from the sensor.
+The sign of the readings is kept: a peak of depths lies farther from the sensor.
 """
 
 from dataclasses import dataclass, fields
