@@ -13,7 +13,8 @@ the figures of the paper's simulation; `docs/paper.md` holds the table.
   below the published one; as a distance along the profile, Pc agrees within 5 to 20 %. At the
   paper's pitches such a distance, in points, excludes no peak. In mm it would exclude every second
   peak of the plate, whose Pc would then exceed that of white noise. So every local maximum counts:
-  a plateau once, the ends of a profile never, ripples below 1 % of Rq not. `peak_height_share` gives the other definition.
+  a plateau once, the ends of a profile never, ripples below 1 % of Rq not. `peak_height_share`
+  gives the other definition.
 - *Mean line*: each profile's mean, after whatever form was removed.
 
 The sign of the readings is kept: a peak of depths lies farther from the sensor.
