@@ -12,7 +12,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from benchmarks import measured, page
+from benchmarks import page, results
 from benchmarks.casting import built_in_meshes, growth_rows, mesh_file, rows
 from benchmarks.end_to_end import (
     HOME,
@@ -39,7 +39,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=HOME / "docs")
     parser.add_argument("--kept", type=Path, default=HOME / "out" / "bench")
     parser.add_argument(
-        "--only", nargs="+", choices=measured.SECTIONS, default=measured.SECTIONS,
+        "--only", nargs="+", choices=results.SECTIONS, default=results.SECTIONS,
         help="sections to measure",
     )  # fmt: skip
     parser.add_argument("--rounds", type=int, default=7, help="repeats of a scan, median counts")
@@ -51,12 +51,12 @@ def main() -> None:
         load, begin = os.getloadavg()[0], time.perf_counter()
         facts = MEASURE[section](arguments)
         facts |= {"load": load, "seconds": time.perf_counter() - begin}
-        measured.keep(arguments.kept, section, facts | {"machine": asdict(page.Machine.here())})
+        results.keep(arguments.kept, section, facts | {"machine": asdict(page.Machine.here())})
         print(f"{facts['seconds']:6.0f} s  {section}", flush=True)
-    if lacking := measured.missing(arguments.kept):
+    if lacking := results.missing(arguments.kept):
         print("no page yet: --only", *lacking)
         return
-    found = measured.read(arguments.kept)
+    found = results.read(arguments.kept)
     pictures = arguments.out / "pictures"
     pictures.mkdir(parents=True, exist_ok=True)
     page.plot(pictures / "growth.png", found)

@@ -26,7 +26,6 @@ PROFILES, POINTS = 2000, 4096
 FACETS_UM = (80.0, 20.0, 6.0)
 HALF_FAN_RAD = np.deg2rad(63.5 / 2)
 HEIGHT_MM = 400.0
-CAMERA_MM = 400.0 * np.tan(np.deg2rad(30))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -17,7 +17,7 @@ import numpy as np
 from scipy import stats
 
 from benchmarks.diagnose import OF
-from benchmarks.strength import PITCH_MM, Case, Entry, at_strength
+from benchmarks.strength import at_strength
 from diagnosis.curvature import TURN
 from diagnosis.fit import fit_effect
 from diagnosis.noise import calibrate
@@ -27,6 +27,7 @@ from diagnosis.uncertainty import intervals, refined
 from diagnosis.workspace import Model, Workspace
 from sensors.casting.laser import Laser
 from sensors.effects import effect_of
+from tests.support.effect_case import PITCH_MM, Case, Entry
 
 EFFECTS = (
     "line_bow", "range_scale", "incidence_bias", "volume_scattering", "stage_vibration",

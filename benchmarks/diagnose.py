@@ -1,6 +1,6 @@
 """The development bench of the diagnosis: nulls, every effect at three strengths, withheld effects.
 
-Recordings come from the plain simulator plus effects, so that this shows errors of the inference,
+Recordings come from the nominal simulator plus effects, so that this shows errors of the inference,
 not of the physics. strength.py says what a strength is.
 
     python -m benchmarks.diagnose [--nulls 60] [--minutes 30]
@@ -15,8 +15,7 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
-from benchmarks.relief import VIEWS
-from benchmarks.strength import POINTS, PROFILES, Case, Entry, at_strength, plain
+from benchmarks.strength import at_strength
 from diagnosis.diagnose import Diagnosis, diagnose
 from diagnosis.heldout import judge
 from diagnosis.locate import departure_mask
@@ -25,6 +24,8 @@ from diagnosis.noise import NoiseModel
 from diagnosis.workspace import Model
 from sensors.effects import effect_of
 from sensors.surface.reflectance import ReflectanceMap, Stripes
+from tests.support.effect_case import POINTS, PROFILES, Case, Entry, plain
+from tests.support.small_parts import VIEWS
 
 STRENGTHS = (6, 12, 24)
 TURNED = tuple({**view, "heading_deg": 60.0 * k} for k, view in enumerate((*VIEWS, *VIEWS)))
@@ -243,7 +244,7 @@ def table(rows: Sequence[Row], seed: int) -> str:
         "# Development bench of the diagnosis",
         "",
         f"Made by `python -m benchmarks.diagnose`, seed {seed}: two recordings fitted, one held "
-        f"out, {PROFILES} x {POINTS} points each, from the plain simulator plus effects. The "
+        f"out, {PROFILES} x {POINTS} points each, from the nominal simulator plus effects. The "
         "effect on the left was in the recordings; what was found stands on the right. Strength "
         "is the whitened signal to noise over the fitted recordings, the pose projected out.",
         "",

@@ -16,8 +16,8 @@ import trimesh
 
 from benchmarks.end_to_end import HOME
 from benchmarks.page import fill, table
-from benchmarks.relief import VIEWS, datasheet, part, record
 from sensors.noise.perlin import PerlinField
+from tests.support.small_parts import VIEWS, datasheet, part, record
 
 PAGE = HOME / "docs" / "diagnosis.md"
 LENGTH_MM = 44.0

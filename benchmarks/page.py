@@ -12,7 +12,7 @@ from pathlib import Path
 
 from benchmarks.casting import Row
 from benchmarks.end_to_end import SCANS, BatchCost, ScanCost
-from benchmarks.measured import SECTIONS, Measured
+from benchmarks.results import SECTIONS, Results
 
 PEERS = ("embreex", "trimesh", "Open3D", "VTK", "Embree, refined")
 LIBRARIES = ("numpy", "numba", "h5py", "embreex", "trimesh", "open3d", "vtk")
@@ -50,7 +50,7 @@ def table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in (head, rule, *lines)) + "\n"
 
 
-def write(found: Measured) -> str:
+def write(found: Results) -> str:
     """Return the page's text."""
     full = max(found.scans, key=lambda cost: cost.profiles * cost.points)
     machine = Machine(**found.machine)
@@ -74,7 +74,7 @@ def write(found: Measured) -> str:
         "search in single precision. *Embree, refined* is this package's own caster for curved "
         "paths, with the sweep's results.\n",
         _casting(found.casting),
-        *(f"{name}: skipped, the file isn't there.\n" for name in found.absent),
+        *(f"{name}: skipped, the file is missing.\n" for name in found.absent),
         "## A labelled scan\n",
         "Flawed and clean cast, camera's shadows, noise, masks, checksum, compression and "
         "writing; the car door with 7 flaws "
@@ -103,7 +103,7 @@ def write(found: Measured) -> str:
     return "\n".join(parts)
 
 
-def _in_short(full: ScanCost, found: Measured) -> str:
+def _in_short(full: ScanCost, found: Results) -> str:
     sweeps = [row for row in found.casting if row.caster == "sweep"]
     small = [row.ratio for row in sweeps if row.triangles <= MOST_TRIANGLES]
     steps = [row.per_doubling for row in found.triangles[1:]]
@@ -242,7 +242,7 @@ def _per_doubling(scanned: Sequence[ScanCost]) -> list[float]:
     ]
 
 
-def _growth(found: Measured) -> str:
+def _growth(found: Results) -> str:
     def steps(values: Iterable[float]) -> list[str]:
         return ["", *(f"{value:.2f} ×" for value in values)]
 
@@ -297,7 +297,7 @@ def fill(text: str, blocks: Mapping[str, str]) -> str:
     return text
 
 
-def scaling(found: Measured) -> dict[str, str]:
+def scaling(found: Results) -> dict[str, str]:
     """Return what docs/scaling.md shows of the measurements, by the names of its marks."""
     spoken = [
         f"{cost.peak_bytes / 2**30:.2f} GiB for {cost.profiles} × {cost.points} points"
@@ -313,14 +313,14 @@ def scaling(found: Measured) -> dict[str, str]:
     }  # fmt: skip
 
 
-def _dask(found: Measured) -> str:
+def _dask(found: Results) -> str:
     if found.dask_s is None:
         return "Dask isn't installed: skipped.\n"
     name = found.datasets[1].name
     return f"Two Dask workers on this machine: {name}, in {found.dask_s:.1f} s.\n"
 
 
-def plot(path: Path, found: Measured) -> None:
+def plot(path: Path, found: Results) -> None:
     """Draw time against triangles at fixed points, and against points on a fixed mesh."""
     from matplotlib.figure import Figure
 

@@ -14,7 +14,8 @@ from typing import Any
 import h5py
 import numpy as np
 
-from defects.solid import Block, BooleanError
+from defects.carving.block import Block
+from defects.carving.solid import BooleanError
 from pipeline.dataset.chunks import deflated
 from pipeline.injection import inject as injection
 from pipeline.injection.flawplan import FlawPlan

@@ -15,6 +15,7 @@ from challenge.cases.nulls import check_null
 from challenge.cases.parts import SHAPES
 from challenge.cases.seeds import child
 from challenge.cases.switches import SINGLE
+from challenge.processes import in_processes
 from challenge.sealed import write_whole
 
 POPULATION = "challenge-1-calibration"
@@ -24,16 +25,23 @@ NULLS = 30
 _TRIES = 5
 
 
-def planned(nulls: int = NULLS, effects: bool = True) -> dict[str, Secret]:
-    """Return the sets by the names of their folders: nulls over all parts, then one effect each."""
+def planned(nulls: int = NULLS, each: int = 1) -> dict[str, Secret]:
+    """Return the sets by the names of their folders: nulls over all parts, then one effect each.
+
+    Parameters
+    ----------
+    each : sets of each effect
+    """
     shapes = list(SHAPES)
     sets = {}
     for k in range(nulls):
         sets[f"null-{k + 1:03d}"] = _secret("null", (), shapes[k % len(shapes)], 1)
-    if effects:
+    for turn in range(each):
         for k, name in enumerate(SINGLE):
             fitting = SWITCHES[name].shapes or tuple(shapes)
-            sets[f"one-{name}"] = _secret("one", (name,), fitting[k % len(fitting)], 1 + k % 2)
+            folder = f"one-{name}" if turn == 0 else f"one-{name}-{turn + 1}"
+            shape = fitting[(k + turn) % len(fitting)]
+            sets[folder] = _secret("one", (name,), shape, 1 + (k + turn) % 2)
     seeds = {name: int(child(SEED, name).integers(2**62)) for name in sets}
     return {name: replace(secret, seed=seeds[name]) for name, secret in sets.items()}
 
@@ -44,7 +52,7 @@ def _secret(kind: str, switches: tuple[str, ...], shape: str, strength: int) -> 
     )
 
 
-def calibrate(out: Path, *, nulls: int = NULLS, effects: bool = True) -> int:
+def calibrate(out: Path, *, nulls: int = NULLS, each: int = 1, jobs: int = 1) -> int:
     """Make the population in a folder, one folder a set; continue where it was stopped.
 
     Returns
@@ -53,11 +61,12 @@ def calibrate(out: Path, *, nulls: int = NULLS, effects: bool = True) -> int:
         Exit code.
     """
     out.mkdir(parents=True, exist_ok=True)
-    sets = planned(nulls, effects)
+    sets = planned(nulls, each)
     todo = [name for name in sets if not (out / name / "truth.json").exists()]
     print(f"{len(sets)} sets, {len(todo)} to make", flush=True)
-    for k, name in enumerate(todo):
-        _make_one(out / name, sets[name])
+    calls = [(out / name, sets[name]) for name in todo]
+    for k, (folder, _) in enumerate(in_processes(_make_one, calls, jobs)):
+        name = folder.name
         print(f"{name} ({k + 1} of {len(todo)})", flush=True)
     write_whole(out / "population.json", json.dumps(
         {"name": POPULATION, "seed": SEED, "sets": list(sets), "opened": True}, indent=1

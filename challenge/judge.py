@@ -11,12 +11,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from challenge.cases.case import RECORDINGS
+from challenge.cases.parameters import true_parameters
 from challenge.cases.truth import levelled
+from challenge.measure import WAYS
 from challenge.populations import VALIDATION, needs_aggregate
 from challenge.regions import Mask, drawn_again
 from challenge.score import Score, judge_case
 from challenge.sealed import commitment
 from challenge.shuffle import SHUFFLED
+from challenge.side_answers import boosted, further, held, none_of_these
+
+
+def population_of(out: Path) -> str:
+    """Name of the population that a set belongs to.
+
+    Raises
+    ------
+    ValueError
+        Where the folder holds no finished set.
+    """
+    file = out / "commitments.json"
+    if not file.exists():
+        raise ValueError(f"{out} has no commitments.json: finish `challenge make` first")
+    return str(json.loads(file.read_text()).get("population", VALIDATION.name))
 
 
 def judge(out: Path, *, partial: bool = False, aggregate: bool = False) -> dict[str, Any]:
@@ -43,7 +60,7 @@ def judge(out: Path, *, partial: bool = False, aggregate: bool = False) -> dict[
         to be judged case by case.
     """
     public = json.loads((out / "commitments.json").read_text())
-    population = str(public.get("population", VALIDATION.name))
+    population = population_of(out)
     if needs_aggregate(population) and not aggregate:
         raise ValueError(f"{out} is a test set: it is judged with --aggregate only")
     cases: dict[str, Any] = {}
@@ -67,8 +84,8 @@ def judge(out: Path, *, partial: bool = False, aggregate: bool = False) -> dict[
         cases[name] = _case(out, name, opened, record, again.get(name))
     master = json.loads((out / "keys" / "master.json").read_text())
     result = {
-        "seed": master["seed"], "protocol": public["protocol"], "sealed": len(public["cases"]),
-        "cases": cases,
+        "seed": master["seed"], "family": master.get("family", "first"), "population": population,
+        "protocol": public["protocol"], "sealed": len(public["cases"]), "cases": cases,
     }  # fmt: skip
     if not aggregate:
         (out / "scores.json").write_text(json.dumps(result, indent=1))
@@ -118,7 +135,11 @@ def _case(
         "run": record,
         "verdict": answer["verdict"] if answer else "none",
         "effects": answer["effects"] if answer else [],
+        "none_of_these": none_of_these(answer),
         "score": asdict(score),
+        "intervals": held(true_parameters(facts, tuple(secret["switches"])), answer),
+        "further": {way: further(out, way, name, secret) for way in WAYS},
+        "boosted": boosted(out, name, secret),
         "sealed_iou": fits(located, sealed) if again else float("nan"),
         "ceiling": fits(other, region) if again else float("nan"),
         "free_form_recovered": recovered(free),

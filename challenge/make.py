@@ -13,20 +13,27 @@ import numpy as np
 
 from challenge.cases.case import Secret, stage, write
 from challenge.cases.nulls import check_null
+from challenge.cases.parts import SHAPES
 from challenge.cases.seeds import child
-from challenge.cases.truth import facts
+from challenge.cases.truth import Facts, facts
 from challenge.populations import TEST, VALIDATION, needs_aggregate
 from challenge.processes import in_processes
-from challenge.sealed import FULL, PROTOCOL, SMALL, draw, entropy, seal, write_whole
+from challenge.score import ORACLE_SEES, moves_readings
+from challenge.sealed import FULL, MESHES, PROTOCOL, counts_of, draw, entropy, seal, write_whole
 from challenge.second import case as second
+from challenge.second.meshes import files as mesh_files
+from challenge.second.nulls import LEAST_BLOCKS
 from challenge.second.nulls import check_null as check_second_null
+from challenge.second.truth import facts as second_facts
 
 _TRIES = 5
+MOST_DOUBLED = 3
+"""How often a fault that nobody can see is made twice as large at most."""
 
 
 def make(
-    out: Path, *, seed: int | None, small: bool, jobs: int, population: str | None = None,
-    family: str = "first",
+    out: Path, *, seed: int | None, cases: int | None = None, jobs: int,
+    population: str | None = None, family: str = "first", meshes: Path | None = None,
 ) -> int:  # fmt: skip
     """Make a sealed set in a folder.
 
@@ -36,11 +43,15 @@ def make(
         Gets ``cases/`` for the diagnosis, ``keys/`` for the judge, ``commitments.json``.
     seed
         Master seed; by default the operating system's entropy.
+    cases
+        How many, in the proportions of a full set; by default a full set.
     population
         Whose rule the set falls under, see `populations`; by default validation for the first
         family, test for the second.
     family
         ``first`` or ``second``, the family of instruments.
+    meshes
+        Folder of CAD meshes, a third of the second family's parts; the set keeps copies.
 
     Returns
     -------
@@ -50,6 +61,8 @@ def make(
     if population is None:
         population = TEST.name if family == "second" else VALIDATION.name
     needs_aggregate(population)
+    if meshes is not None and family != "second":
+        raise ValueError(f"--meshes: of the second family; value --family {family}")
     (out / "cases").mkdir(parents=True, exist_ok=True)
     (out / "keys").mkdir(exist_ok=True)
     master_file = out / "keys" / "master.json"
@@ -58,13 +71,16 @@ def make(
         if seed is not None and plan["seed"] != seed:
             raise ValueError(f"{out} holds a set of another seed; choose another folder")
     else:
-        counts = SMALL if small else FULL
-        plan = {"seed": entropy() if seed is None else seed, "counts": counts, "family": family}
+        counts = FULL if cases is None else counts_of(cases)
+        plan = {"seed": entropy() if seed is None else seed, "counts": counts, "family": family,
+                "meshes": _kept(meshes, out)}  # fmt: skip
         write_whole(master_file, json.dumps(plan).encode())
-    cases = draw(plan["seed"], plan["counts"], plan.get("family", family))
-    names = [f"case-{k + 1:03d}" for k in range(len(cases))]
-    todo = [(n, c) for n, c in zip(names, cases, strict=True) if not _done(out, n)]
-    print(f"{len(cases)} cases, {len(todo)} to make", flush=True)
+    drawn = draw(
+        plan["seed"], plan["counts"], plan.get("family", family), plan.get("meshes", ())
+    )
+    names = [f"case-{k + 1:03d}" for k in range(len(drawn))]
+    todo = [(n, c) for n, c in zip(names, drawn, strict=True) if not _done(out, n)]
+    print(f"{len(drawn)} cases, {len(todo)} to make", flush=True)
     if jobs == 1:
         for k, (name, secret) in enumerate(todo):
             _make_one(str(out), name, secret)
@@ -81,6 +97,17 @@ def make(
     write_whole(out / "commitments.json", json.dumps(public, indent=1).encode())
     print(f"commitments: {out / 'commitments.json'}", file=sys.stderr)
     return 0
+
+
+def _kept(meshes: Path | None, out: Path) -> list[str]:
+    """Copy the usable meshes of a folder into the set; return their names."""
+    if meshes is None:
+        return []
+    (out / MESHES).mkdir(exist_ok=True)
+    found = mesh_files(meshes)
+    for file in found:
+        shutil.copyfile(file, out / MESHES / file.name)
+    return [file.name for file in found]
 
 
 def _done(out: Path, name: str) -> bool:
@@ -125,14 +152,7 @@ def _make_one(root: str, name: str, secret: Secret) -> None:
     else:
         raise RuntimeError(f"{name}: {_TRIES} draws in a row were no valid case")
     if secret.kind != "null":
-        seen = facts(staged, secret)
-        known = {**seen.figures(), "region_share": float(seen.region.mean())}
-        maps = io.BytesIO()
-        np.savez_compressed(
-            maps, on=seen.on_mm, off=seen.off_mm, region=seen.region, fair=seen.fair
-        )
-        write_whole(out / "keys" / f"{name}.npz", maps.getvalue())
-        known["maps_sha256"] = hashlib.sha256(maps.getvalue()).hexdigest()
+        known = _with_maps(out, name, facts(staged, secret))
     known["stated"] = {"effects": staged.effects, "noise_law": asdict(staged.noise_law)}
     world = staged.on
     known["switched"] = {
@@ -146,10 +166,7 @@ def _make_one(root: str, name: str, secret: Secret) -> None:
     }
     write(secret, staged, aside)
     aside.replace(folder)
-    key, nonce, commitment = seal(secret, known)
-    write_whole(out / "keys" / f"{name}.key.json", key)
-    kept = {"nonce": nonce, "commitment": commitment, "files": _digests(folder)}
-    write_whole(out / "keys" / f"{name}.seal.json", json.dumps(kept).encode())
+    _seal(out, name, secret, known)
 
 
 def _make_second(out: Path, name: str, secret: Secret) -> None:
@@ -161,7 +178,7 @@ def _make_second(out: Path, name: str, secret: Secret) -> None:
     known: dict[str, Any] = {}
     for attempt in range(_TRIES):
         try:
-            staged = second.stage(secret)
+            staged = second.stage(secret, out / MESHES)
         except ValueError:  # the part's booleans failed
             secret = replace(secret, seed=int(again.integers(2**62)))
             continue
@@ -173,11 +190,43 @@ def _make_second(out: Path, name: str, secret: Secret) -> None:
         if check.holds:
             break
         shutil.rmtree(aside)
-        secret = replace(secret, seed=int(again.integers(2**62)))
+        # a mesh without places off edges is no null on any draw
+        shape = str(again.choice(list(SHAPES))) if check.blocks < LEAST_BLOCKS else secret.shape
+        secret = replace(secret, seed=int(again.integers(2**62)), shape=shape)
     else:
         raise RuntimeError(f"{name}: {_TRIES} draws in a row were no valid case")
+    if secret.kind != "null":
+        seen = second_facts(staged, secret)
+        # what nobody can see can't be named; noise and dropouts have no such measure
+        while hidden_from_all(secret, seen.oracle_z) and secret.doubled < MOST_DOUBLED:
+            secret = replace(secret, doubled=secret.doubled + 1)
+            staged = second.stage(secret, out / MESHES)
+            shutil.rmtree(aside)
+            second.write(secret, staged, aside)
+            seen = second_facts(staged, secret)
+        known = _with_maps(out, name, seen)
+    second.withhold(secret, aside)
     aside.replace(folder)
-    key, nonce, commitment = seal(secret, {**known, **second.known_of(staged)})
+    _seal(out, name, secret, {**known, **second.known_of(secret, staged)})
+
+
+def hidden_from_all(secret: Secret, oracle_z: float) -> bool:
+    """Whether a medium or strong fault that moves readings doesn't show to a perfect observer."""
+    return secret.strength > 0 and moves_readings(asdict(secret)) and oracle_z < ORACLE_SEES
+
+
+def _with_maps(out: Path, name: str, seen: Facts) -> dict[str, Any]:
+    """Keep the maps of a case beside its key; return the figures and the maps' digest."""
+    maps = io.BytesIO()
+    np.savez_compressed(maps, on=seen.on_mm, off=seen.off_mm, region=seen.region, fair=seen.fair)
+    write_whole(out / "keys" / f"{name}.npz", maps.getvalue())
+    digest = hashlib.sha256(maps.getvalue()).hexdigest()
+    return {**seen.figures(), "region_share": float(seen.region.mean()), "maps_sha256": digest}
+
+
+def _seal(out: Path, name: str, secret: Secret, known: dict[str, Any]) -> None:
+    """Commit to a key; the seal is written last."""
+    key, nonce, commitment = seal(secret, known)
     write_whole(out / "keys" / f"{name}.key.json", key)
-    kept = {"nonce": nonce, "commitment": commitment, "files": _digests(folder)}
+    kept = {"nonce": nonce, "commitment": commitment, "files": _digests(out / "cases" / name)}
     write_whole(out / "keys" / f"{name}.seal.json", json.dumps(kept).encode())

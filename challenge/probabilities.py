@@ -27,6 +27,17 @@ def stated(case: Mapping[str, Any]) -> list[tuple[float, bool]]:
     ]
 
 
+def stated_strange(case: Mapping[str, Any]) -> list[tuple[float, bool]]:
+    """Probability that no name of the catalogue is right, where an answer gives one.
+
+    Only cases that hide something: in a null there is nothing to name.
+    """
+    given = case.get("none_of_these")
+    if given is None or case["secret"]["kind"] == "null":
+        return []
+    return [(float(given), case["secret"]["kind"] == "unknown")]
+
+
 def reliability(pairs: Iterable[tuple[float, bool]]) -> list[tuple[float, float, int]]:
     """Mean probability, share right and count, by tenths of the probability."""
     given = list(pairs)

@@ -55,7 +55,10 @@ def draw_power(scored: dict[str, Any], file: Path) -> None:
 
 
 def draw_story(out: Path, name: str, last: str, file: Path) -> None:
-    """Draw the held-out recording: depth, what the effect does, what was said about it."""
+    """Draw the held-out recording: the scan, what the hidden fault changes, what was found.
+
+    The three panels have one frame; the outlines are the true region and the region found.
+    """
     import matplotlib
 
     matplotlib.use("Agg")
@@ -63,36 +66,41 @@ def draw_story(out: Path, name: str, last: str, file: Path) -> None:
 
     with h5py.File(out / "cases" / name / f"{last}.h5") as recording:
         depth = np.asarray(recording["depth"], float)
-    panels: list[tuple[str, Any, tuple[float, float] | None]] = [("depth, mm", depth, None)]
+    panels: list[tuple[str, Any, Any]] = [("the scan: depth, mm", depth, None)]
     maps = out / "keys" / f"{name}.npz"
     if maps.exists():
         truth = np.load(maps)
         change = 1e3 * (truth["on"] - truth["off"])
         change -= np.nanmedian(change)
-        panels.append(("truth: effect on - off, µm", change, (-40, 40)))
-        panels.append(("truth: region", truth["region"].astype(float), (0, 1)))
+        panels.append(("hidden: what the fault changes, µm", change, truth["region"]))
     mismatch = out / "answers" / name / "mismatch.h5"
     if mismatch.exists():
         with h5py.File(mismatch) as found:
             group = found[last]
             simulated = np.asarray(group["simulated"], float)
             explained = np.asarray(group["explained"], float)
-            panels.append(("measured - plain model, µm", 1e3 * (depth - simulated), (-40, 40)))
-            panels.append(("explained - plain model, µm", 1e3 * (explained - simulated), (-40, 40)))
-            panels.append(("region found", np.asarray(group["mask"], float), (0, 1)))
+            mask = np.asarray(group["mask"], bool)
+        if not maps.exists():
+            panels.append(("scan minus nominal model, µm", 1e3 * (depth - simulated), None))
+        panels.append(("found: what the diagnosis explains, µm",
+                       1e3 * (explained - simulated), mask))  # fmt: skip
     figure, axes = plt.subplots(
-        1, len(panels), figsize=(3.2 * len(panels), 3.2), squeeze=False, layout="constrained"
+        1, len(panels), figsize=(4.2 * len(panels), 3.8), squeeze=False, layout="constrained"
     )
-    for axis, (title, image, limits) in zip(axes[0], panels, strict=True):
-        low, high = limits if limits is not None else (None, None)
-        colours = "RdBu_r" if limits is not None and limits[0] < 0 else "viridis"
-        drawn = axis.imshow(image, aspect="auto", vmin=low, vmax=high, cmap=colours)
-        axis.set_title(title, fontsize=8)
-        axis.tick_params(labelsize=6)
-        figure.colorbar(drawn, ax=axis, shrink=0.8).ax.tick_params(labelsize=6)
-    figure.supxlabel("column", fontsize=8)
-    figure.supylabel("profile", fontsize=8)
-    figure.savefig(file, dpi=80)
+    sizes = [np.nanpercentile(np.abs(image), 98) for _, image, _ in panels[1:]
+             if np.isfinite(image).any()]  # fmt: skip
+    most = max(max(sizes, default=1.0), 1.0)
+    for k, (axis, (title, image, region)) in enumerate(zip(axes[0], panels, strict=True)):
+        signed = {"vmin": -most, "vmax": most, "cmap": "RdBu_r"} if k else {"cmap": "viridis"}
+        drawn = axis.imshow(image, aspect="auto", interpolation="nearest", **signed)
+        if region is not None and region.any() and not region.all():
+            axis.contour(region, [0.5], colors="k", linewidths=0.7)
+        axis.set_title(title, fontsize=10)
+        axis.set_xlabel("point of the profile", fontsize=8)
+        axis.tick_params(labelsize=7)
+        figure.colorbar(drawn, ax=axis, shrink=0.85).ax.tick_params(labelsize=7)
+    axes[0][0].set_ylabel("profile", fontsize=8)
+    figure.savefig(file, dpi=85)
     plt.close(figure)
 
 

@@ -20,7 +20,9 @@ from challenge.cases.case import Secret, stage
 from challenge.cases.truth import DRAWS, redraw
 from challenge.processes import in_processes
 from challenge.score import has_place
-from challenge.sealed import write_whole
+from challenge.sealed import MESHES, write_whole
+from challenge.second.case import stage as second_stage
+from challenge.second.truth import redraw as second_redraw
 
 KEPT = "regions"
 Mask = NDArray[np.bool_]
@@ -86,7 +88,10 @@ def _file(out: Path, name: str) -> Path:
 def _draw_one(root: str, name: str) -> None:
     out = Path(root)
     case = Secret.of_key(_secret(out, name))
-    drawn = redraw(stage(case), case, range(2 * DRAWS))
+    if case.family == "second":
+        drawn = second_redraw(second_stage(case, out / MESHES), case, range(2 * DRAWS))
+    else:
+        drawn = redraw(stage(case), case, range(2 * DRAWS))
     first, second = (
         replace(drawn, with_it=drawn.with_it[these], without=drawn.without[these]).region()
         for these in (slice(DRAWS), slice(DRAWS, None))

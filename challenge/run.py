@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from challenge.measure import CHANGE, WAYS, folder
+from challenge.measure import answers as answers_of
 from challenge.processes import ONE_CORE
 from challenge.sealed import write_whole
 from challenge.shuffle import SHUFFLED, shuffle
@@ -23,11 +25,15 @@ from challenge.shuffle import SHUFFLED, shuffle
 KEPT = ("diagnosis.json", "mismatch.h5", "sensor.yaml")
 
 
-def run(out: Path, *, jobs: int, timeout_s: float, shuffled: int = 0) -> int:
+def run(
+    out: Path, *, jobs: int, timeout_s: float, shuffled: int = 0, measured: str | None = None
+) -> int:
     """Diagnose all cases of a set that have no answer yet.
 
     Parameters
     ----------
+    measured
+        Instead, diagnose the cases to which `challenge measure` added a scan, `ranked` or `random`.
     shuffled
         Instead, diagnose the first so many with their covariates shuffled: a baseline.
 
@@ -41,22 +47,28 @@ def run(out: Path, *, jobs: int, timeout_s: float, shuffled: int = 0) -> int:
         raise ValueError(f"{out} has no commitments.json: finish `challenge make` first")
     names = sorted(json.loads(sealed.read_text())["cases"])
     answers = out / (SHUFFLED if shuffled else "answers")
+    cases = out / "cases"
     if shuffled:
         names = names[:shuffled]
+    if measured is not None:
+        if measured not in WAYS:
+            raise ValueError(f"--measured: value {measured!r}; allowed: {', '.join(WAYS)}")
+        cases, answers = folder(out, measured), answers_of(out, measured)
+        names = [name for name in names if (cases / name / CHANGE).exists()]
     answers.mkdir(exist_ok=True)
     todo = [name for name in names if not (answers / name / "run.json").exists()]
     print(f"{len(names)} cases, {len(todo)} to diagnose", flush=True)
     at_work: set[subprocess.Popen[str]] = set()
     stopping = threading.Event()
     with ThreadPoolExecutor(max(jobs, 1)) as pool:
-        waiting = {pool.submit(_diagnose, out, answers, name, timeout_s, at_work, stopping): name
+        waiting = {pool.submit(_diagnose, cases, answers, name, timeout_s, at_work, stopping): name
                    for name in todo}  # fmt: skip
         try:
             for k, ready in enumerate(as_completed(waiting)):
                 code, seconds = ready.result()
                 word = "answered" if code == 0 else f"failed ({code})"
-                print(f"{waiting[ready]} {word} in {seconds:.0f} s ({k + 1} of {len(todo)})",
-                      flush=True)  # fmt: skip
+                told = "a case" if measured else waiting[ready]  # the keys know which
+                print(f"{told} {word} in {seconds:.0f} s ({k + 1} of {len(todo)})", flush=True)
         except BaseException:
             # interrupted: the diagnoses at work end too, and leave no answer
             stopping.set()
@@ -66,7 +78,8 @@ def run(out: Path, *, jobs: int, timeout_s: float, shuffled: int = 0) -> int:
             raise
     failed = [n for n in names if _record(answers, n).get("code") != 0]
     if failed:
-        print(f"no answer for {len(failed)} cases: {', '.join(failed)}", file=sys.stderr)
+        which = "" if measured else f": {', '.join(failed)}"
+        print(f"no answer for {len(failed)} cases{which}", file=sys.stderr)
     return 1 if failed else 0
 
 
@@ -74,11 +87,11 @@ def command(
     recordings: list[str], plates: list[str], baselines: Sequence[str] = ()
 ) -> list[str]:
     """Return the command line of one diagnosis, as a stranger would type it."""
-    good = ["--baseline", *baselines] if baselines else []
+    given = [word for option, names in (("--reference", plates), ("--baseline", baselines))
+             if names for word in (option, *names)]  # fmt: skip
     return [
-        sys.executable, "-m", "flawforge.cli", "diagnose", *recordings,
-        "--part", "part.stl", "--sensor", "sensor.yaml", "--reference", *plates,
-        "--part-unit", "mm", "--out", "diagnosis", *good,
+        sys.executable, "-m", "flawforge.cli", "diagnose", *recordings, "--part", "part.stl",
+        "--sensor", "sensor.yaml", "--part-unit", "mm", "--out", "diagnosis", *given,
     ]  # fmt: skip
 
 
@@ -96,7 +109,7 @@ def _record(answers: Path, name: str) -> dict[str, Any]:
 
 
 def _diagnose(
-    out: Path,
+    cases: Path,
     answers: Path,
     name: str,
     timeout_s: float,
@@ -107,7 +120,9 @@ def _diagnose(
     answer = answers / name
     with tempfile.TemporaryDirectory(prefix="flawforge-case-") as bare:
         here = Path(bare)
-        for file in (out / "cases" / name).iterdir():
+        for file in (cases / name).iterdir():
+            if file.name == CHANGE:
+                continue  # the judge's note
             shutil.copyfile(file, here / file.name)
         if answers.name == SHUFFLED:
             shuffle(here, np.random.default_rng(list(name.encode())))

@@ -10,17 +10,20 @@ from scipy.stats import beta
 from challenge.cases.case import SWITCHES as FIRST
 from challenge.cases.switches import Switch
 from challenge.sealed import UNDECIDABLE
-from challenge.second.switches import FAULTS, Fault
+from challenge.second.switches import FAULTS
+from challenge.second.world import Fault
 
 SWITCHES: dict[str, Switch | Fault] = {**FIRST, **FAULTS}
 
-# Without place and oracle of their own: what changes is the noise or the missing points, or
+# Names without place and oracle of their own: what changes is the noise or the missing points, or
 # (a mounting) what the registration takes up before anything is located; a coarse camera, which
 # its file states, is the same in the instrument without the effect, and so is its locking.
 _PLACELESS = {
     "roughness_level", "anisotropic_lay", "outlier_spikes", "random_dropout", "pose_error",
     "pixel_locking",
 }  # fmt: skip
+ORACLE_SEES = 8.0
+"""Standard deviations from which the held-out recording alone tells an effect from none."""
 STRANGE = ("unexplained", "partly_explained")
 
 
@@ -43,7 +46,7 @@ class Score:
     flagged
         The verdict says that physics outside the catalogue is at work.
     iou, recovered
-        Overlap of the located region with the true one; share of the oracle's gain.
+        Overlap of the located region with the true one; share of the oracle's gain, at most 1.
     """
 
     reported: tuple[str, ...]
@@ -61,10 +64,13 @@ class Score:
 
 def has_place(secret: dict[str, Any]) -> bool:
     """Whether what a case hides is in the catalogue and has a place of its own."""
-    known = secret["kind"] not in ("null", "unknown")
-    if secret.get("family", "first") == "second":
-        return False  # its keys hold no true regions
-    return known and not _PLACELESS & set(secret["switches"])
+    return secret["kind"] not in ("null", "unknown") and moves_readings(secret)
+
+
+def moves_readings(secret: dict[str, Any]) -> bool:
+    """Whether what a case hides changes the mean of readings beyond what a registration absorbs."""
+    right = {name for switch in secret["switches"] for name in SWITCHES[switch].accept}
+    return not _PLACELESS & right
 
 
 def overlap(one: NDArray[np.bool_], two: NDArray[np.bool_]) -> float:
@@ -142,5 +148,5 @@ def judge_case(
         set_size=len(offered),
         flagged=verdict in STRANGE,
         iou=iou,
-        recovered=float(np.clip(gain / oracle, -1, 2)) if placed and oracle > 0.02 else nan,
+        recovered=float(np.clip(gain / oracle, -1, 1)) if placed and oracle > 0.02 else nan,
     )

@@ -4,44 +4,48 @@ import hashlib
 import json
 import os
 import secrets
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from challenge.aims import AIMS
 from challenge.cases.case import SWITCHES, Secret
 from challenge.cases.parts import SHAPES
 from challenge.cases.seeds import child
 from challenge.cases.switches import DECOY, SINGLE, UNKNOWN
-from challenge.second.switches import FAULTS
-from challenge.second.switches import SINGLE as SECOND
-from challenge.second.switches import UNKNOWN as SECOND_UNKNOWN
+from challenge.second import switches as second
+from challenge.second.meshes import MARK
 
-# Cases of a full set and of the five-minute subset, by kind.
+# Cases of a full set by kind.
 FULL = {"null": 60, "one": 60, "two": 12, "unknown": 12, "decoy": 8, "undecidable": 8}
-SMALL = {"null": 4, "one": 4, "two": 1, "unknown": 1, "decoy": 1, "undecidable": 1}
+LEAST = 12
+"""Cases of the smallest set that has every kind."""
+MESHES = "meshes"
+"""Folder of a set that keeps the CAD meshes among its parts."""
 
 # Frozen before a run: the aims, and what counts as what.
 PROTOCOL: dict[str, Any] = {
-    "version": 5,
-    "false_alarms_of_60": 1,
-    "top_1_medium_and_above": 0.8,
-    "precision_medium_and_above": 0.9,
-    "unknown_flagged": 0.8,
-    "iou": 0.5,
-    "recovered_share_of_oracle_gain": 0.7,
+    "version": 6,
+    "aims": AIMS,
     "alarm": "verdict other than match on a null",
     "rival": "counts a half in precision; reported only as alternative counts a half in recall",
     "null": "over 100 speckle draws off edges: block means within 0.1 sigma of what the maker's "
     "file says, at most 0.5 % of points return against it",
-    "null_at_edges": "mean departure of a point's mean from the file at most 1.0 sigma (each at "
+    "null at edges": "mean departure of a point's mean from the file at most 1.0 sigma (each at "
     "most 10), at most 5 % of points return against it; every key holds what was found",
     "concealed": "KS <= 0.05 and five roughness figures within 10 % off edges, noise fitted",
     "region": "5 x 5 means of on - off beyond 0.3 sigma, or 20 % lost, in patches of 25 points; "
     "offset, tilts and shifts, which a registration takes up, removed, shifts where slopes tell "
     "them; off is scanned where the middle of the exposures is; none for what changes the noise or "
     "is absorbed by the pose, nor beside pixel locking, which on and off both have",
-    "gain": "ln of the RMS ratio, each reading at most 10 sigma, where the maker's file describes "
-    "the instrument without the effect to 2 sigma; the same points for oracle and answer",
+    "null of the second family": "block means off edges depart at most 1.5 times as far as in the "
+    "worse of its baseline recordings, plus 0.1 sigma",
+    "size": "a medium or strong fault of the second family that moves readings is doubled, three "
+    "times at most, until perfect knowledge tells it from none at 8 sigma",
+    "gain": "ln of the RMS ratio, at most the oracle's, each reading at most 10 sigma, where the "
+    "maker's file describes the instrument without the effect to 2 sigma; the "
+    "same points for oracle and answer",
     "shuffled": "blocks of 16 x 16 residuals permuted within each recording, times exchanged",
 }
 
@@ -51,11 +55,40 @@ UNDECIDABLE: dict[str, tuple[str, ...]] = {
     "warped_part": ("line_bow", "form_error"),
     "motion_blur": ("motion_blur", "finite_spot"),
     "lens_distortion": ("lens_distortion", "form_error"),
+    **second.UNDECIDABLE,
 }
+FIRST_UNDECIDABLE = tuple(name for name in UNDECIDABLE if name not in second.UNDECIDABLE)
+MESHED = 1 / 3
+"""Share of a set's cases on meshes from files, of those whose faults show on any part."""
 
 
-def draw(master: int, counts: dict[str, int], family: str = "first") -> list[Secret]:
+def counts_of(cases: int) -> dict[str, int]:
+    """Share a number of cases over the kinds as in a full set; each kind has one at least.
+
+    Raises
+    ------
+    ValueError
+        Where there are fewer cases than kinds.
+    """
+    if cases < LEAST:
+        raise ValueError(f"--cases: too few; value {cases}; allowed: {LEAST} or more")
+    whole = sum(FULL.values())
+    counts = {kind: max(1, cases * n // whole) for kind, n in FULL.items()}
+    behind = sorted(FULL, key=lambda kind: counts[kind] - cases * FULL[kind] / whole)
+    for kind in behind[: cases - sum(counts.values())]:
+        counts[kind] += 1
+    return counts
+
+
+def draw(
+    master: int, counts: dict[str, int], family: str = "first", meshes: Sequence[str] = ()
+) -> list[Secret]:
     """Draw all cases of a set in a shuffled order.
+
+    Parameters
+    ----------
+    meshes
+        Names of meshes from files, which are among the second family's parts.
 
     Raises
     ------
@@ -63,7 +96,7 @@ def draw(master: int, counts: dict[str, int], family: str = "first") -> list[Sec
         Where there is no such family.
     """
     if family == "second":
-        return _draw_second(master, counts)
+        return _draw_second(master, counts, meshes)
     if family != "first":
         raise ValueError(f"family: no such one; value {family!r}; allowed: first, second")
     rng = child(master, "set")
@@ -75,7 +108,7 @@ def draw(master: int, counts: dict[str, int], family: str = "first") -> list[Sec
         while _clash(str(first), str(second)):
             first, second = rng.choice(list(SINGLE), 2, replace=False)
         wanted.append(("two", (str(first), str(second))))
-    for kind, group in (("unknown", UNKNOWN), ("decoy", DECOY), ("undecidable", UNDECIDABLE)):
+    for kind, group in (("unknown", UNKNOWN), ("decoy", DECOY), ("undecidable", FIRST_UNDECIDABLE)):
         pool = list(group)
         wanted += [(kind, (pool[k % len(pool)],)) for k in range(counts[kind])]
     cases = []
@@ -97,33 +130,57 @@ def draw(master: int, counts: dict[str, int], family: str = "first") -> list[Sec
     return [cases[k] for k in rng.permutation(len(cases))]
 
 
-def _draw_second(master: int, counts: dict[str, int]) -> list[Secret]:
-    """Draw a set of the second family: nulls, one fault, two, and faults outside the catalogue."""
+def _draw_second(master: int, counts: dict[str, int], meshes: Sequence[str]) -> list[Secret]:
+    """Draw a set of the second family, with and without reference plates and baselines."""
     rng = child(master, "second set")
-    names, strange = list(SECOND), list(SECOND_UNKNOWN)
+    names = list(second.SINGLE)
     order = [str(n) for n in rng.permutation(names)]
     wanted: list[tuple[str, tuple[str, ...]]] = [("null", ())] * counts["null"]
     wanted += [("one", (order[k % len(order)],)) for k in range(counts["one"])]
     while sum(kind == "two" for kind, _ in wanted) < counts["two"]:
         pair = tuple(str(n) for n in rng.choice(names, 2, replace=False))
-        shapes = set(SHAPES)
-        for name in pair:
-            shapes &= set(SECOND[name].shapes or SHAPES)
-        if shapes and not set(SECOND[pair[0]].accept) & set(SECOND[pair[1]].accept):
+        first, other = (set(second.SINGLE[n].accept) for n in pair)
+        if _shapes(pair) and not first & other and not _same_screw(*pair):
             wanted.append(("two", pair))
-    wanted += [("unknown", (strange[k % len(strange)],)) for k in range(counts["unknown"])]
+    for kind, group in (("unknown", second.UNKNOWN), ("decoy", second.DECOY),
+                        ("undecidable", second.UNDECIDABLE)):  # fmt: skip
+        pool = [str(n) for n in rng.permutation(list(group))]
+        wanted += [(kind, (pool[k % len(pool)],)) for k in range(counts[kind])]
     cases = []
     for kind, switches in wanted:
-        shapes = set(SHAPES)
-        for name in switches:
-            shapes &= set(FAULTS[name].shapes or SHAPES)
-        strength = int(rng.choice([1, 2] if kind == "unknown" else [0, 1, 1, 2]))
-        shape, seed = str(rng.choice(sorted(shapes))), int(rng.integers(2**62))
+        shape = str(rng.choice(sorted(_shapes(switches))))
+        anywhere = not any(second.FAULTS[n].shapes or second.FAULTS[n].built for n in switches)
+        if meshes and rng.random() < MESHED and anywhere:
+            shape = MARK + str(rng.choice(list(meshes)))
+        single = kind == "undecidable"
         cases.append(
-            Secret(kind=kind, switches=switches, strength=strength, shape=shape, recordings=3,
-                   seed=seed, family="second")
+            Secret(
+                kind=kind, switches=switches, shape=shape, family="second",
+                strength=int(rng.choice([1, 2] if kind == "unknown" else [0, 1, 1, 2])),
+                recordings=1 if single else 3, seed=int(rng.integers(2**62)),
+                plates=int(rng.choice([0, 2])), baselines=0 if single else int(rng.choice([0, 2])),
+            )
         )  # fmt: skip
     return [cases[k] for k in rng.permutation(len(cases))]
+
+
+def _shapes(switches: tuple[str, ...]) -> set[str]:
+    """Parts on which all of some faults of the second family show."""
+    found = set(SHAPES)
+    for name in switches:
+        found &= set(second.FAULTS[name].shapes or SHAPES)
+    return found
+
+
+def _same_screw(first: str, other: str) -> bool:
+    """Two faults of the second family that set the same field."""
+    same = [
+        {"worn roller", "eccentric roller", "shaking frame"}, {"median firmware", "gap filling"},
+        {"dark gloss", "shining corner", "rubber", "clear coat", "coarse speckle"},
+        {"stretched gauge blocks", "bowed calibration plate", "skew window"},
+        {"long exposure", "wide slit", "coarse chip"},
+    ]  # fmt: skip
+    return any({first, other} <= group for group in same)
 
 
 def _clash(first: str, second: str) -> bool:

@@ -6,7 +6,6 @@ stay; its tie to place, slope, row, column and time is gone. A diagnosis that na
 their size alone would name them still.
 """
 
-import struct
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -15,23 +14,15 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from challenge.baseline.residuals import residuals
+from challenge.cases.files import read_stl
 from challenge.cases.stated import Rays, stated
 from challenge.instrument.camera import Camera
 from challenge.instrument.instrument import Path, Solid
+from challenge.instrument.rays import plant
 
 SHUFFLED = "answers-shuffled"
 _BLOCK = 16
-
-
-def read_stl(file: FilePath) -> Solid:
-    """Read a binary STL in mm, triangle by triangle."""
-    data = file.read_bytes()
-    count = struct.unpack("<I", data[80:84])[0]
-    kind = np.dtype([("n", "<f4", 3), ("v", "<f4", (3, 3)), ("pad", "<u2")])
-    corners = np.frombuffer(data, kind, count, 84)["v"].astype(np.float64)
-    return Solid(
-        vertices_mm=corners.reshape(-1, 3), faces=np.arange(3 * count).reshape(-1, 3)
-    )
 
 
 def camera_of(sheet: dict[str, Any]) -> Camera:
@@ -57,20 +48,15 @@ def shuffle(folder: FilePath, rng: np.random.Generator) -> None:
         A copy of what a stranger gets.
     """
     sheet = yaml.safe_load((folder / "sensor.yaml").read_text())
-    solid, camera = read_stl(folder / "part.stl"), camera_of(sheet)
+    solid = read_stl(folder / "part.stl")
+    tree = plant(solid.vertices_mm, solid.faces)
     recordings = sorted(folder.glob("[a-z].h5"))
     starts = []
     for file in recordings:
+        # a rectifying instrument's file has its levels in the mesh alone
+        rectified = sheet["columns"] == "even_x"
+        said = residuals(file, tree, sheet).nominal_mm if rectified else _said(file, solid, sheet)
         with h5py.File(file, "r+") as recording:
-            pose = recording["pose"][:]
-            step = (pose[-1, :3, 3] - pose[0, :3, 3]) / max(len(pose) - 1, 1)
-            along = float(step @ pose[0, :3, 1])
-            path = Path(
-                start=pose[0], direction=1 if along > 0 else -1, profiles=len(pose),
-                pitch_mm=abs(along), rate_hz=1.0, start_s=0.0,
-            )  # fmt: skip
-            rays = Rays(solid, path, np.eye(4), camera, float(sheet["z_range_mm"]))
-            said = stated(rays, sheet["effects"]).depth_mm
             depth = np.asarray(recording["depth"], np.float64)
             order = rng.permutation(np.prod([size // _BLOCK for size in depth.shape]))
             moved = moved_blocks(depth - said, order)
@@ -84,8 +70,22 @@ def shuffle(folder: FilePath, rng: np.random.Generator) -> None:
             recording.attrs["start_time_s"] = start
 
 
+def _said(file: FilePath, solid: Solid, sheet: dict[str, Any]) -> NDArray[np.float64]:
+    """Depth (n, m) that the file of an instrument of the first family predicts."""
+    with h5py.File(file) as recording:
+        pose = recording["pose"][:]
+    step = (pose[-1, :3, 3] - pose[0, :3, 3]) / max(len(pose) - 1, 1)
+    along = float(step @ pose[0, :3, 1])
+    path = Path(
+        start=pose[0], direction=1 if along > 0 else -1, profiles=len(pose),
+        pitch_mm=abs(along), rate_hz=1.0, start_s=0.0,
+    )  # fmt: skip
+    rays = Rays(solid, path, np.eye(4), camera_of(sheet), float(sheet["z_range_mm"]))
+    return np.asarray(stated(rays, sheet["effects"]).depth_mm)
+
+
 def moved_blocks(values: NDArray[np.float64], order: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Exchange blocks of 16 x 16; what is left over at the ends stays."""
+    """Exchange blocks of 16 x 16; the rest at the ends stays."""
     rows, columns = (size // _BLOCK for size in values.shape)
     out = values.copy()
     inner = values[: rows * _BLOCK, : columns * _BLOCK]

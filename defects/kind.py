@@ -7,11 +7,11 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from defects.seats import Seat, Skin
-from defects.sizes import Fixed, LogUniform, Size, Uniform
-from defects.solid import Cutter
-from defects.surface import Site, Surface
+from defects.carving.solid import Cutter
+from defects.seats.seat import Seat, Skin
+from defects.surface.surface import Site, Surface
 from quantity import Quantity, quantities
+from quantity.distribution import Distribution, Fixed, LogUniform, Uniform
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -66,9 +66,9 @@ class Kind(ABC):
         """
 
     @classmethod
-    def typical(cls) -> dict[str, Size]:
+    def typical(cls) -> dict[str, Distribution]:
         """Return the distributions used where a recipe says nothing."""
-        found: dict[str, Size] = {}
+        found: dict[str, Distribution] = {}
         for size in cls.sizes():
             low, high = size.typical
             if low == high:
@@ -96,7 +96,7 @@ class Kind(ABC):
     @classmethod
     def draw(
         cls,
-        sizes: Mapping[str, Size],
+        sizes: Mapping[str, Distribution],
         rng: np.random.Generator,
         scale: float = 1.0,
         unscaled: Collection[str] = (),

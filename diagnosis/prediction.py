@@ -20,8 +20,8 @@ from sensors.law import Law, geometric_law
 from sensors.model import as_moved, as_wide
 from sensors.noise.perlin import PerlinField
 from sensors.noise.uncertainty import sigma_mm
-from sensors.view.kept import Kept
 from sensors.view.view import KEPT_POINTS, View
+from sensors.view.view_cache import ViewCache
 
 FLOOR_MISSING = 2e-4
 """Least probability that any reading is lost, or that one comes where none can."""
@@ -36,9 +36,9 @@ KEPT_TRIALS = 4
 
 Each time two more are asked for: that of its effects on edges alone, and the file's.
 """
-_TRIALS: Kept[Law] = Kept(KEPT_TRIALS)
-_LAWS: Kept[Law] = Kept(KEPT_LAWS)
-_SHIFTS: Kept[Field] = Kept(KEPT_LAWS)
+_TRIALS: ViewCache[Law] = ViewCache(KEPT_TRIALS)
+_LAWS: ViewCache[Law] = ViewCache(KEPT_LAWS)
+_SHIFTS: ViewCache[Field] = ViewCache(KEPT_LAWS)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

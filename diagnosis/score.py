@@ -14,13 +14,13 @@ from diagnosis.noise import Field, Mask, NoiseModel
 from diagnosis.patch import SPIKE_SD, Patch, spikes
 from diagnosis.prediction import Prediction
 from diagnosis.whitening import Whitener
-from sensors.view.kept import Kept
+from sensors.view.view_cache import ViewCache
 
 LOG_ROOT_2PI = 0.5 * np.log(2 * np.pi)
 CLIP = 4.0
 LOG_STRAY = float(np.log(1e-4))
-_WHITENERS: Kept[Whitener] = Kept(3)
-_COLUMNS: Kept[Field] = Kept(3)
+_WHITENERS: ViewCache[Whitener] = ViewCache(3)
+_COLUMNS: ViewCache[Field] = ViewCache(3)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

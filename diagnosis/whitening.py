@@ -12,7 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from diagnosis.noise import Field, Mask, NoiseModel
-from sensors.view.kept import Kept
+from sensors.view.view_cache import ViewCache
 
 # earlier neighbours as (rows up, columns): the current profile's last three, then profiles before
 NEIGHBOURS = np.array(
@@ -96,7 +96,7 @@ class _Conditionals:
             self._known[code] = True
 
 
-_SOLVED: Kept[_Conditionals] = Kept(1)
+_SOLVED: ViewCache[_Conditionals] = ViewCache(1)
 
 
 def _between(noise: NoiseModel, lag: NDArray[np.int64]) -> Field:

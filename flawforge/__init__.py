@@ -1,7 +1,7 @@
-"""Labelled laser-profilometer scans of flawed parts: all that a user imports or types.
+"""Labelled laser-profilometer scans of flawed parts: the functions for users.
 
-As thin as the commands, and as quick to import: what a function needs is loaded when it is called.
-`flawforge.dataset` reads datasets and needs numpy, h5py and pandas alone::
+Each function imports its modules when it is called, so that the package imports quickly.
+`flawforge.dataset` reads datasets and needs only numpy, h5py and pandas::
 
     import flawforge
 
@@ -30,7 +30,7 @@ def generate(
     sets: Mapping[str, Any] | None = None,
     seed: int | None = None,
 ) -> "Dataset":
-    """Make a labelled dataset from a recipe; go on where a run was stopped.
+    """Make a labelled dataset from a recipe; a stopped run continues.
 
     Progress goes to the logger "flawforge.generate".
 
@@ -45,14 +45,14 @@ def generate(
     parts : sequence of path
         Further folders that the recipe may read from.
     sets : mapping, optional
-        Values in place of the recipe's, by dotted key: ``{"motion.yaw_deg": 5}``.
+        Overridden values by dotted key: ``{"motion.yaw_deg": 5}``.
     seed : int, optional
-        In place of the recipe's.
+        Overrides the recipe's seed.
 
     Raises
     ------
     ValueError
-        `RecipeError` or `PartError`: one line that says what is wrong, where, and what is allowed.
+        `RecipeError` or `PartError`: one line with the error, its place, and the allowed values.
     """
     import json
 
@@ -73,8 +73,8 @@ def generate(
     return open_dataset(out)
 
 
-def open(folder: str | Path, **options: Any) -> "Dataset":  # noqa: A001  # as the reader's own
-    """Open a dataset; `flawforge.dataset.open` says what the options are."""
+def open(folder: str | Path, **options: Any) -> "Dataset":  # as the reader's own
+    """Open a dataset; for the options see `flawforge.dataset.open`."""
     from flawforge.dataset import open as open_dataset
 
     return open_dataset(folder, **options)
@@ -89,10 +89,9 @@ def export(
     min_pixels: int | None = None,
     image: Literal["relief8", "depth16", "float32"] | None = None,
 ) -> list[Path]:
-    """Write a dataset, or the scans chosen of one, in the form that another program opens.
+    """Write a dataset, or selected scans of one, in the form of another program.
 
-    `pipeline.dataset.export.export` says what the options are, and ``flawforge export --help``
-    which forms there are.
+    ``flawforge export --help`` lists the forms and explains the options.
 
     Returns
     -------
@@ -122,13 +121,13 @@ def diagnose(
     baselines: Sequence[str | Path] = (),
     seed: int = 0,
 ) -> "Diagnosis":
-    """Say where recordings differ from their simulation, and which physics explains it.
+    """Find where recordings differ from their simulation, and the effects that explain it.
 
     Parameters
     ----------
     recordings, references, holdout, baselines : sequence of path
-        recording.h5 files: to explain, of a flat plate, for judging alone, of the part when the
-        instrument was known to be good.
+        recording.h5 files: to explain, of a flat plate, held out, of the part when the instrument
+        was known to be good.
     part : path
         The part's closed mesh.
     sensor, surface : path or str
@@ -138,7 +137,7 @@ def diagnose(
     part_unit : str
         Unit of the mesh.
     seed : int
-        Of the null's draws.
+        Seed of the draws of the null distribution.
     """
     from pipeline.batch.backend import one_thread_each
 

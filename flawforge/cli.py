@@ -2,30 +2,32 @@
 
 import argparse
 import importlib
+import keyword
 import os
 import re
 import sys
 from collections.abc import Sequence
-from typing import Any, Final, NoReturn
+from contextlib import suppress
+from typing import Any, Final, NoReturn, TextIO
 
 from pipeline.batch.stop import heard, stoppable
 
 COMMANDS: Final = {
-    "init": "write a recipe to start from, for a part",
+    "init": "write a first recipe for a part",
     "generate": "make a labelled dataset from a recipe",
-    "check": "predict a dataset, its cost and what it lacks from a few trial scans",
+    "check": "predict a dataset, its cost and its shortfalls from a few trial scans",
     "preview": "draw a scan of a dataset, or a recipe before anything is generated",
     "schema": "print the JSON Schema of a recipe, for editors",
-    "view": "make a gallery of a dataset, one HTML file with filters",
-    "verify": "check a dataset's files, also against the lock of a release",
-    "export": "turn a dataset into the form that another program opens",
-    "import": "turn an instrument's file into recording.h5",
-    "plan": "passes of the sensor over a part that together see it",
-    "pod": "probability of detection against the size of a flaw, with bounds",
+    "view": "write a gallery of a dataset, one HTML file with filters",
+    "verify": "check a dataset's files, and compare them with the lock of a release",
+    "export": "write a dataset in the form of another program",
+    "import": "convert an instrument's file to recording.h5",
+    "plan": "plan passes of the sensor that together cover a part",
+    "pod": "estimate the probability of detection as a function of flaw size",
     "roughness": "measure a surface's roughness and write its surface.yaml",
-    "flaw": "take a real flaw out of a recording, for a bank that recipes draw from",
-    "diagnose": "say where recordings differ from their simulation, and why",
-    "challenge": "prove the diagnosis on sealed recordings of an independent instrument",
+    "flaw": "extract a real flaw from a recording into a bank for recipes",
+    "diagnose": "find where and why recordings differ from their simulation",
+    "challenge": "test the diagnosis on sealed recordings of an independent instrument",
 }
 EXAMPLES: Final = """\
 examples:
@@ -34,21 +36,26 @@ examples:
   flawforge generate quickstart --out out/quickstart --jobs 2
   flawforge preview out/quickstart --out scan.png
   flawforge diagnose a.h5 b.h5 c.h5 --part part.stl --sensor sensor.yaml --out diagnosis
-  flawforge COMMAND --help      what a command does, with its options
+  flawforge COMMAND --help      a command's help
 """
 STOPPED: Final = {"SIGINT": "interrupted", "SIGTERM": "terminated"}
-GO_ON: Final = "what is finished stays; the same command goes on from there"
-START_AGAIN: Final = "the same command starts again from the beginning"
+GO_ON: Final = "finished work is kept; the same command continues from there"
+START_AGAIN: Final = "the same command starts from the beginning"
 GOES_ON: Final = ("generate", "challenge")
-"""Commands that find what an earlier run of them finished."""
+"""Commands that continue an earlier run."""
 
 
 class Parser(argparse.ArgumentParser):
-    """Answers a wrong word in one line, as every other wrong input."""
+    """Reports a wrong argument in one line, as every other wrong input."""
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong; exit code 2."""
-        self.exit(2, f"flawforge: {message}; see {self.prog} --help\n")
+        """Print the error; exit code 2."""
+        _say(f"{message}; see {self.prog} --help")
+        sys.exit(2)
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Print --help; argparse would forget a fault of the output."""
+        print(message, end="", file=file)
 
 
 def command() -> NoReturn:
@@ -64,14 +71,57 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if argv is None else argv
     with stoppable():
         try:
-            return _main(_joined(words))
+            return _guarded(_joined(words))
         except BaseException:
             stop = heard()
             if stop is None:
                 raise
             then = GO_ON if _chosen(words) in GOES_ON else START_AGAIN
-            print(f"flawforge: {STOPPED[stop.name]}; {then}", file=sys.stderr)
+            _say(f"{STOPPED[stop.name]}; {then}")
             return 128 + stop
+
+
+def _guarded(words: Sequence[str]) -> int:
+    """Run; an error is one line and an exit code, standard output's own faults, too."""
+    try:
+        code = _main(words)
+    except SystemExit as end:  # argparse's, after --help or a wrong word
+        if heard() is not None:
+            raise
+        code = int(end.code or 0)
+    except BrokenPipeError:
+        code = 1
+    except Exception as error:
+        if "--debug" in words or heard() is not None:  # a wish to stop may come as any error
+            raise
+        _say(_said(error))
+        code = 2
+    fault = _given_out(sys.stdout)
+    if fault is not None and code == 0:
+        code = 1 if isinstance(fault, BrokenPipeError) else 2
+        if code == 2:
+            _say(_line(fault))
+    return code
+
+
+def _say(line: str) -> None:
+    """Print a line on standard error, if anybody takes it."""
+    if sys.stderr is not None:
+        with suppress(OSError):
+            print(f"flawforge: {line}", file=sys.stderr)
+        _given_out(sys.stderr)
+
+
+def _given_out(stream: TextIO | None) -> OSError | None:
+    """Flush a stream; where that fails, let the rest go nowhere, and return the fault."""
+    if stream is None:  # closed before Python began
+        return None
+    try:
+        stream.flush()
+    except OSError as fault:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        return fault
+    return None
 
 
 def _chosen(words: Sequence[str]) -> str | None:
@@ -98,18 +148,21 @@ def _is_negative(word: str) -> bool:
         return False
 
 
-def _main(words: Sequence[str]) -> int:
+def parsers(chosen: str | None) -> tuple[Parser, argparse.ArgumentParser]:
+    """Return the parser of the command line, and that of the command chosen (or the first again).
+
+    The arguments of the other commands are not loaded.
+    """
     parser = Parser(
         prog="flawforge",
         description="Labelled laser-profilometer scans of flawed CAD parts, and a diagnosis of"
-        " what the simulation leaves out.",
+        " the effects that a simulation lacks.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="store_true", help="print the version and stop")
-    parser.add_argument("--debug", action="store_true", help="show where an error came from")
+    parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
-    chosen = _chosen(words)
     asked: argparse.ArgumentParser = parser
     for name, summary in COMMANDS.items():
         command = commands.add_parser(
@@ -121,9 +174,14 @@ def _main(words: Sequence[str]) -> int:
         if name == chosen:  # the others are not even loaded
             _module(name).add_arguments(command)
             asked = command
+    return parser, asked
+
+
+def _main(words: Sequence[str]) -> int:
+    parser, asked = parsers(_chosen(words))
     arguments, unknown = parser.parse_known_args(words)
     if unknown:
-        asked.error(f"unknown words: {' '.join(unknown)}")
+        asked.error(f"unknown arguments: {' '.join(unknown)}")
     if arguments.version:
         from importlib.metadata import version
 
@@ -132,47 +190,22 @@ def _main(words: Sequence[str]) -> int:
     if arguments.command is None:
         parser.print_help()
         return 0
-    return _run(arguments)
+    code: int = _module(arguments.command).run(arguments)
+    return code
 
 
 def _module(name: str) -> Any:
-    return importlib.import_module(f"flawforge.{name}_command")
-
-
-def _run(arguments: argparse.Namespace) -> int:
-    try:
-        code: int = _module(arguments.command).run(arguments)
-        if sys.stdout is not None:  # here, where a fault is said in a line, not as Python ends
-            sys.stdout.flush()
-        return code
-    except BrokenPipeError:
-        _drop_output()
-        return 1
-    except Exception as error:
-        if arguments.debug or heard() is not None:  # a wish to stop may come as any error
-            raise
-        print(f"flawforge: {_said(error)}", file=sys.stderr)
-        try:
-            if sys.stdout is not None:
-                sys.stdout.flush()
-        except OSError:
-            _drop_output()
-        return 2
-
-
-def _drop_output() -> None:
-    """Let what standard output still holds go nowhere: nobody takes it."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return importlib.import_module(f"flawforge.commands.{name}{'_' * keyword.iskeyword(name)}")
 
 
 def _said(error: Exception) -> str:
-    """Say an error in one line, whoever made it."""
+    """Return an error in one line, whatever its origin."""
     from flawforge.crash import is_memory, report
 
     if _is_users(error):
         return _line(error)
     if is_memory(error):
-        return "not enough memory for what was asked; fewer profiles, points or jobs need less"
+        return "not enough memory; fewer profiles, points or jobs need less"
     return report(error, sys.argv[1:])
 
 
@@ -188,9 +221,9 @@ def _is_users(error: Exception) -> bool:
 
 
 def _line(error: Exception) -> str:
-    """Say an error in one line; of the system's own, the file first."""
+    """Return an error in one line; the file comes first in an error of the system."""
     number = re.search(r"errno = (\d+)", str(error)) if isinstance(error, OSError) else None
-    if number is not None:  # of HDF5, which keeps the system's word in its own
+    if number is not None:  # of HDF5, whose message holds the system's error number
         return f"the system says: {os.strerror(int(number.group(1)))}"
     if isinstance(error, OSError) and error.strerror:
         said = f"the system says: {error.strerror}"

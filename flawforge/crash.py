@@ -1,4 +1,4 @@
-"""An error that nobody thought of: its report is kept, and the user gets one line."""
+"""An unexpected error: a report is saved, and the user gets one line."""
 
 import platform
 import tempfile
@@ -7,7 +7,7 @@ from importlib.metadata import version
 
 
 def report(error: BaseException, words: list[str]) -> str:
-    """Save where an error came from; return the line for the user.
+    """Save the traceback of an error; return the line for the user.
 
     The report holds the command line, versions and the traceback, no data.
     """

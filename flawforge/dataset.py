@@ -1,6 +1,7 @@
 """Read a generated dataset: lazily, one scan at a time, from any process.
 
-Imports nothing else of this project and needs numpy, h5py and pandas only::
+Imports nothing else of this project and needs numpy, h5py and pandas only, and hdf5plugin for
+shards compressed by zstd or lz4::
 
     import flawforge.dataset
 
@@ -10,6 +11,7 @@ Imports nothing else of this project and needs numpy, h5py and pandas only::
     cloud = scans.points(0)              # (k, 3) mm, part frame
 """
 
+import importlib
 import json
 import os
 from collections import OrderedDict
@@ -23,13 +25,14 @@ import pandas as pd
 from numpy.typing import DTypeLike, NDArray
 
 FORMAT, VERSION = "flawforge-shard", 1
+PLUGIN = "hdf5plugin"  # brings HDF5's filters that shards compressed by zstd or lz4 need
 OPEN_SHARDS = 16  # file handles that one dataset keeps
 
 Scan = dict[str, Any]
 
 
 class ShardError(ValueError):
-    """Stored data that is damaged or missing: which file, and what is wrong with it."""
+    """Stored data is damaged or missing; the message names the file and the fault."""
 
     def __init__(self, path: Path, what: str) -> None:
         super().__init__(f"{path}: {what}")
@@ -49,17 +52,17 @@ def open(
     folder : path
         Holds manifest.parquet or manifest.csv, and the shards.
     fields : sequence of str, optional
-        Which arrays a scan shall hold, for instance ``("depth", "mask")``; all by default.
-        What isn't asked for isn't read.
+        Arrays of a scan, for instance ``("depth", "mask")``; all by default. Other arrays are
+        not read.
     raw : bool
-        Give the counts as stored instead of depths; `Dataset.coding` tells what they mean.
+        Return stored counts instead of depths; see `Dataset.coding`.
     dtype : dtype
         Type of the depths in mm. float64 holds them exactly; float32 to 0.02 µm at 400 mm.
 
     Raises
     ------
     ShardError
-        Where there is no dataset, or its tables can't be read.
+        Where the folder holds no dataset, or the tables are unreadable.
     """
     folder = Path(folder)
     manifest = _table(folder, "manifest")
@@ -83,9 +86,9 @@ def open(
 class Dataset:
     """Scans of a dataset, by number or `scan_id`; made by `open`.
 
-    Holds the tables and no scan: each access reads one scan from its shard. Files are opened by
-    each process for itself when first needed and are not pickled, so that a dataset can be handed
-    to worker processes, forked or spawned.
+    Holds the tables and no scan: each access reads one scan from its shard. Each process opens its
+    files on first access. Files are not pickled, so worker processes, forked or spawned, can share
+    a dataset.
 
     Attributes
     ----------
@@ -109,7 +112,7 @@ class Dataset:
         *,
         fields: tuple[str, ...] | None = None,
         raw: bool = False,
-        dtype: np.dtype[Any] = np.dtype(np.float64),  # noqa: B008  # a dtype never changes
+        dtype: np.dtype[Any],
     ) -> None:
         self.folder = folder
         self.manifest = manifest.reset_index(drop=True)
@@ -160,7 +163,7 @@ class Dataset:
         Raises
         ------
         KeyError
-            Where there is none.
+            For an unknown id.
         """
         return self._where[scan_id]
 
@@ -174,7 +177,7 @@ class Dataset:
 
     @property
     def splits(self) -> dict[str, int]:
-        """How many scans each split has."""
+        """Number of scans in each split."""
         if "split" not in self.manifest:
             return {}
         counts = self.manifest["split"].value_counts(sort=False)
@@ -210,7 +213,7 @@ class Dataset:
         kind : str
             A flaw of this kind is labelled in the scan.
         seen, visible : bool
-            Whether any flaw (of `kind`, where given) is labelled, or exceeds the noise.
+            Whether a flaw (of `kind`, where given) has labelled points, or visible ones.
         """
         keep = pd.Series(True, index=self.manifest.index)
         for column, value in (("split", split), ("part", part)):
@@ -233,10 +236,9 @@ class Dataset:
         PIL.Image.Image
             Which a notebook displays.
         """
-        import importlib
         import io
 
-        # by name: this module is of use without the rest of the project
+        # by name: this module works without the rest of the project
         pictures = importlib.import_module("pipeline.preview.scan_picture")
         image = importlib.import_module("PIL.Image")
         buffer = io.BytesIO()
@@ -245,7 +247,7 @@ class Dataset:
         return image.open(buffer)
 
     def _repr_html_(self) -> str:
-        """Say in a notebook what the dataset holds."""
+        """Return the dataset's summary for a notebook."""
         import html
 
         kinds: dict[Any, Any] = {}
@@ -288,9 +290,9 @@ class Dataset:
         frame : {"part", "sensor"}
             In the sensor frame all profiles lie in the plane y = 0.
         depth : {"depth", "depth_ideal", "depth_clean"}
-            Which depths.
+            Array of depths.
         pose : {"pose", "pose_true"}
-            Where the sensor was told to be, or where it was.
+            Commanded or true poses.
 
         Returns
         -------
@@ -314,7 +316,7 @@ class Dataset:
     def coding(self, field: str) -> dict[str, float]:
         """Return `scale_mm`, `offset_mm` and `missing` of stored counts; empty for plain numbers.
 
-        A depth is offset_mm + scale_mm * count; the count `missing` means no return.
+        A depth is offset_mm + scale_mm * count; the count `missing` stands for a missing reading.
         """
         file = self._file(str(self.manifest["shard"].iloc[0]))
         attributes = self._array(file, field).attrs
@@ -414,6 +416,12 @@ class Dataset:
         if _text(kind) != FORMAT or int(version) > VERSION:
             file.close()
             raise ShardError(path, f"is no {FORMAT} up to version {VERSION}")
+        if "reader_needs" in file.attrs:
+            try:
+                importlib.import_module(PLUGIN)
+            except ImportError:
+                file.close()
+                raise ShardError(path, f"needs {PLUGIN}: pip install {PLUGIN}") from None
         self._files[name] = file
         if len(self._files) > OPEN_SHARDS:
             self._files.popitem(last=False)[1].close()

@@ -10,7 +10,7 @@ from typing import Any
 
 
 class Progress(logging.Handler):
-    """Shows events that a library's logger has: `plan`, `part`, `shard`, `scan`, `warning`."""
+    """Shows a logger's events: `plan`, `part`, `shard`, `scan`, `warning`."""
 
     def __init__(self, *, json_lines: bool) -> None:
         super().__init__()
@@ -21,7 +21,7 @@ class Progress(logging.Handler):
         self._done = self._total = self._said = 0
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Take note of an event."""
+        """Show an event."""
         name: str = record.__dict__["event"]
         facts: Mapping[str, Any] = record.__dict__["facts"]
         if self._json:
@@ -59,7 +59,7 @@ class Progress(logging.Handler):
         self._unusable.clear()
 
     def close(self) -> None:
-        """Leave the terminal tidy."""
+        """Close the bar."""
         if len(self._unusable) > 1:
             self._say_unusable()
         if self._bar is not None:
@@ -82,7 +82,7 @@ def shown(logger: str, *, json_lines: bool = False) -> Iterator[None]:
 
 @contextmanager
 def compiling_said() -> Iterator[None]:
-    """Say, once, when inner loops are compiled; loops found in numba's cache are not."""
+    """Print a line once when numba compiles inner loops instead of loading them from its cache."""
     import numba.core.event
 
     event: Any = numba.core.event  # numba ships no types
@@ -92,7 +92,7 @@ def compiling_said() -> Iterator[None]:
         nonlocal said
         if not said:
             said = True
-            print("compiling the inner loops, once; this takes a minute", file=sys.stderr)
+            print("compiling the inner loops, once; this takes half a minute", file=sys.stderr)
 
     def ignore(*_: Any) -> None:
         pass

@@ -17,9 +17,9 @@ def parse_ranges(text: str | None, shape: tuple[int, ...]) -> tuple[slice, slice
     try:
         parts = [[int(n) if n else None for n in part.split(":")] for part in text.split(",")]
     except ValueError:
-        raise RecipeError("--region isn't understood", value=text, allowed=allowed) from None
+        raise RecipeError("--region: wrong form", value=text, allowed=allowed) from None
     if len(parts) != 2 or any(len(part) != 2 for part in parts):
-        raise RecipeError("--region isn't understood", value=text, allowed=allowed)
+        raise RecipeError("--region: wrong form", value=text, allowed=allowed)
     slices = []
     for (start, stop), size in zip(parts, shape, strict=True):
         first, last = start or 0, size if stop is None else stop

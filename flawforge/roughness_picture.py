@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.noise.measured import Measured
+from sensors.noise.noise_target import NoiseTarget
 from sensors.noise.spectrum import power_spectrum
+from sensors.whole_file import whole
 
 Floats = NDArray[np.float64]
 
@@ -14,7 +15,7 @@ MEASURED, SIMULATED = "#1f4e79", "#d1651f"
 
 
 def draw(
-    flat: Floats, simulated: Floats | None, wanted: Measured, name: str, path: Path
+    flat: Floats, simulated: Floats | None, wanted: NoiseTarget, name: str, path: Path
 ) -> None:
     """Draw the four panels.
 
@@ -22,7 +23,7 @@ def draw(
     ----------
     flat, simulated : (n, m) arrays
         Readings without form, mm; measured, and of the noise found (if it was solved).
-    wanted : Measured
+    wanted : NoiseTarget
         Pitch and cut-off.
     name : str
         Title.
@@ -74,4 +75,5 @@ def draw(
         if panel.axison:
             panel.legend(frameon=False, fontsize=8)
     figure.suptitle(name)
-    figure.savefig(path, dpi=120)
+    with whole(path) as aside:
+        figure.savefig(aside, dpi=120)

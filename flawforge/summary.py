@@ -1,4 +1,4 @@
-"""A dataset in a few lines: what it holds, made or predicted, and what it lacks."""
+"""Summary of a dataset, made or predicted: contents and shortfalls."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,16 +9,16 @@ COUNTS: Final = ("seen", "visible", "detectable")
 
 
 def summary(dataset: Mapping[str, Any], out: Path, *, seconds: float | None = None) -> str:
-    """Say in a few lines what a dataset holds and lacks.
+    """Return the summary of a dataset.
 
     Parameters
     ----------
     dataset
-        What dataset.json says.
+        Content of dataset.json.
     out
-        Its folder.
+        Folder of the dataset.
     seconds
-        How long it took.
+        Duration of the run.
     """
     statistics = dataset["statistics"]
     took = "" if seconds is None else f", {duration(seconds)}"
@@ -75,7 +75,7 @@ def table(by_split: Mapping[str, Mapping[str, Mapping[str, int]]]) -> list[str]:
 
 
 def duration(seconds: float) -> str:
-    """Say a time as a user would."""
+    """Return a duration with a suitable unit."""
     if seconds < 120:
         return f"{seconds:.0f} s"
     if seconds < 7200:
@@ -84,7 +84,7 @@ def duration(seconds: float) -> str:
 
 
 def size(count: float) -> str:
-    """Say a number of bytes as a user would."""
+    """Return a number of bytes with a suitable unit."""
     for unit in ("B", "kB", "MB", "GB"):
         if count < 1000:
             return f"{count:.3g} {unit}"
@@ -93,7 +93,7 @@ def size(count: float) -> str:
 
 
 def first(lines: list[str], where: str) -> list[str]:
-    """Leave it at some lines where there are many, and say where all of them are."""
+    """Return the first lines of many, and the place of the others."""
     if len(lines) <= MOST_LINES:
         return lines
     return [*lines[:MOST_LINES], f"... and {len(lines) - MOST_LINES} more, see {where}"]

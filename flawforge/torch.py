@@ -48,7 +48,7 @@ class Scans(TorchDataset[Pair]):
     folder : path
         The dataset.
     split : str, optional
-        Which split; all by default.
+        Name of the split; all by default.
     input : {"relief", "depth", "points"}
         relief: (2, H, W), height above the waviness in mm and validity; depth: (2, H, W), depth
         minus the scan's median in mm and validity; points: (4, H, W), x, y, z in the part frame
@@ -66,7 +66,7 @@ class Scans(TorchDataset[Pair]):
         folder: str | Path,
         split: str | None = None,
         *,
-        input: Input = "relief",  # noqa: A002  # the word users know
+        input: Input = "relief",  # the word users know
         target: Target = "mask",
         ignore_index: int = IGNORED,
         transform: Transform | None = None,
@@ -84,8 +84,8 @@ class Scans(TorchDataset[Pair]):
     def class_weights(self) -> torch.Tensor:
         """Weights of the classes for a loss, the inverse of their share of the points.
 
-        From the manifest and the flaws' table, no scan is read; a class that isn't there weighs
-        0. The mean weight of a point is 1.
+        Computed from the manifest and the table of flaws, without reading a scan. An absent class
+        has weight 0. The mean weight of a point is 1.
         """
         counts = np.zeros(NUMBER_OF_CLASSES)
         column = "pixels_visible" if self._make.target == "mask_visible" else "pixels"
@@ -103,19 +103,19 @@ class Scans(TorchDataset[Pair]):
 class Stream(IterableDataset[Pair]):
     """Scans of a recipe simulated on the fly, without end.
 
-    Each worker of a loader and each rank simulates specimens of its own, so no scan comes twice.
-    A scan's number fixes its content: the same recipe, seed and `start` give the same scans.
+    Each worker of a loader and each rank simulates different specimens, so no scan repeats. The
+    number of a scan determines its content: the same recipe, seed and `start` give the same scans.
 
     Parameters
     ----------
     recipe : path, str or mapping
         As of `flawforge.generate`.
     seed : int, optional
-        In place of the recipe's.
+        Overrides the recipe's seed.
     start : int
-        Number of the first scan; where to go on after a stop.
+        Number of the first scan; the number to continue from after a stop.
     rank, world_size : int, optional
-        This process's place among those that train together; torch.distributed's where it runs.
+        Rank and number of the training processes; those of torch.distributed where it runs.
     parts : sequence of path
         Further folders that the recipe may read from.
     input, target, ignore_index, transform
@@ -131,7 +131,7 @@ class Stream(IterableDataset[Pair]):
         rank: int | None = None,
         world_size: int | None = None,
         parts: Sequence[str | Path] = (),
-        input: Input = "relief",  # noqa: A002  # as of Scans
+        input: Input = "relief",  # as of Scans
         target: Target = "mask",
         ignore_index: int = IGNORED,
         transform: Transform | None = None,

@@ -1,5 +1,6 @@
-"""The recipe: what a user asks for, read from YAML and checked before anything is made."""
+"""The recipe: read from YAML and checked before any work."""
 
+import importlib.util
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -11,6 +12,7 @@ from annotated_types import Len
 from pydantic import PlainValidator
 
 from defects.flaw_bank import FlawBank
+from pipeline.dataset.compression import Compression, reader_needs
 from pipeline.injection.flawplan import FlawPlan
 from pipeline.motion.given_path import given_path
 from pipeline.motion.limits import Motion
@@ -67,7 +69,7 @@ class PartEntry:
 
 @record
 class RecipeFile:
-    """A recipe as its YAML file spells it; see the README for each key by example."""
+    """A recipe as its YAML file states it; docs/recipe.md has an example."""
 
     name: str
     seed: int = quantity("same recipe, same seed, same bytes", low=0, whole=True)
@@ -119,10 +121,12 @@ class RecipeFile:
         low=1, high=MOST_COUNT, whole=True, default=None,
     )
     points_on_disk: bool = False
+    compression: Compression = "deflate"
 
     def __post_init__(self) -> None:
-        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", self.name):
-            raise ValueError(f"name: {self.name!r} must be of letters, digits, '.', '_' and '-'")
+        for key, name in (("name", self.name), *(("splits", split) for split in self.splits)):
+            if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", name):
+                raise ValueError(f"{key}: {name!r} must be of letters, digits, '.', '_' and '-'")
         if abs(sum(self.splits.values()) - 1) > 1e-6:
             raise ValueError(
                 f"splits: the shares must add up to 1, not {sum(self.splits.values()):g}"
@@ -199,6 +203,14 @@ class Recipe:
         if file.triangulation_angle_deg is not None:
             sensor = _with_angle(sensor, file.triangulation_angle_deg)
         datasheet = sensor.datasheet
+        needed = reader_needs(file.compression)
+        if needed is not None and importlib.util.find_spec(needed) is None:
+            raise RecipeError(
+                f"needs the package {needed}, which isn't installed here",
+                where=document.where(("compression",)),
+                value=file.compression,
+                allowed=f"pip install 'flawforge[{needed}]', or deflate or none",
+            )
         if file.intensity is not None and datasheet.triangulation_angle_deg is None:
             raise RecipeError(
                 "'intensity' needs to know where the camera is",
@@ -248,7 +260,7 @@ class Recipe:
 
     @property
     def datasheet(self) -> Datasheet:
-        """What the sensor's maker states."""
+        """Datasheet of the sensor."""
         return self.sensor.datasheet
 
     @property
@@ -267,7 +279,7 @@ class Recipe:
     def flaws_of(self, entry: PartEntry, specimen: int = 0) -> FlawPlan:
         """Return the flaws wanted in a specimen: its part's, else the recipe's; good ones last.
 
-        Numbers beyond the last specimen begin anew, with flawed ones.
+        Numbers beyond the last specimen start again with flawed ones.
         """
         if specimen % self.specimens_of(entry) >= (entry.specimens or self.file.specimens):
             return NO_FLAWS
@@ -292,7 +304,7 @@ class Recipe:
         return replace(self, surfaces=surfaces)
 
     def as_used(self) -> dict[str, Any]:
-        """Return plain data that says all that the recipe and the files it names said."""
+        """Return plain data with all values of the recipe and of the files that it names."""
         used: dict[str, Any] = plain(self.file)
         used["sensor"] = plain(self.datasheet)
         used["surfaces"] = {name: plain(surface) for name, surface in self.surfaces.items()}
@@ -361,7 +373,7 @@ def _check_motion(motion: Motion, datasheet: Datasheet, profiles: int, where: st
 def _named(
     load: Callable[[str], T], name: str, folders: tuple[Path, ...], where: str
 ) -> T:
-    """Load what the recipe names at `where`, a preset or a file, and say so if it isn't there."""
+    """Load what the recipe names at `where`, a preset or a file, or raise where it is absent."""
     source = _inside(name, folders, where)
     try:
         return load(source)

@@ -1,4 +1,4 @@
-"""A recipe to start from, for a part that nobody has described yet: every guess says so."""
+"""A first recipe for a part; comments mark each guess."""
 
 import json
 from dataclasses import dataclass
@@ -21,13 +21,13 @@ LARGEST_DENT: Final = 0.25  # of the part's narrower side
 USUAL_ANGLE_DEG: Final = 30.0  # where the maker doesn't state the triangulation angle
 FACING: Final = 0.7  # cosine from which a facet is looked at, 45°
 MOST_POINTS: Final = 1024
-LEAST_WIDTH_MM: Final = 0.05  # of a scratch by default, see defects/scratch.py
+LEAST_WIDTH_MM: Final = 0.05  # of a scratch by default, see defects/kinds/scratch.py
 DIRECTIONS: Final = ((0, 0, -1), (0, 0, 1), (0, -1, 0), (0, 1, 0), (-1, 0, 0), (1, 0, 0))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Setup:
-    """How a part is looked at.
+    """Look direction and travel over a part.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Setup:
 
 
 def guess_unit(path: Path) -> str:
-    """Return the unit with which the part's longest side is that of a part, mm first."""
+    """Return the unit that gives the longest side a plausible length, mm first."""
     vertices, _, own = read_mesh(str(path))
     if own is not None:
         return own
@@ -55,7 +55,7 @@ def guess_unit(path: Path) -> str:
 
 
 def set_up(part: Part) -> Setup:
-    """Look where most of the surface faces, along an axis; travel along the longer side."""
+    """Look along the axis that most of the surface faces; travel along the longer side."""
     corners = part.vertices_mm[part.faces]
     crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
     area = np.linalg.norm(crossed, axis=1)
@@ -122,7 +122,7 @@ def draft(path: Path, *, where: str, unit: str | None, thicken_mm: float | None)
     said = "given" if unit else "guessed from the size; check it"
     fit = "covers" if covers else "is the longest of a preset, yet does not cover"
     angle = (
-        f"triangulation_angle_deg: {USUAL_ANGLE_DEG:g}    # a usual one: the maker states none\n"
+        f"triangulation_angle_deg: {USUAL_ANGLE_DEG:g}    # typical: the maker states none\n"
         if sheet.triangulation_angle_deg is None
         else ""
     )

@@ -7,7 +7,7 @@ from sensors.typed_yaml import RecipeError
 
 
 def resolve(name: str, roots: tuple[Path, ...], where: str) -> Path:
-    """Return where a path or glob of the recipe leads: inside one of `roots`.
+    """Resolve a path or glob of the recipe inside one of `roots`.
 
     Raises
     ------

@@ -7,13 +7,13 @@ import typing
 from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal, get_args, get_origin
 
-from defects import KINDS
-from defects.banked import Banked
 from defects.kind import Kind
-from defects.sizes import Size
+from defects.kinds import KINDS
+from defects.kinds.banked import Banked
 from pipeline.injection.flawplan import FlawPlan
 from pipeline.recipe import RecipeFile
 from quantity import Quantity, quantities
+from quantity.distribution import Distribution
 from sensors.typed_yaml import plain
 
 Schema = dict[str, Any]
@@ -32,6 +32,8 @@ MEANINGS: Final = {  # of what isn't a quantity, which says it itself
     "RecipeFile.motion": "limits of the sensor's path",
     "RecipeFile.split_by": "what is never in two splits; by part where there are enough of them",
     "RecipeFile.points_on_disk": "store each point's place in the part frame, too",
+    "RecipeFile.compression": "of the shards; any HDF5 reads deflate and none, zstd and lz4 read "
+    "faster and need hdf5plugin",
     "PartEntry.builtin": "a built-in part",
     "PartEntry.path": "mesh files, a path or a glob below the recipe's folder",
     "PartEntry.name": "what the part is called in the dataset; the file's name where left out",
@@ -133,8 +135,8 @@ def _record(cls: type[Any], definitions: dict[str, Schema]) -> Schema:
 def _of(hint: Any, quantity: Quantity | None, definitions: dict[str, Schema]) -> Schema:
     """Return the schema of a type."""
     origin, inner = get_origin(hint), get_args(hint)
-    if hint is Size or hint is FlawPlan:
-        return _size(quantity) if hint is Size else {"$ref": "#/$defs/flaws"}
+    if hint is Distribution or hint is FlawPlan:
+        return _size(quantity) if hint is Distribution else {"$ref": "#/$defs/flaws"}
     if origin is Annotated:
         return _of(inner[0], quantity, definitions)
     if origin in (types.UnionType, typing.Union):

@@ -1,4 +1,4 @@
-"""Where a recipe comes from: a file, one that flawforge brings, or a mapping; with overrides."""
+"""Source of a recipe: a file, a built-in recipe, or a mapping; with overrides."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -46,7 +46,7 @@ def read_source(
 
 
 def recipe_path(source: str | Path) -> Path:
-    """Return the file of a recipe: a path, or the name of one that flawforge brings."""
+    """Return the file of a recipe: a path, or the name of a built-in recipe."""
     path = Path(source)
     if path.suffix in (".yaml", ".yml") or path.exists():
         return path

@@ -1,7 +1,7 @@
 """Named random streams: each stage of each sample draws from its own child of the recipe's seed.
 
-A stream is found by its name, not by the order of calls, so adding a stage shifts no other draw
-and the number of workers changes nothing.
+A stream is identified by its name, not by the order of calls: a further stage changes no other
+draw, and neither does the number of workers.
 """
 
 import hashlib
@@ -13,7 +13,7 @@ RngOf = Callable[..., np.random.Generator]
 
 
 def seed_of(seed: int, *names: str | int) -> np.random.SeedSequence:
-    """Return the child of `seed` that `names` lead to.
+    """Return the child of `seed` for `names`.
 
     The child's spawn key is the SHA-256 of the names, so distinct names give independent streams
     up to collisions of 128 bits.
@@ -25,7 +25,7 @@ def seed_of(seed: int, *names: str | int) -> np.random.SeedSequence:
 
 
 def stream(seed: int, *names: str | int) -> np.random.Generator:
-    """Return a generator (PCG64) for the stream that `names` lead to."""
+    """Return a generator (PCG64) for the stream of `names`."""
     return np.random.Generator(np.random.PCG64(seed_of(seed, *names)))
 
 

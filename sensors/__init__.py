@@ -1,1 +1,1 @@
-"""Laser profilometers: datasheet, geometry, ray casting, noise and the law of a reading."""
+"""Laser profilometers: datasheet, geometry, ray casting, noise, law of each reading."""

@@ -1,4 +1,4 @@
-"""Budgets: what an input may ask for before memory or time is spent on it."""
+"""Budgets: limits of inputs, checked before memory or time is spent."""
 
 import os
 import stat
@@ -25,7 +25,7 @@ def limit(name: str) -> float:
     Raises
     ------
     RecipeError
-        Where the environment's word isn't of the form NAME=NUMBER,...
+        Where the environment variable is not of the form NAME=NUMBER,...
     """
     for pair in filter(None, os.environ.get(VARIABLE, "").split(",")):
         key, _, value = pair.partition("=")
@@ -58,12 +58,12 @@ def allow(name: str, amount: float, *, where: str | Path) -> None:
 
 
 def regular(path: Path) -> None:
-    """Refuse what isn't a file: folders, pipes, devices, sockets; and files over the limit.
+    """Refuse folders, pipes, devices and sockets, and files over the limit.
 
     Raises
     ------
     RecipeError
-        Saying which.
+        Naming the case.
     """
     try:
         facts = path.stat()
@@ -85,7 +85,7 @@ def regular(path: Path) -> None:
 def check_archive(archive: zipfile.ZipFile, path: str | Path) -> None:
     """Refuse an archive that unpacks to more than the limit, or that is encrypted.
 
-    A member that unpacks to more than it announces ends there: zipfile reads no further.
+    zipfile reads no more of a member than the member announces.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The datasheet of a laser profilometer: what its maker states, and the effects found on it."""
+"""The datasheet of a laser profilometer: the maker's values, and the effects found."""
 
 import math
 from collections.abc import Mapping
@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from quantity import quantity
 from sensors.typed_yaml import RecipeError, dump_yaml, load_yaml, parse, plain, record
+from sensors.whole_file import write_whole
 
 MOST_AXIS_MM = 5000.0
 """How far the optical axis may lie from the sensor's origin: a field of the longest gantry."""
@@ -15,9 +16,9 @@ MOST_AXIS_MM = 5000.0
 
 @record
 class Datasheet:
-    """Parameters of a laser-triangulation profilometer, in the units their names say.
+    """Parameters of a laser-triangulation profilometer; names end in the unit.
 
-    What a maker doesn't state is None; an effect that needs it says so. `FOV` is equation 2 of
+    Unknown values are None; an effect that requires one names the key. `FOV` is equation 2 of
     Sensors 2023, 23, 7624.
     """
 
@@ -31,7 +32,7 @@ class Datasheet:
     )
     points_per_profile: int = quantity("points of a profile", low=2, whole=True)
     z_resolution_um: float = quantity(
-        "ΔZ, readings are multiples of it; 0 where they are not rounded", unit="µm", low=0
+        "resolution ΔZ: readings are multiples of it; 0: no rounding", unit="µm", low=0
     )
     profile_rate_hz: float = quantity("profiles per second", unit="Hz", low=0, above=True)
     repeatability_um: float | None = quantity(
@@ -42,7 +43,7 @@ class Datasheet:
     )
     columns: Literal["even_angle", "even_x"] = "even_angle"
     optical_axis_x_mm: float = quantity(
-        "x of the optical axis in the sensor frame, which the fan comes from",
+        "x of the optical axis, the origin of the fan, in the sensor frame",
         unit="mm", low=-MOST_AXIS_MM, high=MOST_AXIS_MM, default=0.0,
     )
     triangulation_angle_deg: float | None = quantity(
@@ -78,13 +79,13 @@ class Datasheet:
         Raises
         ------
         RecipeError
-            Where there is no such file or preset, or the file isn't a datasheet.
+            For an unknown file or preset, or a file that is no datasheet.
         """
         return parse(cls, load_yaml(preset_path("presets", source, "sensor")))
 
     def save(self, path: str | Path) -> None:
         """Write the datasheet in the form that `load` reads."""
-        Path(path).write_text(dump_yaml(plain(self)), encoding="utf-8")
+        write_whole(path, dump_yaml(plain(self)))
 
     @property
     def fov_rad(self) -> float:
@@ -134,12 +135,12 @@ class Datasheet:
         Raises
         ------
         RecipeError
-            Where the file leaves it out.
+            Where the file does not state the value.
         """
         value = getattr(self, key)
         if value is None:
             raise RecipeError(
-                f"key '{key}' is needed by this sensor's effects and isn't stated",
+                f"key '{key}' is required by this sensor's effects and not stated",
                 where=f"sensor '{self.name}'",
             )
         return float(value)

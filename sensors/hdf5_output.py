@@ -1,7 +1,7 @@
-"""A file that HDF5 writes into without ever seeing a fault of the disk.
+"""A file for HDF5 that hides faults of the disk from the library.
 
-HDF5 that can't write keeps the file open, tries again while Python goes down, and crashes the
-interpreter. Here a fault is kept, what follows it is dropped, and whoever writes raises the fault.
+After a failed write HDF5 keeps the file open, retries at interpreter exit, and crashes Python. Here
+the first fault is kept, later writes are dropped, and the writer raises the fault.
 """
 
 from __future__ import annotations
@@ -15,9 +15,11 @@ from typing import Any
 
 import h5py
 
+from sensors.whole_file import whole
+
 
 class Output(io.RawIOBase):
-    """What `h5py.File` takes in the place of a path, new and empty.
+    """A new, empty file object for `h5py.File`.
 
     Attributes
     ----------
@@ -29,7 +31,7 @@ class Output(io.RawIOBase):
         super().__init__()
         self.path = path
         self.fault: OSError | None = None
-        self._disk = open(path, "w+b", buffering=0)  # noqa: SIM115, closed in `close`
+        self._disk = io.FileIO(path, "w+")
 
     def seek(self, offset: int, whence: int = os.SEEK_SET, /) -> int:
         """Move to an offset."""
@@ -40,7 +42,7 @@ class Output(io.RawIOBase):
         return self._disk.tell()
 
     def readinto(self, buffer: Any, /) -> int | None:
-        """Read back what HDF5 no longer holds."""
+        """Read data back that HDF5 has evicted."""
         return self._disk.readinto(buffer)
 
     def write(self, data: Any, /) -> int:
@@ -89,18 +91,15 @@ class Output(io.RawIOBase):
 
 @contextmanager
 def created(path: str | Path) -> Iterator[h5py.File]:
-    """Write a new HDF5 file within a context; nothing stands there after a fault.
+    """Write a new HDF5 file within a context; a fault leaves no file.
 
     Raises
     ------
     OSError
         Where the system couldn't write.
     """
-    output = Output(Path(path))
-    try:
+    with whole(path) as aside:
+        output = Output(aside)
         with output, h5py.File(output, "w") as file:
             yield file
         output.check()
-    except BaseException:
-        output.path.unlink(missing_ok=True)
-        raise

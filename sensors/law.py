@@ -1,8 +1,8 @@
-"""The law of a reading: what a scan predicts for each pixel, and a draw from it.
+"""The predictive distribution of a reading at each point of a scan, and draws from it.
 
-For each point: mean depth, standard deviation and correlation of its noise, probability of no
-return, weight and width of outliers. The plain law is geometry, Perlin speckle and equation 10 of
-Sensors 2023, 23, 7624; effects turn one law into another.
+For each point: mean depth, standard deviation and correlation of the noise, probability of a
+missing reading, weight and width of outliers. The nominal law is geometry, Perlin speckle and
+equation 10 of Sensors 2023, 23, 7624; effects map one law to another.
 """
 
 import dataclasses
@@ -24,14 +24,14 @@ RngOf = Callable[[str], np.random.Generator]
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Law:
-    """What is predicted for each of n x m points; arrays broadcast to (n, m).
+    """Predictive distribution at n x m points; arrays broadcast to (n, m).
 
     Attributes
     ----------
     mean_mm : (n, m)
-        Mean depth; NaN where the geometry gives no return.
+        Mean depth; NaN where the geometry gives no reading.
     reason : (n, m) uint8
-        Why there is none, see `Reason`.
+        Reason of a missing reading, see `Reason`.
     white_sd_mm
         Standard deviation of noise independent from point to point.
     speckle : PerlinField or None
@@ -42,7 +42,7 @@ class Law:
         Stretch of the speckle along a direction, and that direction from the sensor's x towards
         y; 1 leaves it as it is.
     p_missing
-        Probability that a point which geometry sees has no return all the same.
+        Probability of a missing reading at a point that geometry sees.
     missing_patch_mm : float
         Size of the patches in which points go missing; 0: each for itself.
     p_outlier, outlier_sd_mm
@@ -75,7 +75,7 @@ class Law:
         return n, m
 
     def without(self, where: NDArray[np.bool_], reason: Reason) -> "Law":
-        """Return the law with no return where `where` (n, m), for that reason."""
+        """Return the law without readings where `where` (n, m) holds, with their reason."""
         hit = where & (self.reason == Reason.VALID)
         return dataclasses.replace(
             self,

@@ -154,7 +154,7 @@ def as_wide(listed: Sequence[Effect], found: Mapping[str, Effect]) -> list[Effec
         beam_um = other.stated_on(Beam()).sd_um
         if beam_um:
             # the effect itself has what becomes of readings; which of them are lost it hasn't
-            was, now = effect.stated_on(Beam()).sd_um or beam_of(listed).told_um, beam_um
+            was, now = effect.stated_on(Beam()).sd_um or beam_of(listed).stated_um, beam_um
             scaled -= {e.name for e in listed if "mean" in e.channels}
         if was and now is not None:
             return [_wider(e, now / was) if e.name in scaled else e for e in listed]

@@ -10,7 +10,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.budget import allow, regular
+from sensors.budget import regular
+from sensors.hdf5_input import has, numbers
 from sensors.hdf5_output import created
 from sensors.typed_yaml import RecipeError
 
@@ -27,7 +28,7 @@ class Recording:
     ----------
     name : str
     depth_mm : (n_profiles, n_points) float64
-        Depth in the sensor frame, mm; NaN = no return.
+        Depth in the sensor frame, mm; NaN = missing reading.
     poses : (n_profiles, 4, 4) float64
         Commanded or encoder pose of each profile, sensor to part.
     time_s : (n_profiles,) float64
@@ -82,14 +83,10 @@ class Recording:
                     raise RecipeError(
                         "is of a later version", where=path, value=version, allowed=f"{VERSION}"
                     )
-                missing = [key for key in ("depth", "pose", "time") if key not in file]
-                if missing:
-                    raise RecipeError(f"has no /{missing[0]}", where=path)
-                arrays = {
-                    key: _numbers(file[key], key, path)
-                    for key in ("depth", "pose", "time", "intensity", "x", "ray_x", "ray_slope")
-                    if key in file
-                }
+                needed = ("depth", "pose", "time")
+                others = ("intensity", "x", "ray_x", "ray_slope")
+                wanted = (*needed, *(key for key in others if has(file, key)))
+                arrays = {key: numbers(file, key, path) for key in wanted}
                 start = file.attrs.get("start_time_s")
                 return cls(
                     name=_text(file.attrs.get("name")) or path.stem,
@@ -107,7 +104,7 @@ class Recording:
         except OSError as error:
             reason = error.strerror or "not an HDF5 file, or damaged"
             raise RecipeError(f"can't be read ({reason})", where=path) from None
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             if isinstance(error, RecipeError):
                 text = str(error)
                 if text.startswith(str(path)):
@@ -198,27 +195,22 @@ def _check_rigid(poses: NDArray[np.float64]) -> None:
     if not np.isfinite(poses).all():
         raise RecipeError("/pose holds values that aren't finite")
     rotation = poses[:, :3, :3]
-    gram = rotation @ rotation.transpose(0, 2, 1)
-    off = np.abs(gram - np.eye(3)).max(axis=(1, 2))
-    turned = np.linalg.det(rotation) < 0
+    with np.errstate(all="ignore"):  # numbers near the largest: off is infinite then, or NaN
+        gram = rotation @ rotation.transpose(0, 2, 1)
+        off = np.abs(gram - np.eye(3)).max(axis=(1, 2))
+        turned = np.linalg.det(rotation) < 0
     last = np.abs(poses[:, 3] - np.array([0.0, 0.0, 0.0, 1.0])).max(axis=1)
-    bad = (off > RIGID_TOLERANCE) | turned | (last > RIGID_TOLERANCE)
+    skewed = ~(off <= RIGID_TOLERANCE)
+    bad = skewed | turned | (last > RIGID_TOLERANCE)
     if bad.any():
         row = int(np.argmax(bad))
         if turned[row]:
             why = "it mirrors"
-        elif off[row] > RIGID_TOLERANCE:
+        elif skewed[row]:
             why = f"its rotation is off by {off[row]:.2g}"
         else:
             why = "its last row isn't 0 0 0 1"
         raise RecipeError(f"/pose of profile {row} isn't rigid ({why})")
-
-
-def _numbers(dataset: object, key: str, path: Path) -> NDArray[np.float64]:
-    if not isinstance(dataset, h5py.Dataset) or dataset.dtype.kind not in "fiu":
-        raise RecipeError(f"/{key} should hold numbers", where=path)
-    allow("readings", dataset.size, where=path)
-    return np.asarray(dataset[...], dtype=np.float64)
 
 
 def _text(value: object) -> str:

@@ -1,4 +1,4 @@
-"""A draw from the law of a reading: speckle, uncertainty, outliers, dropouts, rounding."""
+"""A draw of readings from a law: speckle, uncertainty, outliers, dropouts, rounding."""
 
 import math
 from typing import TYPE_CHECKING

@@ -1,6 +1,6 @@
-"""Files that users write: read as data, checked against a type, answered in one line.
+"""Files of users: read as data, checked against a type, with one-line errors.
 
-The one place that knows PyYAML and pydantic. A type is a `record`: a frozen dataclass whose
+Only this module uses PyYAML and pydantic. A type is a `record`: a frozen dataclass whose
 fields carry their own limits (`quantity(...)`).
 """
 
@@ -39,11 +39,11 @@ UNKNOWN_KEY = ("unexpected_keyword_argument", "extra_forbidden")
 MOST_BYTES = 4_000_000
 MOST_VALUES = 200_000
 LONGEST_NUMBER = 40
-"""Of a recipe or sensor: a hundred times the longest that anybody wrote."""
+"""Longest file of a user: a hundred times the longest known one."""
 
 
 class Loader(yaml.SafeLoader):
-    """Data only; 1e9 is a number, as in YAML 1.2, though it has no point."""
+    """Loads data only; 1e9 is a number, as in YAML 1.2."""
 
 
 class Dumper(yaml.SafeDumper):
@@ -59,7 +59,7 @@ for each in (Loader, Dumper):
 
 
 class RecipeError(ValueError):
-    """Bad input of a user's: what, where, which value, what is allowed; always one line."""
+    """Wrong input of a user: fault, place, value, allowed values; always one line."""
 
     def __init__(
         self,
@@ -97,9 +97,9 @@ def record(cls: type[T]) -> type[T]:
 
 @dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
 class Document:
-    """A YAML file as plain data, with the line at which each key path stands.
+    """A YAML file as plain data, with the line of each key path.
 
-    `places` says where those stand that are from elsewhere: another file, the command line.
+    `places` holds the origin of values from another file or the command line.
     """
 
     path: Path
@@ -124,7 +124,7 @@ def load_yaml(path: str | Path) -> Document:
     Raises
     ------
     RecipeError
-        Where the file can't be read, isn't YAML or isn't a mapping.
+        Where the file is unreadable, no YAML, or no mapping.
     """
     path = Path(path)
     try:
@@ -132,7 +132,7 @@ def load_yaml(path: str | Path) -> Document:
             raise RecipeError("isn't a file", where=path)
         if path.stat().st_size > MOST_BYTES:
             raise RecipeError(
-                "is too long for a file that somebody wrote", where=path,
+                "is too long for a hand-written file", where=path,
                 value=f"{path.stat().st_size} bytes", allowed=f"{MOST_BYTES} at most",
             )  # fmt: skip
         text = path.read_text(encoding="utf-8")
@@ -144,7 +144,7 @@ def load_yaml(path: str | Path) -> Document:
     try:
         node = yaml.compose(text, Loader=Loader)
         _check_size(node, path)
-        data = yaml.load(text, Loader=Loader)  # noqa: S506  # a SafeLoader
+        data = yaml.load(text, Loader=Loader)  # a SafeLoader
     except RecipeError:
         raise
     except Exception as error:  # PyYAML raises whatever it stumbles over in a value
@@ -160,7 +160,7 @@ def load_yaml(path: str | Path) -> Document:
 
 
 def parse_text(text: str, *, where: str) -> Any:
-    """Read a value as it stands in a YAML file.
+    """Read a value in YAML notation.
 
     Raises
     ------
@@ -168,13 +168,13 @@ def parse_text(text: str, *, where: str) -> Any:
         Where it isn't YAML.
     """
     try:
-        return yaml.load(text, Loader=Loader)  # noqa: S506  # a SafeLoader
+        return yaml.load(text, Loader=Loader)  # a SafeLoader
     except Exception:  # as above
         raise RecipeError("isn't a value", where=where, value=text, allowed="as in YAML") from None
 
 
 def _check_size(node: Any, path: Path) -> None:
-    """Refuse a document whose aliases stand for more values than anybody writes."""
+    """Refuse a document whose aliases expand to too many values."""
     sizes: dict[int, int] = {}
 
     def size(one: Any, depth: int) -> int:
@@ -199,10 +199,10 @@ def _check_size(node: Any, path: Path) -> None:
 
 
 def _check_scalar(node: Any, path: Path) -> None:
-    """Refuse text that is no Unicode and numbers that no computer holds."""
+    """Refuse text that is no Unicode, and numbers with too many digits."""
     where = f"{path}:{node.start_mark.line + 1}"
     if any("\ud800" <= sign <= "\udfff" for sign in node.value):
-        raise RecipeError("holds half a character (a lone surrogate)", where=where)
+        raise RecipeError("holds a lone surrogate, which is no character", where=where)
     if node.tag.endswith(":int") and len(node.value) > LONGEST_NUMBER:
         raise RecipeError(
             "holds a number that is too long", where=where, value=f"{len(node.value)} digits",
@@ -218,7 +218,7 @@ def _note_lines(node: Any, at: KeyPath, lines: dict[KeyPath, int], path: Path) -
         for key, value in node.value:
             if key.value in seen:
                 line = key.start_mark.line + 1
-                raise RecipeError(f"key '{key.value}' stands twice", where=f"{path}:{line}")
+                raise RecipeError(f"key '{key.value}' occurs twice", where=f"{path}:{line}")
             seen.add(key.value)
             lines[(*at, key.value)] = key.start_mark.line + 1
             _note_lines(value, (*at, key.value), lines, path)
@@ -292,7 +292,7 @@ def parse(cls: type[T], source: Document | Mapping[str, Any], *, where: str | No
 
 
 def _own(found: Sequence[Any]) -> list[Any]:
-    """Leave out lists that are too short only because an entry of theirs is wrong."""
+    """Omit lists that are too short only because of a wrong entry."""
     places = [entry["loc"] for entry in found]
     return [
         entry
@@ -306,7 +306,7 @@ def _own(found: Sequence[Any]) -> list[Any]:
 
 
 def _deeper(data: Any, path: KeyPath, said: str) -> tuple[KeyPath, str, bool]:
-    """Follow a message that starts with a key ('dent.depth_mm: ...') to where that key stands."""
+    """Follow a message that starts with a key ('dent.depth_mm: ...') to that key."""
     head, colon, rest = said.partition(": ")
     data = _at(data, path)
     keys = head.split(".")
@@ -355,7 +355,7 @@ def _records_in(annotation: Any) -> list[type]:
 
 
 def plain(value: Any) -> Any:
-    """Turn a record (or any nest of records and numpy scalars) into plain data for YAML or JSON."""
+    """Convert a record (or nested records and numpy scalars) to plain data for YAML or JSON."""
     if hasattr(value, "to_recipe"):
         return value.to_recipe()
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
@@ -374,7 +374,7 @@ def plain(value: Any) -> Any:
 
 
 def dump_yaml(value: Any) -> str:
-    """Write plain data or a record as YAML, keys in their own order."""
+    """Write plain data or a record as YAML, in the order of its keys."""
     text: str = yaml.dump(
         plain(value), Dumper=Dumper, sort_keys=False, allow_unicode=True, width=100
     )

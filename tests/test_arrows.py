@@ -21,7 +21,7 @@ MAY_IMPORT = {
 ONE_PLACE = {
     "joblib": {"pipeline/batch/backend.py"},
     "embreex": {"sensors/casting/embree.py"},
-    "pydantic": {"sensors/typed_yaml.py", "pipeline/size_field.py", "pipeline/recipe.py"},
+    "pydantic": {"sensors/typed_yaml.py", "pipeline/distribution_field.py", "pipeline/recipe.py"},
     "yaml": {"sensors/typed_yaml.py"},
     "distributed": {"pipeline/batch/cluster.py"},
 }
@@ -109,6 +109,33 @@ def test_nothing_installed_imports_tests_or_benchmarks():
     for package in MAY_IMPORT:
         for path in sources(package):
             assert not imports(path) & {"tests", "benchmarks", "pytest", "hypothesis"}, path
+
+
+def test_every_room_stands_in_contributing():
+    page = (ROOT / "CONTRIBUTING.md").read_text()
+    rooms = {
+        path.parent.relative_to(ROOT)
+        for package in set(MAY_IMPORT) - {"diagnosis"}
+        for path in sources(package)
+    }
+    missing = [room for room in rooms if len(room.parts) == 2 and f"`{room}/`" not in page]
+    assert not missing
+    assert len(rooms) > 20
+
+
+def test_no_test_needs_a_benchmark_but_its_own():
+    files = [path for path in sources("tests") if ROOT / "tests/benchmarks" not in path.parents]
+    assert ROOT / "tests/support/small_parts.py" in files
+    for path in files:
+        assert "benchmarks" not in imports(path), f"{path.relative_to(ROOT)} imports benchmarks"
+
+
+def test_no_test_needs_another_test():
+    """What tests share lies in `tests/support`, or in fixtures."""
+    for path in (*sources("tests"), *sources("benchmarks"), *sources("docs")):
+        shared = {file.name for file in needed(path) if ROOT / "tests" in file.parents}
+        wrong = [name for name in shared if name.startswith("test_") or name == "conftest.py"]
+        assert not wrong, f"{path.relative_to(ROOT)} imports {wrong}"
 
 
 def test_each_library_has_its_place():

@@ -1,31 +1,21 @@
 """Damage to finished datasets, and runs that are killed: nothing may stay unseen or be lost."""
 
 import os
-import shutil
 import signal
-import subprocess
-import sys
+import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
-import yaml
 
-from benchmarks.campaign.recipes import RECIPE, SENSOR, SURFACE
-from benchmarks.campaign.sandbox import Outcome
+from benchmarks.campaign.sandbox import Outcome, run, started
 from pipeline.dataset.checksums import NAME, own_files
 from pipeline.dataset.verify import verify
 from sensors.typed_yaml import RecipeError
+from tests.support.small_recipe import write_shards
 
-
-def write_recipe(folder: Path, **changes: object) -> Path:
-    """Write a recipe of several shards."""
-    wanted = {"specimens": 4, "scans": 2, "scans_per_shard": 2, **changes}
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "recipe.yaml").write_text(yaml.safe_dump({**RECIPE, **wanted}, sort_keys=False))
-    (folder / "sensor.yaml").write_text(yaml.safe_dump(SENSOR))
-    (folder / "surface.yaml").write_text(yaml.safe_dump(SURFACE))
-    return folder / "recipe.yaml"
+LONGEST_S = {1: 1.0, 2: 8.0}
+"""Until a kill, by jobs: what a run takes on a busy machine; a second process starts slowly."""
 
 
 def flip(dataset: Path, rng: np.random.Generator) -> Outcome:
@@ -81,34 +71,30 @@ def flip(dataset: Path, rng: np.random.Generator) -> Outcome:
 
 
 def killed(folder: Path, reference: Path, rng: np.random.Generator, jobs: int) -> Outcome:
-    """Kill a run at random moments until it ends; compare every file with the reference's."""
-    recipe = write_recipe(folder)
+    """Kill a run at random moments; let it end; compare every file with the reference's."""
+    recipe = write_shards(folder)
     out = folder / "out"
-    command = [sys.executable, "-m", "flawforge.cli", "generate", str(recipe), "--out", str(out),
-               "--jobs", str(jobs)]  # fmt: skip
-    start = time.monotonic()
+    words = ["generate", str(recipe), "--out", str(out), "--jobs", str(jobs)]
     kills = 0
-    for _ in range(6):
-        process = subprocess.Popen(
-            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
-        )
-        try:
-            process.wait(float(rng.uniform(0.3, 4.0)))
-            break
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
+    with tempfile.TemporaryFile() as said:
+        for _ in range(6):
+            process = started(words, folder, said.fileno())
+            process.join(float(rng.uniform(0.0, LONGEST_S[jobs])))
+            if not process.is_alive():
+                break
+            try:
+                os.killpg(process.pid or 0, signal.SIGKILL)
+            except ProcessLookupError:  # before it had a group of its own
+                process.kill()
+            process.join()
             kills += 1
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    fault = "" if done.returncode == 0 else "exit code"
+    done = run(words, folder)
     wanted = {name: (reference / name).read_bytes() for name in own_files(reference)}
     found = {name: (out / name).read_bytes() for name in own_files(out)}
     unlike = sorted(name for name in wanted.keys() | found.keys()
                     if wanted.get(name) != found.get(name))  # fmt: skip
-    if not fault and unlike:
-        fault = "lost"
-    shutil.rmtree(out, ignore_errors=True)
+    fault = done.fault or ("exit code" if done.code else "lost" if unlike else "")
     return Outcome(
-        fault=fault, code=kills, seconds=time.monotonic() - start,
-        words=f"{kills} kills; {', '.join(unlike) or 'the same bytes'} {done.stderr[-200:]}",
+        fault=fault, code=kills, seconds=done.seconds,
+        words=f"{kills} kills; {', '.join(unlike) or 'the same bytes'} {done.words[-200:]}",
     )  # fmt: skip

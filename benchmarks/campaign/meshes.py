@@ -7,9 +7,9 @@ import numpy as np
 import trimesh
 import yaml
 
-from benchmarks.campaign.mutate import of_bytes
-from benchmarks.campaign.recipes import RECIPE, SENSOR, SURFACE
 from benchmarks.campaign.sandbox import Outcome, run
+from tests.support.mutation import of_bytes
+from tests.support.small_recipe import RECIPE, SENSOR, SURFACE
 
 SUFFIXES = (".stl", ".obj", ".ply", ".3mf")
 

@@ -1,9 +1,12 @@
-"""The table of docs/reliability.md."""
+"""The table of docs/reliability.md, out of the summary that each part of a campaign leaves."""
 
+import json
+import subprocess
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.campaign.sandbox import Outcome
+from benchmarks.campaign.sandbox import BYTES, SECONDS, Outcome
 
 BEGIN, END = "<!-- campaign -->", "<!-- end of campaign -->"
 WORDS = {
@@ -15,22 +18,45 @@ WORDS = {
 }
 
 
-def table(page: Path, results: dict[str, list[Outcome]], seed: int) -> None:
-    """Put the figures of a run into the page, between its marks."""
+def commit() -> str:
+    """Return the commit that is tried; marked where files differ from it."""
+    words = ["git", "describe", "--always", "--dirty=, with changes", "--abbrev=7"]
+    run = subprocess.run(words, capture_output=True, text=True, check=False)
+    return run.stdout.strip() or "unknown"
+
+
+def summarise(folder: Path, kind: str, found: Sequence[Outcome], seed: int) -> None:
+    """Keep the table's entry for one kind of cases; an earlier summary of the kind goes."""
+    facts = {
+        "seed": seed, "commit": commit(), "cases": len(found),
+        "kills": sum(outcome.code for outcome in found) if kind == "kills" else None,
+        "faults": Counter(outcome.fault for outcome in found if outcome.fault),
+        "longest_s": max((outcome.seconds for outcome in found), default=0.0),
+    }  # fmt: skip
+    (folder / f"{kind}.json").write_text(json.dumps(facts) + "\n", encoding="utf-8")
+
+
+def table(page: Path, folder: Path) -> None:
+    """Put the figures of every summary into the page, between its marks."""
     lines = [
-        f"Seed {seed}. Limits: 60 s and 4 GiB a case.",
+        f"Limits: {SECONDS:.0f} s of the processor and {BYTES >> 30} GiB a case.",
         "",
-        "| cases | number | ended well | what went wrong | longest, s |",
-        "| --- | --- | --- | --- | --- |",
+        "| cases | number | ended well | what went wrong | longest, s | seed | commit |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
     ]
-    for kind, found in results.items():
-        faults = Counter(outcome.fault for outcome in found if outcome.fault)
-        number = sum(outcome.code for outcome in found) if kind == "kills" else len(found)
-        well = len(found) - sum(faults.values())
-        words = ", ".join(f"{count} {fault}" for fault, count in faults.items()) or "nothing"
-        longest = max((outcome.seconds for outcome in found), default=0.0)
-        runs = f" (in {len(found)} runs)" if kind == "kills" else ""
-        lines.append(f"| {WORDS[kind]} | {number}{runs} | {well} | {words} | {longest:.0f} |")
+    for kind, words in WORDS.items():
+        path = folder / f"{kind}.json"
+        if not path.exists():
+            lines.append(f"| {words} | not run | | | | | |")
+            continue
+        facts = json.loads(path.read_text(encoding="utf-8"))
+        cases, faults = facts["cases"], facts["faults"]
+        number = f"{facts['kills']} (in {cases} runs)" if kind == "kills" else cases
+        wrong = ", ".join(f"{count} {fault}" for fault, count in faults.items()) or "nothing"
+        lines.append(
+            f"| {words} | {number} | {cases - sum(faults.values())} | {wrong}"
+            f" | {facts['longest_s']:.0f} | {facts['seed']} | {facts['commit']} |"
+        )
     text = page.read_text(encoding="utf-8")
     before, _, rest = text.partition(BEGIN)
     _, _, after = rest.partition(END)

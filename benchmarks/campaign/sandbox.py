@@ -6,13 +6,13 @@ import resource
 import signal
 import sys
 import tempfile
-import time
 import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-SECONDS = 60.0
+SECONDS = 60.0  # of the processor: a busy machine makes no hang
+WAIT_S = 600.0  # for a command that neither works nor ends
 BYTES = 4 << 30
 ALLOWED = (0, 1, 2)
 
@@ -28,6 +28,7 @@ class Outcome:
         alone), "hang", "memory", "exit code", "silent".
     code : int
     seconds : float
+        Of the processor, in commands.
     words : str
         The end of what it printed.
     """
@@ -41,21 +42,20 @@ class Outcome:
 def run(words: Sequence[str], folder: Path) -> Outcome:
     """Run `flawforge` with these words in a folder; the modules loaded here are there already."""
     with tempfile.TemporaryFile() as said:
-        start = time.monotonic()
-        context = multiprocessing.get_context("fork")
-        process = context.Process(target=_child, args=(list(words), folder, said.fileno()))
-        process.start()
-        process.join(SECONDS)
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        process = started(words, folder, said.fileno())
+        process.join(WAIT_S)
         hung = process.is_alive()
         if hung:
             process.kill()
             process.join()
-        seconds = time.monotonic() - start
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         said.seek(0)
         printed = said.read().decode("utf-8", "replace")
     code = process.exitcode if process.exitcode is not None else -1
     fault = ""
-    if hung:
+    if hung or code == -signal.SIGXCPU:
         fault = "hang"
     elif "MemoryError" in printed or "Cannot allocate memory" in printed:
         fault = "memory"
@@ -70,6 +70,14 @@ def run(words: Sequence[str], folder: Path) -> Outcome:
     return Outcome(fault=fault, code=code, seconds=seconds, words=printed[-600:])
 
 
+def started(words: Sequence[str], folder: Path, said: int) -> multiprocessing.process.BaseProcess:
+    """Start `flawforge` in a process group of its own; what it prints goes into a file."""
+    context = multiprocessing.get_context("fork")
+    process = context.Process(target=_child, args=(list(words), folder, said))
+    process.start()
+    return process
+
+
 def _child(words: list[str], folder: Path, said: int) -> None:
     os.setsid()
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -79,14 +87,13 @@ def _child(words: list[str], folder: Path, said: int) -> None:
     sys.stderr = os.fdopen(2, "w", closefd=False)
     used = _address_space()
     resource.setrlimit(resource.RLIMIT_AS, (used + BYTES, used + BYTES))
+    resource.setrlimit(resource.RLIMIT_CPU, (int(SECONDS), int(SECONDS) + 5))
     os.chdir(folder)
     from flawforge.cli import main
 
     code = 70
     try:
         code = main(words)
-    except SystemExit as error:
-        code = error.code if isinstance(error.code, int) else 1
     except BaseException:
         traceback.print_exc()
     finally:

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.relief import knots, solid
 from sensors.casting.scene import Scene
+from tests.support.small_parts import knots, solid
 
 Floats = NDArray[np.float64]
 LENGTH_MM, WIDTH_MM = 46.0, 38.0
@@ -133,8 +133,6 @@ PARTS: dict[str, Callable[[np.random.Generator], Scene]] = {
     "roof": roof,
     "ribs": ribs,
 }
-SMOOTH = ("hills", "barrel", "freeform", "grooves", "roof", "ribs")
-STEPPED = ("terraces", "roof", "ribs")
 
 
 def plate() -> Scene:

@@ -46,6 +46,11 @@ class Secret:
         Entropy of everything drawn in the case.
     family
         ``first`` or ``second``, the family of instruments.
+    plates, baselines
+        How many reference plates, and recordings of the instrument in good order, a stranger
+        gets; the first family has no baselines.
+    doubled
+        How often the second family's size of a fault was doubled, so that it shows.
     """
 
     kind: str
@@ -55,6 +60,9 @@ class Secret:
     recordings: int
     seed: int
     family: str = "first"
+    plates: int = 2
+    baselines: int = 0
+    doubled: int = 0
 
     @classmethod
     def of_key(cls, kept: dict[str, Any]) -> "Secret":
@@ -69,7 +77,7 @@ class Staged:
     Attributes
     ----------
     on, off
-        The world as it is, and as the maker's word has it; both calibrated.
+        The world as it is, and as the maker's file states it; both calibrated.
     good
         The well-made instrument whose file is given.
     plates

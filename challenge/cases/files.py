@@ -66,6 +66,17 @@ def write_stl(file: FilePath, solid: Solid) -> None:
         out.write(record.tobytes())
 
 
+def read_stl(file: FilePath) -> Solid:
+    """Read a binary STL in mm, triangle by triangle."""
+    data = file.read_bytes()
+    count = struct.unpack("<I", data[80:84])[0]
+    kind = np.dtype([("n", "<f4", 3), ("v", "<f4", (3, 3)), ("pad", "<u2")])
+    corners = np.frombuffer(data, kind, count, 84)["v"].astype(np.float64)
+    return Solid(
+        vertices_mm=corners.reshape(-1, 3), faces=np.arange(3 * count).reshape(-1, 3)
+    )
+
+
 def datasheet(
     device: Instrument, path: Path, effects: list[dict[str, Any]], repeatability_um: float
 ) -> dict[str, Any]:

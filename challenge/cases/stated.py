@@ -1,4 +1,4 @@
-"""What a maker's file says of one scan: its listed laws, written here once more from the formats.
+"""The maker's predicted mean of one scan: its listed laws, written anew from the formats.
 
 The stranger simulates with the catalogue; the maker must know what that gives at edges before
 the file is printed. Own code, so that the challenge stays a stranger to the catalogue; a test

@@ -1,4 +1,4 @@
-"""Physical switches: what is different from the maker's word in each class of case.
+"""Physical switches: what differs from the maker's file in each class of case.
 
 A switch changes the optics, the finish, the motion, the readout, the calibration or the solid;
 never a depth. Strength 0, 1, 2 is weak, medium, strong.

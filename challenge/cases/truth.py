@@ -119,7 +119,7 @@ class Facts:
         Standard deviations by which the held-out recording alone prefers the oracle's mean with
         the effect to that without, speckle taken as independent beyond 3 x 2 points.
     ks, roughness
-        Kolmogorov-Smirnov distance to the plain simulation with fitted noise; largest relative
+        Kolmogorov-Smirnov distance to the nominal simulation with fitted noise; largest relative
         difference of a roughness figure.
     concealed
         True where the usual checks (roughness within 10 %, KS <= 0.05) see nothing.
@@ -242,7 +242,16 @@ def redraw(staged: Staged, secret: Secret, specimens: range) -> Draws:
 def facts(staged: Staged, secret: Secret, *, draws: int = DRAWS) -> Facts:
     """Tell what an effect does in the held-out pose, and how well it can be seen."""
     last, on = secret.recordings - 1, staged.on
-    drawn = redraw(staged, secret, range(draws))
+    # the sealed recording's own specimen
+    real = scan(
+        on, on.scans, last, specimen=number(secret.seed, "specimen"),
+        rng=child(secret.seed, "noise", "abc"[last]),
+    )[0].astype(np.float64)  # fmt: skip
+    return facts_of(redraw(staged, secret, range(draws)), real)
+
+
+def facts_of(drawn: Draws, real: NDArray[np.float64]) -> Facts:
+    """Hold a sealed recording (n, m) against the means of other specimens, on and off."""
     with_it, without, said = drawn.with_it, drawn.without, drawn.said_mm
     fill_on, fill_off = _mean(with_it), _mean(without)
     noise, region, flat = drawn.noise_mm, drawn.region(), drawn.level
@@ -250,11 +259,6 @@ def facts(staged: Staged, secret: Secret, *, draws: int = DRAWS) -> Facts:
         fair = np.abs(uniform_filter(np.nan_to_num(flat(fill_off - said)), 3)) < (
             2 * noise
         )
-    # the sealed recording's own specimen against the two means
-    real = scan(
-        on, on.scans, last, specimen=number(secret.seed, "specimen"),
-        rng=child(secret.seed, "noise", "abc"[last]),
-    )[0].astype(np.float64)  # fmt: skip
     both = np.isfinite(real) & np.isfinite(fill_on) & np.isfinite(fill_off) & fair
     left_off = levelled(real - fill_off, both, said)[both]
     left_on = (real - fill_on)[both]
@@ -287,7 +291,7 @@ def followed(world: World, index: int, exposure_s: float) -> World:
 
     Profiles are stamped when their exposure begins. A longer exposure lies further on along the
     travel, the same way for every profile: a shift of the part, which a registration takes up
-    whole, edges too. What is left of it is the blur.
+    whole, edges too. The remainder is the blur.
     """
     path = world.scans.paths[index]
     later = 0.5 * (exposure_s - world.device.sheet.exposure_s)

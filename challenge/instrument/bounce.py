@@ -11,12 +11,7 @@ from challenge.instrument.rays import Tree, nearest
 
 @njit(cache=True)
 def _trace(
-    corner: NDArray[np.float64],
-    edge_1: NDArray[np.float64],
-    edge_2: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    box: NDArray[np.float64],
-    child: NDArray[np.int64],
+    tree: Tree,
     lines_y: NDArray[np.float64],
     slope_x: NDArray[np.float64],
     camera_y: float,
@@ -32,13 +27,12 @@ def _trace(
     for g in range(lines_y.size):
         for m in range(slope_x.size):
             t, which = nearest(
-                corner, edge_1, edge_2, box, child,
-                0.0, lines_y[g], 0.0, slope_x[m], 0.0, 1.0, 1e-3, 1e9, False,
-            )  # fmt: skip
+                tree, (0.0, lines_y[g], 0.0), (slope_x[m], 0.0, 1.0), 1e-3, 1e9, False
+            )
             if which < 0:
                 continue
             hit = np.array([slope_x[m] * t, lines_y[g], t])
-            n = normals[which]
+            n = tree.normal[which]
             d = np.array([slope_x[m], 0.0, 1.0]) / np.sqrt(1 + slope_x[m] ** 2)
             if np.dot(d, n) >= 0:
                 continue
@@ -65,22 +59,20 @@ def _trace(
                 if np.dot(go, n) <= 1e-3:
                     continue
                 far, landed = nearest(
-                    corner, edge_1, edge_2, box, child,
-                    hit[0], hit[1], hit[2], go[0], go[1], go[2], 1e-4, 1e9, False,
-                )  # fmt: skip
+                    tree, (hit[0], hit[1], hit[2]), (go[0], go[1], go[2]), 1e-4, 1e9, False
+                )
                 if landed < 0:
                     continue
                 place = hit + far * go
                 to = np.array([-place[0], lines_y[g] + camera_y - place[1], -place[2]])
                 length = np.sqrt(np.dot(to, to))
-                n_2 = normals[landed]
+                n_2 = tree.normal[landed]
                 cos_in, cos_out = -np.dot(go, n_2), np.dot(to, n_2) / length
                 if cos_in <= 0 or cos_out <= 0:
                     continue
                 _, blocker = nearest(
-                    corner, edge_1, edge_2, box, child,
-                    place[0], place[1], place[2], to[0], to[1], to[2], 1e-6, 1.0, True,
-                )  # fmt: skip
+                    tree, (place[0], place[1], place[2]), (to[0], to[1], to[2]), 1e-6, 1.0, True
+                )
                 if blocker >= 0:
                     continue
                 half = to / length - go
@@ -125,8 +117,7 @@ def second_light(
     toss = (grid + rng.random(grid.shape)) / np.array([side, rays // side])
     angles = camera.angles_rad()
     found = _trace(
-        tree.corner, tree.edge_1, tree.edge_2, tree.normal, tree.box, tree.child,
-        y, np.tan(angles), camera.side * camera.base_mm, toss,
+        tree, y, np.tan(angles), camera.side * camera.base_mm, toss,
         finish.mirror, finish.albedo, finish.gloss_slope,
     )  # fmt: skip
     matt = 0.6 * np.cos(camera.triangulation_rad) / np.pi

@@ -3,7 +3,7 @@
 The virtual instrument has its own caster so that an error in another one cannot hide in both.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -13,8 +13,7 @@ _LEAF = 4
 _EDGE = 1e-9  # barycentric slack, so that a ray on a shared edge is never lost
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Tree:
+class Tree(NamedTuple):
     """A mesh ready for casting.
 
     Attributes
@@ -107,17 +106,9 @@ def plant(vertices_mm: NDArray[np.float64], faces: NDArray[np.int64]) -> Tree:
 
 @njit(cache=True)
 def nearest(
-    corner: NDArray[np.float64],
-    edge_1: NDArray[np.float64],
-    edge_2: NDArray[np.float64],
-    box: NDArray[np.float64],
-    child: NDArray[np.int64],
-    ox: float,
-    oy: float,
-    oz: float,
-    dx: float,
-    dy: float,
-    dz: float,
+    tree: Tree,
+    origin: tuple[float, float, float],
+    direction: tuple[float, float, float],
     near: float,
     far: float,
     any_hit: bool,
@@ -131,6 +122,9 @@ def nearest(
     triangle : int
         Index in leaf order, -1 for none.
     """
+    corner, edge_1, edge_2, _, box, child = tree
+    ox, oy, oz = origin
+    dx, dy, dz = direction
     tiny = 1e-300
     ix = 1.0 / (dx if dx != 0.0 else tiny)
     iy = 1.0 / (dy if dy != 0.0 else tiny)

@@ -83,11 +83,7 @@ class Cast:
 
 @njit(cache=True)
 def _cast(
-    corner: NDArray[np.float64],
-    edge_1: NDArray[np.float64],
-    edge_2: NDArray[np.float64],
-    box: NDArray[np.float64],
-    child: NDArray[np.int64],
+    tree: Tree,
     y_mm: NDArray[np.float64],
     slope_x: NDArray[np.float64],
     camera_y_mm: float,
@@ -99,17 +95,13 @@ def _cast(
     visible = np.zeros((lines, rays), np.bool_)
     for g in range(lines):
         for m in range(rays):
-            t, which = nearest(
-                corner, edge_1, edge_2, box, child,
-                0.0, y_mm[g], 0.0, slope_x[m], 0.0, 1.0, 1e-3, 1e9, False,
-            )  # fmt: skip
+            t, which = nearest(tree, (0.0, y_mm[g], 0.0), (slope_x[m], 0.0, 1.0), 1e-3, 1e9, False)
             if which < 0:
                 continue
             depth[g, m] = t
             triangle[g, m] = which
             _, blocker = nearest(
-                corner, edge_1, edge_2, box, child,
-                slope_x[m] * t, y_mm[g], t, -slope_x[m] * t, camera_y_mm, -t,
+                tree, (slope_x[m] * t, y_mm[g], t), (-slope_x[m] * t, camera_y_mm, -t),
                 1e-6, 1.0, True,
             )  # fmt: skip
             visible[g, m] = blocker < 0
@@ -143,9 +135,8 @@ def first_hits(
     """
     slope = np.asarray(np.tan(camera.angles_rad()[::every]), np.float64)
     depth, triangle, visible = _cast(
-        tree.corner, tree.edge_1, tree.edge_2, tree.box, tree.child,
-        np.asarray(y_mm, np.float64), slope, camera.side * camera.base_mm,
-    )  # fmt: skip
+        tree, np.asarray(y_mm, np.float64), slope, camera.side * camera.base_mm
+    )
     return depth, tree.normal[triangle], visible
 
 
@@ -185,9 +176,7 @@ def lay_out(
     coarse = first + step * (np.arange(wide * _EDGE_CASTS) + 0.5) / _EDGE_CASTS
     slope = np.asarray(np.tan(coarse), np.float64)
     camera_y = camera.side * camera.base_mm
-    z, triangle, visible = _cast(
-        tree.corner, tree.edge_1, tree.edge_2, tree.box, tree.child, y, slope, camera_y
-    )
+    z, triangle, visible = _cast(tree, y, slope, camera_y)
     normal = tree.normal[triangle]
     light = np.stack([slope, np.zeros_like(slope), np.ones_like(slope)], -1)
     light = -light / np.linalg.norm(light, axis=1)[:, None]

@@ -52,7 +52,7 @@ def conclusion(found: dict[str, Any]) -> str:
         return "Only the control was run."
     closed = result.closed()
     if closed is None:
-        return "Over the worlds the gap between plain simulation and instrument may be chance."
+        return "The mean gap between nominal simulation and instrument is not significant."
     word = "met" if closed.value >= 0.5 else "missed"
     if word == "met" and closed.low < 0.5:
         word = "met, though the interval reaches below"

@@ -64,17 +64,11 @@ class Specimen:
 
 
 @njit(cache=True)
-def _plumb(
-    corner: Floats, edge_1: Floats, edge_2: Floats, box: Floats, child: NDArray[np.int64],
-    x_mm: Floats, y_mm: Floats,
-) -> Floats:  # fmt: skip
+def _plumb(tree: Tree, x_mm: Floats, y_mm: Floats) -> Floats:
     """First hits of rays along z."""
     z = np.full(x_mm.size, np.nan)
     for i in range(x_mm.size):
-        t, which = nearest(
-            corner, edge_1, edge_2, box, child,
-            x_mm[i], y_mm[i], 0.0, 0.0, 0.0, 1.0, 1e-3, 1e9, False,
-        )  # fmt: skip
+        t, which = nearest(tree, (x_mm[i], y_mm[i], 0.0), (0.0, 0.0, 1.0), 1e-3, 1e9, False)
         if which >= 0:
             z[i] = t
     return z
@@ -83,8 +77,7 @@ def _plumb(
 def plumb(tree: Tree, plane_mm: Floats) -> Floats:
     """Depth of the surface along z at points (..., 2) across the view; NaN beside the part."""
     flat = np.ascontiguousarray(plane_mm.reshape(-1, 2), np.float64)
-    z = _plumb(tree.corner, tree.edge_1, tree.edge_2, tree.box, tree.child,
-               np.ascontiguousarray(flat[:, 0]), np.ascontiguousarray(flat[:, 1]))  # fmt: skip
+    z = _plumb(tree, np.ascontiguousarray(flat[:, 0]), np.ascontiguousarray(flat[:, 1]))
     return np.asarray(z.reshape(plane_mm.shape[:-1]), np.float64)
 
 

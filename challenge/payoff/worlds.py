@@ -24,7 +24,7 @@ _TRIES = 5
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class World:
-    """What is missing from the plain simulation in one world.
+    """The effect that the nominal simulation lacks in one world.
 
     Attributes
     ----------
@@ -46,8 +46,8 @@ WORLDS: dict[str, World] = {
     "nothing": World(switch="", words="nothing is missing (control)"),
     "shaking": World(switch="stage_vibration", words="the stage vibrates"),
     "ground": World(switch="anisotropic_lay", words="the part is ground, not blasted"),
-    "print": World(switch="reflectance_edge", words="the part is printed with dark stripes"),
-    "spikes": World(switch="outlier_spikes", words="stray glints hit the chip"),
+    "print": World(switch="reflectance_edge", words="the part has dark stripes of albedo"),
+    "spikes": World(switch="outlier_spikes", words="stray light makes outliers"),
     "wide": World(switch="finite_spot", words="the laser line is out of focus", shape="terraces"),
 }
 

@@ -98,7 +98,7 @@ def find_row(level: Floats, kind: int, threshold: float) -> float:
 
 @njit(cache=True)
 def expose(
-    light: Floats, row: Floats, row_taps: Floats, column_taps: Floats,
+    light: Floats, row: Floats, loose: Floats, spread: tuple[Floats, Floats],
     electrons: float, full_well: float, read_noise: float, ambient: float, top: float,
     kind: int, threshold: float, normal: Floats,
 ) -> tuple[Floats, Floats]:  # fmt: skip
@@ -108,6 +108,10 @@ def expose(
     ----------
     light, row : (k, columns)
         Power of each lit cell, and the row in which it is seen.
+    loose : (n, 3)
+        Column, row and power of light from elsewhere.
+    spread
+        Weights of the lens's blur along rows and columns.
     normal : (columns, rows)
         Standard normal numbers for shot and read noise.
 
@@ -117,6 +121,7 @@ def expose(
     peak : (columns,) brightest count over the converter's top
     """
     cells, columns = light.shape
+    row_taps, column_taps = spread
     rows = normal.shape[1]
     sharp = np.zeros((columns, rows))
     for i in range(cells):
@@ -127,6 +132,11 @@ def expose(
             low = int(v)
             sharp[j, low] += light[i, j] * (low + 1 - v)
             sharp[j, low + 1] += light[i, j] * (v - low)
+    for i in range(loose.shape[0]):
+        j, v = int(loose[i, 0]), loose[i, 1]
+        if 0 <= j < columns and 0.0 <= v < rows - 1.0:
+            sharp[j, int(v)] += loose[i, 2] * (int(v) + 1 - v)
+            sharp[j, int(v) + 1] += loose[i, 2] * (v - int(v))
     half_r, half_c = row_taps.size // 2, column_taps.size // 2
     blurred = np.zeros((columns, rows))
     for j in range(columns):

@@ -14,14 +14,18 @@ from challenge.cases.parts import SHAPES, plate, solid_of
 from challenge.cases.seeds import child, number
 from challenge.second.camera import Camera
 from challenge.second.device import Device, Travel
+from challenge.second.exposures import Exposures
 from challenge.second.facets import Facets
 from challenge.second.firmware import Firmware
+from challenge.second.meshes import MARK, solid_of_file
 from challenge.second.robot import Robot
 from challenge.second.slit import Slit
-from challenge.second.switches import FAULTS, World
+from challenge.second.switches import FAULTS
+from challenge.second.world import Parameters, World, placed
 
 BASELINES = ("base-1", "base-2")
-SIZES = (0.5, 1.0, 2.0)
+SIZES = (0.2, 0.4, 0.8)
+"""Of weak, medium and strong faults: about half of them are concealed from the paper's checks."""
 MISPLACED_RAD, MISPLACED_MM = 3.5e-4, 0.03
 OPTIONAL = ("line_width_um", "wavelength_nm", "exposure_s", "camera_rows", "repeatability_um")
 """Keys that a maker's file may leave out; about half of them are."""
@@ -58,6 +62,7 @@ def draw_device(rng: np.random.Generator, *, slow: bool) -> Device:
         robot=Robot(wander_mm=0.001, wander_rad=1e-5),
         distance_mm=round(float(rng.uniform(90, 150)), 1),
         exposure_s=2e-4 if slow else 2e-5,
+        exposures=Exposures(ratio=float(rng.choice([1.0, 1.0, 1.0, 8.0]))),
     )  # fmt: skip
 
 
@@ -80,15 +85,25 @@ def _travel(
                   start_s=round(clock, 3))  # fmt: skip
 
 
-def stage(secret: Secret) -> Staged:
+def stage(secret: Secret, meshes: Path | None = None) -> Staged:
     """Draw a case's world, apply its faults and calibrate the instrument.
+
+    Parameters
+    ----------
+    meshes
+        Folder of the set's meshes, where it has some.
 
     Raises
     ------
     ValueError
-        When the part's booleans failed.
+        When the part's booleans failed, or its mesh is missing.
     """
-    shape = solid_of(SHAPES[secret.shape](child(secret.seed, "part")))
+    if secret.shape.startswith(MARK):
+        if meshes is None:
+            raise ValueError(f"meshes: needed for the part; value none; {secret.shape}")
+        shape = solid_of_file(meshes / secret.shape.removeprefix(MARK))
+    else:
+        shape = solid_of(SHAPES[secret.shape](child(secret.seed, "part")))
     faults = [FAULTS[name] for name in secret.switches]
     rng = child(secret.seed, "scans")
     slow = any(f.slow for f in faults) or rng.random() < 0.3
@@ -103,27 +118,32 @@ def stage(secret: Secret) -> Staged:
         angle = float(turn + rng.uniform(-12, 12))
         travels.append(_travel(rng, device, angle, pitch, rate, profiles, clock, aim, 6.0))
         clock += profiles / rate + float(rng.uniform(20, 120))
-    misplaced = []
-    for _ in travels:
-        error = np.eye(4)
-        error[:3, :3] = Rotation.from_rotvec(rng.normal(0, MISPLACED_RAD, 3)).as_matrix()
-        error[:3, 3] = rng.normal(0, MISPLACED_MM, 3)
-        misplaced.append(error)
+    misplaced = [drawn_place(rng) for _ in travels]
     plates = tuple(
         _travel(rng, device, 90.0 * k, pitch, rate, profiles, 3000.0 + 500 * k,
                 np.array([2.0 * k, 0.0, 0.0]), 2.0)
         for k in range(len(PLATES))
     )  # fmt: skip
     off = World(device=device, facets=Facets(), solid=shape, nominal=shape,
-                travels=tuple(travels), misplaced=tuple(misplaced), mounting=np.eye(4))  # fmt: skip
+                travels=tuple(travels), misplaced=tuple(misplaced), mounting=np.eye(4),
+                seed=secret.seed)  # fmt: skip
     on = off
     for name, fault in zip(secret.switches, faults, strict=True):
-        on = fault.apply(on, SIZES[secret.strength], child(secret.seed, "fault", name))
+        size = SIZES[secret.strength] * 2**secret.doubled
+        on = fault.apply(on, size, child(secret.seed, "fault", name))
     dropped = child(secret.seed, "file").permutation(OPTIONAL)[: len(OPTIONAL) // 2]
     return Staged(
         on=_calibrated(on, secret.seed), off=_calibrated(off, secret.seed), plates=plates,
         baselines=tuple(travels[secret.recordings :]), left_out=tuple(sorted(map(str, dropped))),
     )  # fmt: skip
+
+
+def drawn_place(rng: np.random.Generator) -> NDArray[np.float64]:
+    """Draw the rigid error (4, 4) with which a part is laid under the instrument."""
+    error = np.eye(4)
+    error[:3, :3] = Rotation.from_rotvec(rng.normal(0, MISPLACED_RAD, 3)).as_matrix()
+    error[:3, 3] = rng.normal(0, MISPLACED_MM, 3)
+    return error
 
 
 def _calibrated(world: World, seed: int) -> World:
@@ -134,8 +154,14 @@ def _calibrated(world: World, seed: int) -> World:
     return replace(world, device=device)
 
 
+def withhold(secret: Secret, folder: Path) -> None:
+    """Take away the reference plates and baselines that a stranger doesn't get."""
+    for name in (*PLATES[secret.plates :], *BASELINES[secret.baselines :]):
+        (folder / f"{name}.h5").unlink()
+
+
 def write(secret: Secret, staged: Staged, folder: Path) -> None:
-    """Write recordings, baselines, plates, part and datasheet into an empty folder."""
+    """Write recordings, all baselines and plates, part and datasheet into an empty folder."""
     folder.mkdir(parents=True, exist_ok=True)
     specimen = number(secret.seed, "specimen")
 
@@ -152,9 +178,8 @@ def write(secret: Secret, staged: Staged, folder: Path) -> None:
         )  # fmt: skip
 
     on, off, count = staged.on, staged.off, secret.recordings
-    for name, travel, place in zip(RECORDINGS[:count], on.travels, on.misplaced, strict=False):
-        turned = travel.start @ on.mounting @ np.linalg.inv(travel.start)
-        take(on, on.solid, on.facets, travel, name, specimen, place @ turned)
+    for k, (name, travel) in enumerate(zip(RECORDINGS[:count], on.travels, strict=False)):
+        take(on, on.solid, on.facets, travel, name, specimen, placed(on, k))
     for k, (name, travel) in enumerate(zip(BASELINES, staged.baselines, strict=True)):
         other = number(secret.seed, "specimen", name)
         take(off, off.nominal, off.facets, travel, name, other, off.misplaced[count + k])
@@ -191,15 +216,20 @@ def datasheet(device: Device, travel: Travel) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def known_of(staged: Staged) -> dict[str, Any]:
+def known_of(secret: Secret, staged: Staged) -> dict[str, Any]:
     """Return what a key holds beside the secret."""
     world = staged.on
+    parameters: Parameters = {}
+    for name in secret.switches:
+        parameters |= FAULTS[name].parameters(world)
     return {
-        "left_out": list(staged.left_out),
+        "left_out": list(staged.left_out), "parameters": parameters,
         "switched": {
             "facets": asdict(world.facets), "robot": asdict(world.device.robot),
             "warmth": asdict(world.device.warmth), "firmware": asdict(world.device.firmware),
             "slit": asdict(world.device.slit), "camera": asdict(world.device.camera),
+            "window": asdict(world.device.window), "air": asdict(world.device.air),
+            "exposures": asdict(world.device.exposures), "sparks": world.device.sparks,
             "gauge_stretch": world.gauge_stretch, "plate_bow_mm": world.plate_bow_mm,
         },
     }  # fmt: skip

@@ -3,16 +3,19 @@
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from challenge.instrument.instrument import Solid
-from challenge.instrument.rays import Tree, nearest, plant
+from challenge.instrument.rays import Tree, plant
+from challenge.second.bounce import second_light
 from challenge.second.camera import FINDERS, Camera, expose, taps
+from challenge.second.exposures import Exposures
 from challenge.second.facets import Facets
 from challenge.second.firmware import Firmware
+from challenge.second.lit import Lit, cast, lit_cells
 from challenge.second.robot import Robot, Warmth
 from challenge.second.slit import Slit
+from challenge.second.window import Air, Window
 
 Floats = NDArray[np.float64]
 CELLS = 10
@@ -54,21 +57,6 @@ class Travel:
         return np.asarray(out)
 
 
-@njit(cache=True)
-def _heights(
-    corner: Floats, edge_1: Floats, edge_2: Floats, box: Floats, child: NDArray[np.int64],
-    x: Floats, y: Floats, depth: Floats, which: NDArray[np.int64],
-) -> None:  # fmt: skip
-    """First hits of rays along +z from (x, y, 0) on a grid."""
-    for i in range(y.size):
-        for j in range(x.size):
-            far, triangle = nearest(
-                corner, edge_1, edge_2, box, child, x[j], y[i], 0.0, 0.0, 0.0, 1.0, 0.0, 1e9, False
-            )
-            if triangle >= 0:
-                depth[i, j], which[i, j] = far, triangle
-
-
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Device:
     """One instrument.
@@ -77,6 +65,8 @@ class Device:
     ----------
     distance_mm, z_range_mm : of the middle of the range, and its length
     exposure_s : during which the travel goes on
+    window, air, exposures : as they are now; the calibration saw none of their faults
+    sparks : share of columns in which a welding spark outshines the line
     ambient_e : stray light in a pixel, electrons, and its flicker from profile to profile
     calibration : polynomial of depth over column and row; None before `calibrated`
     """
@@ -88,11 +78,15 @@ class Device:
     firmware: Firmware = field(default_factory=Firmware)
     robot: Robot = field(default_factory=Robot)
     warmth: Warmth = field(default_factory=Warmth)
+    window: Window = field(default_factory=Window)
+    air: Air = field(default_factory=Air)
+    exposures: Exposures = field(default_factory=Exposures)
     distance_mm: float = 120.0
     z_range_mm: float = 12.0
     exposure_s: float = 2e-5
     ambient_e: float = 40.0
     flicker: float = 0.0
+    sparks: float = 0.0
     calibration: Floats | None = None
 
     @property
@@ -116,77 +110,116 @@ class Device:
         start = travel.start if misplaced is None else misplaced @ travel.start
         inverse = np.linalg.inv(start)
         tree = plant(solid.vertices_mm @ inverse[:3, :3].T + inverse[:3, 3], solid.faces)
-        shift, turn = self.robot.errors(travel.travel_mm, travel.time_s, rng)
+        shift, turn = self.robot.errors(travel.travel_mm, travel.time_s, self.way, rng)
         x = camera.columns_mm
         step = travel.pitch_mm * np.cos(camera.theta_rad) / CELLS
-        reach = self.slit.reach_mm
-        wide = reach + np.abs(shift[:, 1]).max() + np.abs(turn[:, 2]).max() * np.abs(x).max()
+        wide = self._reach_mm + np.abs(shift[:, 1]).max()
+        wide += np.abs(turn[:, 2]).max() * np.abs(x).max()
         last = travel.travel_mm[-1] * np.cos(camera.theta_rad)
         # beyond the line's reach lies what may stand in the camera's way
         behind = self.z_range_mm * np.tan(camera.theta_rad)
         y = np.arange(-wide - behind, last + wide + behind + step, step)
-        depth, normal, points = self._surface(tree, x, y, start)
-        bright = self._brightness(facets, depth, normal, points, y, start)
-        bright = bright * facets.speckle(depth.shape, np.random.default_rng([specimen, 2]))
+        lit = lit_cells(tree, facets, x, y, start, self.to_camera, specimen)
         clock = travel.start_s + travel.time_s
-        warm_turn, warm_shift = self.warmth.at(clock)
-        ambient = self.ambient_e * (1 + self.flicker * np.sin(2 * np.pi * 100.3 * clock))
-        drive = travel.pitch_mm * travel.rate_hz * self.exposure_s
-        parts = max(1, int(np.ceil(drive / (0.3 * self.slit.width_mm))))
-        within = (np.arange(parts) + 0.5) / parts * drive
+        turned, drifted = self.warmth.at(clock)
+        images = self.air.shifts(x, clock, rng) + drifted[:, None]
         found = np.full((travel.profiles, camera.columns), np.nan)
-        peak = np.zeros(found.shape)
-        row_taps, column_taps = taps(camera.blur_rows), taps(camera.blur_columns)
-        top = float(2**camera.bits - 1)
+        bright, factor, before = np.zeros(found.shape), 1.0, np.nan
         for p in range(travel.profiles):
-            light, rows = [], []
-            for moved in within:
-                at = travel.travel_mm[p] + moved
-                off = shift[p, 1] + turn[p, 2] * x - turn[p, 0] * self.distance_mm
-                middle = at * np.cos(camera.theta_rad) + off
-                first, end = np.searchsorted(y, [middle.min() - reach, middle.max() + reach])
-                eta = y[first:end, None] - middle
-                own = depth[first:end] - camera.side * at * np.sin(camera.theta_rad)
-                own = own - shift[p, 2] - turn[p, 1] * x
-                z = own - self.distance_mm
-                power = self.slit.irradiance(eta) * bright[first:end] * step / parts
-                seen = replace(camera, theta_rad=camera.theta_rad + float(warm_turn[p]))
-                rows.append(seen.row_of(x, eta + warm_shift[p], z))
-                light.append(np.nan_to_num(power / self.slit.width_mm))
-            found[p], peak[p] = expose(
-                np.concatenate(light), np.nan_to_num(np.concatenate(rows), nan=-1.0), row_taps,
-                column_taps, camera.electrons, camera.full_well,
-                camera.read_noise_e, float(ambient[p]), top, FINDERS.index(self.finder),
-                self.threshold, rng.standard_normal((camera.columns, camera.rows)),
-            )  # fmt: skip
-        return found, peak
+            loose = self._flying(rng)
+            if facets.bounces:
+                loose = self._bounced(tree, facets, x, travel, p, shift[p], rng)
+            shots = []
+            for part in (1.0, 1 / self.exposures.ratio)[: 1 + (self.exposures.ratio > 1)]:
+                exposed = self.exposure_s * factor * part
+                begin = 0.0 if part == 1 else self.exposure_s * factor
+                light, rows = self._light(
+                    lit, travel, p, (begin, exposed), shift[p], turn[p], float(turned[p]),
+                    images[p], step,
+                )  # fmt: skip
+                noise = rng.standard_normal((camera.columns, camera.rows))
+                shots.append(self._image(light, rows, loose, factor * part, float(clock[p]), noise))
+            found[p], bright[p] = shots[0] if len(shots) == 1 else self.exposures.merged(*shots)
+            seen = shots[0][1][np.isfinite(shots[0][0])]
+            factor = self.exposures.next_factor(factor, before)
+            before = float(np.median(seen)) if seen.size else np.nan
+        return found, bright
 
-    def _surface(
-        self, tree: Tree, x: Floats, y: Floats, start: Floats
-    ) -> tuple[Floats, Floats, Floats]:
-        """Depth (k, m), normals and points in the part's frame, on the fine grid."""
-        depth = np.full((y.size, x.size), np.nan)
-        which = np.zeros(depth.shape, np.int64)
-        _heights(tree.corner, tree.edge_1, tree.edge_2, tree.box, tree.child, x, y, depth, which)
-        local = np.stack(np.broadcast_arrays(x, y[:, None], depth), -1)
-        return depth, tree.normal[which], local @ start[:3, :3].T + start[:3, 3]
+    @property
+    def _reach_mm(self) -> float:
+        """How far beside its middle the sheet lights anything, its second reflection included."""
+        return self.slit.reach_mm + (abs(self.window.ghost_mm) if self.window.ghost > 0 else 0.0)
 
-    def _brightness(
-        self, facets: Facets, depth: Floats, normal: Floats, points: Floats, y: Floats,
-        start: Floats,
+    def _light(
+        self, lit: Lit, travel: Travel, p: int, exposed_s: tuple[float, float], shift: Floats,
+        turn: Floats, turned: float, image: Floats, step: float,
+    ) -> tuple[Floats, Floats]:  # fmt: skip
+        """Light and rows (k, columns) of one exposure: cells under the sheet on its way."""
+        camera, x = self.camera, self.camera.columns_mm
+        speed = travel.pitch_mm * travel.rate_hz
+        drive = speed * exposed_s[1]
+        parts = max(1, int(np.ceil(drive / (0.3 * self.slit.width_mm))))
+        seen = replace(camera, theta_rad=camera.theta_rad + turned)
+        light, rows = [], []
+        for moved in speed * exposed_s[0] + (np.arange(parts) + 0.5) / parts * drive:
+            at = travel.travel_mm[p] + moved
+            off = shift[1] + turn[2] * x - turn[0] * self.distance_mm
+            middle = at * np.cos(camera.theta_rad) + off
+            first, end = np.searchsorted(
+                lit.y_mm, [middle.min() - self._reach_mm, middle.max() + self._reach_mm]
+            )
+            eta = lit.y_mm[first:end, None] - middle
+            sheet = self.slit.irradiance(eta)
+            if self.window.ghost > 0:
+                beside = self.slit.irradiance(eta - self.window.ghost_mm)
+                sheet = sheet + self.window.ghost * beside
+            fallen = camera.side * at * np.sin(camera.theta_rad) + shift[2] + turn[1] * x
+            for cells in lit.layers:
+                z = cells.z_mm[first:end] - fallen - self.distance_mm
+                power = sheet * cells.bright[first:end] * step / parts / self.slit.width_mm
+                row = seen.row_of(x, eta + cells.along_mm[first:end] + image, z)
+                v = (row - camera.rows / 2) * camera.row_pitch_mm
+                bent, passed = self.window.seen(x, v)
+                rows.append(row + bent)
+                light.append(power * passed)
+        return np.nan_to_num(np.concatenate(light)), np.nan_to_num(np.concatenate(rows), nan=-1.0)
+
+    def _image(
+        self, light: Floats, rows: Floats, loose: Floats, factor: float, clock_s: float,
+        normal: Floats,
+    ) -> tuple[Floats, Floats]:  # fmt: skip
+        """Rows found and brightness of one exposure, `factor` times the nominal one long."""
+        camera = self.camera
+        ambient = self.ambient_e * (1 + self.flicker * np.sin(2 * np.pi * 100.3 * clock_s))
+        return expose(
+            light, rows, loose, (taps(camera.blur_rows), taps(camera.blur_columns)),
+            camera.electrons * factor, camera.full_well, camera.read_noise_e, ambient * factor,
+            float(2**camera.bits - 1), FINDERS.index(self.finder), self.threshold, normal,
+        )  # fmt: skip
+
+    def _flying(self, rng: np.random.Generator) -> Floats:
+        """Column, row and power (n, 3) of sparks, each as bright as a full pixel and more."""
+        if self.sparks == 0:
+            return np.zeros((0, 3))
+        camera = self.camera
+        column = np.flatnonzero(rng.random(camera.columns) < self.sparks)
+        row = rng.uniform(2, camera.rows - 3, column.size)
+        full = camera.full_well / camera.electrons * 2 * np.pi * camera.blur_rows
+        return np.stack([column, row, full * rng.uniform(2, 4, column.size)], -1)
+
+    def _bounced(
+        self, tree: Tree, facets: Facets, x: Floats, travel: Travel, p: int, shift: Floats,
+        rng: np.random.Generator,
     ) -> Floats:  # fmt: skip
-        """Radiance towards the camera of cells lit by the sheet, 0 where it can't see them."""
-        tan, side = np.tan(self.camera.theta_rad), self.camera.side
-        across = side * y[:, None] / tan + np.where(np.isfinite(depth), depth, np.inf)
-        towards = across[::-1] if side > 0 else across
-        nearer = np.minimum.accumulate(towards, axis=0)
-        nearer = nearer[::-1] if side > 0 else nearer
-        lay = np.array([np.cos(facets.lay_rad), np.sin(facets.lay_rad), 0.0]) @ start[:3, :3]
-        lay = lay - (normal @ lay)[..., None] * normal
-        lay = lay / np.maximum(np.linalg.norm(lay, axis=-1, keepdims=True), 1e-9)
-        bright = facets.towards(normal, lay, np.array([0.0, 0.0, -1.0]), self.to_camera)
-        visible = across <= nearer + 1e-9
-        return np.where(visible, np.nan_to_num(bright * facets.printed(points)), 0.0)
+        """Column, row and power (n, 3) of second light in one profile."""
+        camera = self.camera
+        at = travel.travel_mm[p] * self.way + shift * [0, 1, 1]
+        landed = second_light(tree, facets, x, float(at[1]), self.to_camera, rng)
+        point = landed.point - at
+        row = camera.row_of(point[:, 0], point[:, 1], point[:, 2] - self.distance_mm)
+        column = np.interp(point[:, 0], x, np.arange(x.size))
+        inside = (point[:, 0] >= x[0]) & (point[:, 0] <= x[-1])
+        return np.asarray(np.stack([np.round(column), row, landed.power], -1)[inside])
 
     def calibrated(
         self, rng: np.random.Generator, *, gauge_stretch: float = 0.0, plate_bow_mm: float = 0.0
@@ -201,7 +234,10 @@ class Device:
             How much nearer the plate's middle is than its ends.
         """
         camera = self.camera
-        cold = replace(self, robot=Robot(), warmth=Warmth(), exposure_s=1e-7, flicker=0.0)
+        cold = replace(
+            self, robot=Robot(), warmth=Warmth(), exposure_s=1e-7, flicker=0.0, air=Air(),
+            window=Window(), exposures=Exposures(), sparks=0.0,
+        )
         u, v, z = [], [], []
         reach = 0.5 * self.z_range_mm + 0.4
         for k, height in enumerate(np.linspace(-reach, reach, HEIGHTS)):
@@ -235,7 +271,7 @@ class Device:
         half = self.z_range_mm / 2
         depth = np.where(np.abs(depth - self.distance_mm) <= half, depth, np.nan)
         depth, peak = (rectified(self.camera, grid) for grid in (depth, peak))
-        delivered = self.firmware.deliver(depth, self.distance_mm - half - 1.0)
+        delivered = self.firmware.deliver(depth, self.distance_mm - half - 1.0, rng)
         return delivered, np.where(np.isfinite(delivered), peak, np.nan)
 
 
@@ -244,10 +280,7 @@ def expected(device: Device, solid: Solid, travel: Travel, misplaced: Floats) ->
     start = misplaced @ travel.start
     inverse = np.linalg.inv(start)
     tree = plant(solid.vertices_mm @ inverse[:3, :3].T + inverse[:3, 3], solid.faces)
-    x, y = device.camera.even_mm, travel.travel_mm * device.way[1]
-    depth = np.full((y.size, x.size), np.nan)
-    which = np.zeros(depth.shape, np.int64)
-    _heights(tree.corner, tree.edge_1, tree.edge_2, tree.box, tree.child, x, y, depth, which)
+    depth, _ = cast(tree, device.camera.even_mm, travel.travel_mm * device.way[1])
     return np.asarray(depth - (travel.travel_mm * device.way[2])[:, None])
 
 

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from challenge.second.coating import Coat
+
 Floats = NDArray[np.float64]
 
 
@@ -26,6 +28,10 @@ class Facets:
         Independent speckle patterns that a cell averages: contrast is modes^-1/2.
     print_ratio, print_period_mm, print_rad
         Printed stripes: their brightness against the ground, 1 for none.
+    coat
+        What lies over or in the surface.
+    bounces
+        Whether light that walls send on to each other is followed.
     """
 
     albedo: float = 0.5
@@ -37,6 +43,8 @@ class Facets:
     print_ratio: float = 1.0
     print_period_mm: float = 4.0
     print_rad: float = 0.0
+    coat: Coat | None = None
+    bounces: bool = False
 
     def density(self, half: Floats, along: Floats, across: Floats) -> Floats:
         """Density of facets whose normal is the half vector, per steradian.
@@ -52,8 +60,10 @@ class Facets:
 
     def towards(
         self, normal: Floats, lay: Floats, to_laser: Floats, to_camera: Floats
-    ) -> Floats:
-        """Radiance towards the camera of points lit with unit irradiance across the sheet.
+    ) -> tuple[Floats, Floats]:
+        """Radiance of the matt base and of the facets towards the camera.
+
+        The points are lit with unit irradiance across the sheet.
 
         Parameters
         ----------
@@ -70,7 +80,8 @@ class Facets:
         across = np.cross(normal, lay) @ half
         gloss = self.mirror * self.density(normal @ half, along, across)
         gloss = gloss / (4 * np.maximum(seen * lit, 0.05)) * lit
-        return np.where(seen > 0.02, self.albedo / np.pi * lit + gloss, 0.0)
+        shown = seen > 0.02
+        return np.where(shown, self.albedo / np.pi * lit, 0.0), np.where(shown, gloss, 0.0)
 
     def printed(self, points_mm: Floats) -> Floats:
         """Relative brightness of points (..., 3) in the part frame."""

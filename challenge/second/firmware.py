@@ -18,19 +18,24 @@ class Firmware:
     gap : longest run of missing readings that is filled between its neighbours
     step_mm : of a count
     stuck_bit : number of a bit that sticks at one, -1 for none
+    lost : share of readings that the link to the host loses
     """
 
     median: int = 1
     gap: int = 0
     step_mm: float = 1e-3
     stuck_bit: int = -1
+    lost: float = 0.0
 
-    def deliver(self, depth_mm: Floats, lowest_mm: float) -> Floats:
+    def deliver(
+        self, depth_mm: Floats, lowest_mm: float, rng: np.random.Generator | None = None
+    ) -> Floats:
         """Filter depths (n, m), and count them in 16 bits whose 0 is the sentinel of no reading.
 
         Parameters
         ----------
         lowest_mm : depth of count 0
+        rng : of what the link loses
         """
         out = _median(depth_mm, self.median) if self.median > 1 else depth_mm
         if self.gap > 0:
@@ -39,6 +44,8 @@ class Firmware:
         counts = np.where((counts > 0) & (counts < 65536), counts, 0).astype(np.int64)
         if self.stuck_bit >= 0:
             counts = np.where(counts > 0, counts | (1 << self.stuck_bit), 0)
+        if self.lost > 0 and rng is not None:
+            counts = np.where(rng.random(counts.shape) < self.lost, 0, counts)
         return np.where(counts > 0, lowest_mm + counts * self.step_mm, np.nan)
 
 

@@ -10,14 +10,16 @@ from numpy.typing import NDArray
 from challenge.cases.case import RECORDINGS, Secret
 from challenge.second.case import BASELINES, Staged
 from challenge.second.device import expected
-from challenge.second.switches import World
+from challenge.second.edges import off_edges
+from challenge.second.world import World
 
 Floats = NDArray[np.float64]
 BLOCK = 12, 24
 """Profiles and columns of a block whose mean is looked at."""
 FACTOR, SLACK_SD, SLACK_LOST = 1.5, 0.1, 0.005
 """A null's departure: at most so many times that of the worse baseline, and that much more."""
-_BEND_MM = 0.005  # second difference beyond which a reading isn't off edges
+LEAST_BLOCKS = 8
+"""Fewer blocks off edges show no departure: such a part makes no null."""
 _LEAST = 0.4  # share of a block that must be off edges
 
 
@@ -31,18 +33,22 @@ class Check:
         95 % quantile of block means against the mesh, in noise standard deviations.
     lost, baseline_lost
         Share of readings that are missing there.
+    blocks
+        Off edges in the recording that has the fewest.
     """
 
     departure_sd: float
     baseline_sd: float
     lost: float
     baseline_lost: float
+    blocks: int
 
     @property
     def holds(self) -> bool:
-        """The recordings stay within what the baselines show."""
+        """The recordings stay within what the baselines show, where there is something to see."""
         return (
-            self.departure_sd <= FACTOR * self.baseline_sd + SLACK_SD
+            self.blocks >= LEAST_BLOCKS
+            and self.departure_sd <= FACTOR * self.baseline_sd + SLACK_SD
             and self.lost <= FACTOR * self.baseline_lost + SLACK_LOST
         )
 
@@ -53,22 +59,25 @@ def check_null(secret: Secret, staged: Staged, folder: Path) -> Check:
     mine = [_seen(staged.on, k, folder / f"{n}.h5") for k, n in enumerate(RECORDINGS[:count])]
     good = [_seen(staged.off, count + k, folder / f"{n}.h5") for k, n in enumerate(BASELINES)]
     return Check(
-        departure_sd=max(d for d, _ in mine), baseline_sd=max(d for d, _ in good),
-        lost=max(m for _, m in mine), baseline_lost=max(m for _, m in good),
+        departure_sd=max(d for d, _, _ in mine), baseline_sd=max(d for d, _, _ in good),
+        lost=max(m for _, m, _ in mine), baseline_lost=max(m for _, m, _ in good),
+        blocks=min(n for _, _, n in (*mine, *good)),
     )  # fmt: skip
 
 
-def _seen(world: World, index: int, file: Path) -> tuple[float, float]:
+def _seen(world: World, index: int, file: Path) -> tuple[float, float, int]:
     with h5py.File(file) as stored:
         depth = np.asarray(stored["depth"], np.float64)
     truth = expected(world.device, world.solid, world.travels[index], world.misplaced[index])
     return departure(depth, truth)
 
 
-def departure(depth_mm: Floats, truth_mm: Floats) -> tuple[float, float]:
-    """Departure of block means off edges, in standard deviations, and the share missing there."""
+def departure(depth_mm: Floats, truth_mm: Floats) -> tuple[float, float, int]:
+    """Departure of block means off edges in standard deviations, share missing, and blocks."""
     smooth = off_edges(truth_mm)
     rest = np.where(smooth, depth_mm - truth_mm, np.nan)
+    if not np.isfinite(rest).any():
+        return 0.0, 0.0, 0
     centred = rest - np.nanmedian(rest)
     sd = 1.4826 * float(np.nanmedian(np.abs(centred)))
     means = []
@@ -78,16 +87,4 @@ def departure(depth_mm: Floats, truth_mm: Floats) -> tuple[float, float]:
             if np.isfinite(block).mean() > _LEAST:
                 means.append(abs(float(np.nanmean(block))) / sd)
     missing = float(np.isnan(depth_mm)[smooth].mean()) if smooth.any() else 0.0
-    return (float(np.quantile(means, 0.95)) if means else 0.0), missing
-
-
-def off_edges(truth_mm: Floats) -> NDArray[np.bool_]:
-    """Places where the surface doesn't bend within two profiles and two columns."""
-    flat = np.isfinite(truth_mm)
-    for axis in (0, 1):
-        bend = np.abs(np.diff(np.nan_to_num(truth_mm, nan=1e3), 2, axis=axis))
-        ends = [(1, 1) if a == axis else (0, 0) for a in (0, 1)]
-        flat &= np.pad(bend, ends, constant_values=np.inf) < _BEND_MM
-    wide = np.pad(flat, 2, constant_values=False)
-    windows = np.lib.stride_tricks.sliding_window_view(wide, (5, 5))
-    return np.asarray(windows.all(axis=(-2, -1)))
+    return (float(np.quantile(means, 0.95)) if means else 0.0), missing, len(means)

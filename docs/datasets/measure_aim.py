@@ -35,7 +35,7 @@ aim_at_flaws: 1
 
 
 def motion() -> Motion:
-    """Return the limits of the README's recipe, every scan aimed."""
+    """Return the limits of the documented recipe, every scan aimed."""
     from pydantic import TypeAdapter
 
     return TypeAdapter(Motion).validate_python(parse_text(MOTION, where="motion"))

@@ -56,7 +56,7 @@ SHOWN: dict[str, dict[str, Any]] = {
     "lateral_error": {"scale_um": 200.0},
     "column_offset": {"rms_um": 4.0, "values_um": (0.0, 8.0, -4.0, 6.0, 0.0)},
 }
-PLOTTED = {  # covariates that tell more on this part than the effect's own
+PLOTTED = {  # covariates that show the effect better on this part
     "camera_occlusion": "edge_y",
     "finite_spot": "edge_y",
     "motion_blur": "edge_y",
@@ -72,7 +72,7 @@ TURNED_DEG = {"lateral_error": 35.0}  # the part has slopes along the travel alo
 
 
 def demonstration(turned_deg: float = 0.0) -> View:
-    """Scan a tile with a groove, a round bar, a block, a ramp and stripes of print; turned."""
+    """Scan a tile with a groove, a round bar, a block, a ramp and an albedo pattern; turned."""
     tile = trimesh.creation.box((70.0, 70.0, 20.0))
     tile.apply_translation((0.0, 0.0, -10.0))
     groove = trimesh.creation.box((80.0, 9.0, 9.0))
@@ -148,7 +148,7 @@ def draw(name: str, view: View) -> None:
     path = HERE / f"{name}.png"
     figure.savefig(path, dpi=80)
     plt.close(figure)
-    with Image.open(path) as picture:  # few colours do, and make it small
+    with Image.open(path) as picture:  # a palette keeps the file small
         picture.convert("RGB").quantize(96).save(path, optimize=True)
 
 
@@ -189,7 +189,7 @@ def _plot(axes: Any, name: str, view: View, bare: Law, law: Law) -> None:
         return
     if "missing" in CATALOGUE[name].channels:
         quantity = np.where(np.isnan(law.mean_mm), 1.0, law.p_missing)
-        axes.set_ylabel("probability of no return")
+        axes.set_ylabel("probability of a missing reading")
     else:
         quantity, reference = (
             1e3 * np.hypot(each.sd_mm(view), each.step_mm / math.sqrt(12)) for each in (law, bare)
@@ -221,13 +221,13 @@ def text() -> str:
     lines = [
         "# The catalogue of effects",
         "",
-        "Made by `python docs/effects/make_effects.py` from `sensors/effects/`; don't edit it.",
+        "Made by `make effects` from `sensors/effects/`; do not edit.",
         "",
-        "An effect turns one law of a reading into another: mean depth, deviation, correlation,",
-        "probability of no return, tails. To simulate with it, list it in a sensor's `effects`;",
-        "a diagnosis writes what it finds in the same form. What is left out has its typical",
-        "value; where the table names a key of the sensor's file, that is taken instead; what",
-        "belongs to a *recording* is drawn anew for each scan, uniformly.",
+        "An effect changes the predictive distribution of a reading: its mean depth, standard",
+        "deviation, correlation, probability of a missing reading, or tails. A sensor's `effects`",
+        "lists the effects of a simulation. A diagnosis writes the effects that it finds in the",
+        "same form. An omitted parameter has the default of its table: a typical value, or a key",
+        "of the sensor's file. A parameter of a *recording* is drawn uniformly for each scan.",
         "",
         "```yaml",
         "effects:",
@@ -238,19 +238,18 @@ def text() -> str:
         "```",
         "",
         "Effects that move the sensor or its rays (`pose_error`, `travel_ripple`, `lateral_error`)",
-        "act first, wherever they stand, since shadows and edges go with them. What the firmware",
-        "does (`onboard_filter`, `row_repeat`) comes last, on whole profiles of readings. The",
-        "others act in the order of the list.",
-        "`finite_spot`, `edge_mixing`, `reflectance_edge` and `motion_blur` are one operator",
-        "(`sensors/line/line_operator.py`): the part is scanned again at sub-lines of the laser's",
-        "width",
-        "and located by centre of gravity, so nothing is linearised at edges. A line that moves or",
-        "is wider than listed is read of what exceeds the finder's threshold, the listed",
-        "`camera_occlusion`'s `weakest` (`sensors/line/thin_light.py`): a steep wall spreads its",
-        "light",
-        "too thinly over the camera's rows.",
+        "act first, whatever their place in the list, because shadows and edges move, too. Effects",
+        "of the firmware (`onboard_filter`, `row_repeat`) act last, on whole profiles. The others",
+        "act in the order of the list.",
         "",
-        "| effect | changes | follows | against | looks like |",
+        "`finite_spot`, `edge_mixing`, `reflectance_edge` and `motion_blur` share one operator",
+        "(`sensors/line/line_operator.py`). The operator scans the part at sub-lines of the",
+        "laser's width and computes the centroid: nothing is linearised at edges. For a line that",
+        "moves or whose width has increased, light below the peak finder's threshold is lost",
+        "(`weakest` of the listed `camera_occlusion`, `sensors/line/peak_finder.py`): a steep wall",
+        "spreads its light over many camera rows.",
+        "",
+        "| effect | changes | fixed in the frame of | depends on | confounded with |",
         "| --- | --- | --- | --- | --- |",
     ]
     for name, cls in CATALOGUE.items():
@@ -270,11 +269,11 @@ def _section(name: str) -> list[str]:
     if issubclass(cls, MotionEffect):
         kind = "moved"
     how = {
-        "fitted": "The mean is linear in the parameters marked so.",
-        "moved": "The part is scanned again from the true poses.",
+        "fitted": "The mean is linear in the parameters marked *linear*.",
+        "moved": "The part is scanned from the true poses.",
         "computed": "",
     }[kind]
-    needs = f"Needs `{'`, `'.join(cls.needs)}` of the sensor's file." if cls.needs else ""
+    needs = f"Requires `{'`, `'.join(cls.needs)}` in the sensor's file." if cls.needs else ""
     values = ", ".join(f"{key} {_short(value)}" for key, value in SHOWN.get(name, {}).items())
     return [
         "",
@@ -284,9 +283,11 @@ def _section(name: str) -> list[str]:
         "",
         f"    {cls.equation}",
         "",
-        f"Source: {cls.source}. To tell it from what looks alike: {cls.separating}.",
+        f"Source: {cls.source}.",
         "",
-        "| parameter | meaning | bounds | typical | where left out | belongs to | linear |",
+        f"Separating measurement: {cls.separating}.",
+        "",
+        "| parameter | meaning | allowed | typical | default | belongs to | linear |",
         "| --- | --- | --- | --- | --- | --- | --- |",
         *(_row(cls, p) for p in cls.parameters()),
         "",

@@ -1,7 +1,7 @@
 """Make docs/exports.md: the quickstart in every form, opened by the program that it is for.
 
 Run `python docs/exports/make_exports.py` from the top of the checkout. Each snippet runs in a
-process of its own; what it prints stands below it.
+separate process; its output follows it.
 """
 
 import os
@@ -17,53 +17,53 @@ from pipeline.dataset.export import FORMS
 
 PAGE = Path(__file__).parents[1] / "exports.md"
 HEAD = """\
-# Datasets for other programs
+# Export a dataset
 
-Made by `make exports`; do not edit. Everything below ran on the quickstart, with two specimens of
+Made by `make exports`; do not edit. The snippets ran on the quickstart, with two specimens of
 each part and two more without flaws.
 
-`flawforge export DIR --to FORM` writes a dataset in the form that another program opens, into
+`flawforge export DIR --to FORM` writes a dataset in the form of another program, into
 `DIR/export-FORM` or `--out`. A second run gives the same bytes. Options:
 
-- `--mask all|visible`: label all points of a flaw (default), or those where its deviation exceeds
-  the noise by the recipe's `visible_at`.
-- `--min-pixels N`: leave out flaws with fewer labelled points in a scan.
-- `--image relief8|depth16|float32`: what pictures hold. One scale holds for all pictures of a
-  dataset and stands beside them.
+- `--mask all|visible`: label all points of a flaw (default), or those whose deviation exceeds
+  `visible_at` standard deviations of the noise.
+- `--min-pixels N`: omit flaws with fewer labelled points in a scan.
+- `--image relief8|depth16|float32`: content of pictures. All pictures of a dataset share one scale,
+  stated in a file beside them.
   - *relief8*: height above the waviness (Gaussian regression filter, ISO 16610-21 and -28, cutoff
-    8 mm), 8 bits: `softening_mm * sinh((number - 128) / scale)`, 0 = missing. Linear within the
-    noise, logarithmic above: 8 bits hold a scratch and a step of the part.
+    8 mm), 8 bits: `softening_mm * sinh((number - 128) / scale)`, 0 = missing. The scale is linear
+    within the noise and logarithmic above: 8 bits hold a scratch and a step of the part.
   - *depth16*: `offset_mm + scale_mm * number`, 16 bits, 0 = missing.
   - *float32*: depth in mm, TIFF, NaN = missing.
-- `--splits train,val` and `--scan ID`: which scans.
+- `--splits train,val` and `--scan ID`: scans to export.
 
 Rows are profiles, columns points. A class has the same number in every dataset: 1 is dent, 2
-crack, and so on as in [flaws.md](flaws.md). Packages that a form needs come with
-`pip install 'flawforge[FORM]'`. From Python: `flawforge.export(dataset, out, "coco")`.
+crack, and so on as in [flaws.md](flaws.md). `pip install 'flawforge[FORM]'` brings the
+packages of a form. From Python: `flawforge.export(dataset, out, "coco")`.
 
 """
 SMALLER = {"specimens": 2, "good_specimens": 2, "scans": 2}
 NOTES = {
-    "coco": "Masks are compressed run lengths. Beside COCO's keys an annotation has `flaw_id`"
+    "coco": "Masks are compressed run lengths. Beyond COCO's keys an annotation has `flaw_id`"
     " (specimen and number: the same flaw in several scans), `depth_mm`, `snr`, `detectable`,"
     " `deviation_over_noise`.",
-    "yolo": "A polygon runs along the borders between points, so it gives the labels back exactly"
-    " and even one point has four corners; pieces are joined by a bridge without width, holes are"
-    " filled. Ultralytics brings a GPU stack and didn't run here: `tests/` holds the files to the"
-    " rules of its loader.",
-    "mvtec3d": "Training and validation hold good scans alone, as the original does; the recipe's"
-    " `good_specimens` makes them. Use `split_by: specimen`, so that a part is in training and"
-    " test. anomalib brings a GPU stack and didn't run here: `tests/` holds the folders to the"
-    " rules of its MVTec 3D reader, of which this snippet is the core.",
-    "hf": "A folder to push to the hub as it is; `val` is called `validation` there.",
-    "webdataset": "A key is the scan's id, its dots as %2E.",
+    "yolo": "A polygon runs along the borders between points, so it reproduces the labels exactly,"
+    " and a single point has four corners. Pieces are joined by a bridge without width, and holes"
+    " are filled. Ultralytics needs a GPU stack and did not run here; a test checks the files"
+    " against the rules of its loader.",
+    "mvtec3d": "Training and validation hold only good scans, as in the original; the recipe's"
+    " `good_specimens` makes them. With `split_by: specimen` a part is in training and test."
+    " anomalib needs a GPU stack and did not run here; a test checks the folders against the rules"
+    " of its MVTec 3D reader, whose core is this snippet.",
+    "hf": "The folder can be pushed to the hub unchanged; `val` is named `validation` there.",
+    "webdataset": "A key is the scan's id, with dots written as %2E.",
     "tiff": "Resolution tags hold points per centimetre; GDAL's tag names NaN as missing.",
     "las": "Metres, scale 0.1 µm, part frame; `gps_time` is the profile's time.",
-    "ply": "Part frame, mm; floats, bytes and int32 alone. The points are the scan's"
-    " valid readings, which the manifest counts, too.",
+    "ply": "Part frame, mm; only floats, bytes and int32. The points are the scan's valid"
+    " readings, whose share the manifest states, too.",
     "png": "Masks are 8-bit grey, the class; instances 16-bit grey.",
-    "recording": "What an instrument would deliver, with its sensor: ready for `flawforge diagnose`"
-    " and for a round trip.",
+    "recording": "The files of an instrument and its sensor, for `flawforge diagnose` and for round"
+    " trips.",
 }
 SNIPPETS = {
     "coco": """\

@@ -2,7 +2,7 @@
 
     python docs/flaws/make_bank.py SHARED_FOLDER
 
-The made flaws are those of tests/flawforge/test_flaw_extraction.py. The real recording is a height
+The made flaws are those of tests/support/flawed_scan.py. The real recording is a height
 map of SICK's AppSpace samples (Unlicense); it is read from the shared folder and not kept.
 """
 
@@ -23,16 +23,16 @@ sys.path[:0] = [str(HERE), str(HERE.parent / "real"), str(HERE.parents[1])]
 from make_flaws import picture  # noqa: E402  after the paths of the other pages' scripts
 from nominal import plate as nominal_plate  # noqa: E402
 
-from defects.banked import spread  # noqa: E402
 from defects.flaw_bank import FlawBank, Relief  # noqa: E402
-from defects.surface import Surface as Skin  # noqa: E402
-from flawforge.flaw_extraction import extract  # noqa: E402
+from defects.kinds.banked import spread  # noqa: E402
+from defects.surface.surface import Surface as Skin  # noqa: E402
+from flawforge.flaw.extraction import extract  # noqa: E402
 from pipeline.injection.flawplan import FlawPlan, exactly  # noqa: E402
 from pipeline.injection.inject import inject  # noqa: E402
 from pipeline.parts import builtin  # noqa: E402
 from pipeline.seeds import streams  # noqa: E402
 from sensors.recording import Recording  # noqa: E402
-from tests.flawforge.test_flaw_extraction import MADE, SHEET, around, plate, recorded  # noqa: E402
+from tests.support.flawed_scan import MADE, SHEET, around, plate, recorded  # noqa: E402
 
 SOURCE = "OCR_3D_image_42.json"
 WINDOW = (slice(10, 352), slice(250, 640))  # the panel without label and base
@@ -43,22 +43,22 @@ PLANTED = (
 )
 
 PAGE = """\
-# A bank of real flaws
+# Plant real flaws
 
 Made by `python docs/flaws/make_bank.py SHARED_FOLDER`; do not edit.
 
     flawforge flaw extract a.h5 --part part.stl --sensor sensor.yaml --region 12,-4,19,3 --out bank
 
-takes one flaw out of a recording. The part's mesh is the part without the flaw. The region is a box
-of the part's x and y, or profiles and points. The steps:
+extracts one flaw from a recording. The mesh is the part without the flaw. The region is a box of
+the part's x and y, or ranges of profiles and points. The steps:
 
 1. The recording is registered on the part without the region's readings.
 2. Each reading becomes a height over the part, along the local normal. A plane through the rim
-   around the region is taken off: form that the mesh lacks is not the flaw's.
+   around the region is subtracted: form error of the part is no part of the flaw.
 3. The noise's size and correlation are measured on smooth faces outside the region.
 4. The heights are denoised: the posterior mean of a Gaussian process with that noise and a Matérn
-   covariance, whose size and length come from the flaw (`flawforge/relief_denoising.py` has the
-   equations and sources). Missing readings are filled.
+   covariance, whose size and length come from the flaw (`flawforge/flaw/relief_denoising.py` has
+   the equations and sources). Missing readings are filled.
 5. The relief is laid on a square lattice on the part's skin, heading along the flaw's longer axis.
    It fades to zero over {fade} nodes beyond the flaw.
 
@@ -77,9 +77,9 @@ flaws:
     bend_deg: {{uniform: [-20, 20]}}
 ```
 
-The lattice is laid on the other part by walking on its skin, so that the flaw follows the surface,
-and cut as every other flaw: labels are exact, and `flaws.parquet` names the banked flaw in
-`source`. The files' checksums stand in `dataset.json`; a bank with other files is another dataset.
+The lattice is laid on the other part along geodesics of its skin, so that the flaw follows the
+surface. The flaw is then cut as every other kind: labels are exact, and `flaws.parquet` names the
+banked flaw in `source`. `dataset.json` holds the checksums of the bank's files.
 
 ## A made flaw, scanned with noise
 
@@ -97,15 +97,15 @@ within 2 % and 5 %, the volume within 2 %.
 ## A real recording
 
 A height map of SICK's AppSpace samples (`OCR_3D`, image 42, Unlicense): a panel with raised
-figures at a pitch of 0.1 mm. The nominal part is a plane. No flaw is marked on the public
-recordings looked at, so that a raised figure stands for one: its shape can be judged by eye.
+figures at a pitch of 0.1 mm. The nominal part is a plane. No public recording marks a flaw, so a
+raised figure replaces one: its shape can be checked by eye.
 
 {real}
 
 ![the figure one](flaw-bank/real.png)
 
-The extraction finds the stem, the foot and the two ridges of the foot. The noise contains the
-panel's form at short wavelengths; figures have steep flanks, so that the denoised heights keep
+The extraction recovers the stem, the foot and the two ridges of the foot. The noise contains the
+panel's form at short wavelengths. The figures have steep flanks, so the denoised heights retain
 most of the noise.
 
 Planted again: as it was on a steel plate, and on a car door three times as large, 0.6 times as
@@ -117,7 +117,7 @@ high beside that, mirrored and bent by 40°.
 
 def made_rows() -> str:
     """Return the table's rows; draw the scratch."""
-    from flawforge.flaw_picture import draw
+    from flawforge.flaw.picture import draw
 
     lines = []
     for kind, sizes in MADE.items():
@@ -144,7 +144,7 @@ def made_rows() -> str:
 
 
 def real(shared: Path, folder: Path) -> tuple[Relief, str]:
-    """Return the figure's relief and what the command says of it; keep its picture."""
+    """Return the figure's relief and what the command prints about it; keep its picture."""
     run = [sys.executable, "-W", "ignore", "-m", "flawforge.cli"]
     subprocess.run(
         [*run, "import", str(shared / "real" / "sick" / SOURCE), "--as", str(folder / "panel.h5"),
@@ -192,7 +192,7 @@ def plant(relief: Relief) -> None:
 
 def main() -> None:
     """Write the page and its pictures."""
-    from flawforge.flaw_extraction import FADE_NODES
+    from flawforge.flaw.extraction import FADE_NODES
 
     (HERE.parent / "flaw-bank").mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:

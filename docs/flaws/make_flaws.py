@@ -12,11 +12,11 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from defects import KINDS
-from defects.banked import Banked
 from defects.kind import Kind
-from defects.seats import Edge, HoleRim
-from defects.surface import Site
+from defects.kinds import KINDS
+from defects.kinds.banked import Banked
+from defects.seats.seat import Edge, HoleRim
+from defects.surface.surface import Site
 from pipeline.injection.flawed_part import Flaw, FlawedPart
 from pipeline.injection.flawplan import FlawPlan, exactly
 from pipeline.injection.inject import inject
@@ -198,10 +198,11 @@ def text() -> str:
     lines = [
         "# Kinds of flaw",
         "",
-        "Made by `make flaws` from the code; do not edit. A recipe names a kind under `flaws:` and",
-        "may set each of its sizes to a number or a distribution; sizes left out are drawn from",
-        "the typical range (logarithmically for lengths). Pictures show the middle of the typical",
-        "ranges and their upper end, lit so that shallow shapes show; they are not to one scale.",
+        "Made by `make flaws` from the code; do not edit. A recipe lists kinds under `flaws:` and",
+        "may set each size of a kind to a number or a distribution. Omitted sizes are drawn from",
+        "the typical range (logarithmically for lengths). Pictures show the middle and the upper",
+        "end of the typical ranges, with a light that emphasises shallow shapes, at different",
+        "scales.",
         "",
         "| kind | class | where it sits |",
         "| --- | --- | --- |",

@@ -23,7 +23,7 @@ from tables import (
 PAGE = Path(__file__).resolve().parents[1] / "paper.md"
 
 HEAD = """\
-# The paper's noise, reproduced and surpassed
+# Noise: the paper's model and the calibrated one
 
 Made by `make paper`; every number below was measured in that run.
 Paper: Roos-Hoefgeest et al., *Simulation of Laser Profilometer Measurements in the Presence of
@@ -31,8 +31,9 @@ Speckle Using Perlin Noise*, Sensors 2023, 23(17), 7624.
 
 The paper draws Perlin noise whose amplitude is max(Rpm, Rvm) and which has as many control points
 as the surface has peaks, adds the sensor's uncertainty (equation 10) and rounds. Its simulated
-scans miss the roughness of the real ones by 3.8 % on average and by 9.4 % at worst. Here the same
-family of noise is *solved* so that what is measured on the simulated scan equals what was wanted.
+scans differ from the roughness of the real ones by 3.8 % on average and 9.4 % at worst. Here the
+parameters of the same family are *solved* so that the figures measured on a simulated scan equal
+the stated ones.
 """
 
 VERBATIM = """\
@@ -42,81 +43,80 @@ Windows of 100 profiles × 501 points at the paper's pitch (22.5 mm over 501 poi
 profiles; plate 20 mm and 40 mm), ΔZ = 3.8 µm, ten seeds that no calibration uses; ± is the spread
 from seed to seed. *Verbatim*: equation 9 with unit gradients, 4 octaves, persistence 0.5, all
 octaves drawn and their lattices aligned. *Normalised*: each octave scaled by √2, since the largest
-value of one with unit gradients is √½. Errors are relative to the real scan; the paper's are as it
-prints them.
+value of one with unit gradients is √½. Errors are relative to the real scan; the
+paper's errors are the published ones.
 """
 
 WHAT_VERBATIM_SAYS = """\
-Read literally, the model falls a third short in every height: Perlin noise with unit gradients
-doesn't reach ±1. Normalised, Ra and Rq of door and plate come out within 1 %, which is what the
-paper prints for its own simulation too, so this is how its authors must have scaled it. Rp and Rv
-stay 9 to 15 % short and Rpm and Rvm about 20 %.
+Read literally, the model's heights are a third too small: Perlin noise with unit gradients does not
+reach ±1. Normalised, Ra and Rq of door and plate are within 1 %, as in the paper's own simulation,
+whose authors therefore probably used this scale. Rp and Rv are 9 to 15 % too small, Rpm and Rvm
+about 20 %.
 
 ## Which reading of the definitions
 
-The paper's words leave open what a peak of Rpm is, and whether the 10 % of Pc are a height or a
-distance. Equation 9 (normalised) was drawn and measured under each reading, and compared with the
-ratios of the figures **printed** for the paper's own simulation.
+The paper does not define a peak of Rpm, nor whether the 10 % of Pc are a height or a distance.
+Equation 9 (normalised) was drawn and measured under each definition, and compared with the ratios
+of the figures **published** for the paper's own simulation.
 """
 
 WHAT_READINGS_SAY = """\
-- **Rpm**: the ten highest *readings* come closest among what the words allow; local maxima give 1
-  to 3 % less at 501 points and the same at 4096.
-- **Pc**: every local maximum comes closest; with the 10 % read as a height Pc is 15 to 30 % below
-  what is printed. Read as a distance along the profile, in points, the rule excludes nothing here;
-  in mm it would exclude neighbours on the plate, whose real Pc of 0.274 a point would then be out
-  of reach even of white noise.
-- **The window**: in profiles of 501 points no reading gives the printed ratios Rp/Rq ≈ 3 and
+- **Rpm**: the ten highest *readings* agree best among the admissible definitions; local maxima are
+  1 to 3 % lower at 501 points and equal at 4096.
+- **Pc**: every local maximum agrees best; with the 10 % as a height, Pc is 15 to 30 % below the
+  published value. As a distance along the profile, in points, the rule excludes nothing here; in
+  mm it would exclude neighbours on the plate, whose real Pc of 0.274 per point would then exceed
+  that of white noise.
+- **The window**: in profiles of 501 points no definition gives the published ratios Rp/Rq ≈ 3 and
   Rpm/Rp ≈ 0.9 for this noise; in profiles of 4096 points all of them nearly do. The paper's tables
-  were in all likelihood taken from whole profiles of its 4096-point sensor and not from the window
-  that its text describes. This matters below.
+  probably refer to whole profiles of its 4096-point sensor and not to the window that its text
+  describes. The next section depends on this.
 """
 
 CALIBRATED = """\
 ## The calibrated model
 
-Same family; solved are the control points' distance, the persistence, and a monotone map of the
-heights (piecewise cubic, 19 knots), so that all seven measured figures agree after equation 10 and
-rounding. It is deterministic, takes 3 to 20 s a surface, and is stored in the surface's YAML.
-Octaves have shifted lattices, and what the grid can't show is left out.
+The family is the same. The free parameters are the control points' distance, the persistence, and
+a monotone map of the heights (piecewise cubic, 19 knots); all seven measured figures agree after
+equation 10 and rounding. The solution is deterministic, takes 3 to 20 s per surface, and is stored
+in the surface's YAML. Octaves have shifted lattices, and octaves beyond the grid's limit are
+omitted.
 
-To have Rp/Rq ≈ 3 *and* Rpm/Rp ≈ 0.9 within 501 points, the highest and lowest 2 % of the readings
-must form a shoulder with a sharp end (figure 10), and for Ra/Rq to stay at 0.79 the middle must
-give way. Of all maps that reach the figures to about 1 % the one closest to a straight line is
-taken. Figures of whole profiles would need no shoulder: whoever has a scan of the real surface
-should give it to `flawforge roughness` instead, as below.
+For Rp/Rq ≈ 3 *and* Rpm/Rp ≈ 0.9 within 501 points, the highest and lowest 2 % of the readings must
+form a shoulder with a sharp end (figure 10), and Ra/Rq = 0.79 requires a flatter middle. Of all
+maps that reach the figures to about 1 %, the one closest to a straight line is used. Figures of
+whole profiles need no shoulder: with a scan of the real surface, use `flawforge roughness`
+instead, as below.
 
-Under the readings that were *not* taken, the calibrated noise differs from the tables by:
+Under the other definitions, the calibrated noise differs from the tables by:
 """
 
 WINDOW = """\
-ΔZ is the datasheet's 3.8 µm, because it is what the presets' sensor rounds to. The paper holds
-15 µm to be more realistic: with it Rq of the door is 6 % larger, as the second row for each
-surface shows.
+ΔZ is the datasheet's 3.8 µm, the resolution of the preset's sensor. The paper considers 15 µm more
+realistic: with 15 µm, Rq of the door is 6 % larger, as the second row of each surface shows.
 
 ## At other pitches
 
-Figures hold at a pitch. The field is defined in millimetres; at another pitch control points are
+Figures refer to a pitch. The field is defined in millimetres. At another pitch, control points are
 spread to the grid's limit (1.2 steps, where the octave's spectrum peaks just below Nyquist's
-frequency), and octaves that add nothing new by then are left out. The height map keeps the heights'
-distribution whatever is left out: Ra, Rq, Rp and Rv stay, Pc follows the pitch. 0.1209 × 0.2 mm is
+frequency), and redundant octaves are omitted. The height map preserves the distribution of heights:
+Ra, Rq, Rp and Rv stay constant, and Pc depends on the pitch. 0.1209 × 0.2 mm is
 the full fan of the AT-C5-4090CS30-495 preset at 0.1 m/s. Windows of 100 × 501, five seeds:
 """
 
 THREE = """\
 ## Three figures alone
 
-A surface given by Rpm, Rvm and Pc gets the straightest map that reaches these three. The other
-four then follow from the family; errors against the real scan's:
+For a surface stated by Rpm, Rvm and Pc, the solution is the straightest map that reaches these
+three. The family determines the other four; errors relative to the real scan:
 """
 
 KS = """\
-## Heights: figure 10, and what Kolmogorov and Smirnov can't see
+## Heights: figure 10 and the limits of the Kolmogorov-Smirnov test
 
-The real scans of the paper aren't public, so its own Kolmogorov-Smirnov comparison can't be
-repeated; figure 10 shows both models beside a Gaussian of the real Rq. Where there are real
-recordings the comparison is made below, with the spectra beside it: KS doesn't look at the order
-of the readings.
+The real scans of the paper are not public, so the paper's Kolmogorov-Smirnov comparison cannot be
+repeated. Figure 10 shows both models beside a Gaussian of the real Rq. For public recordings the
+comparison is below, with spectra: the KS distance is independent of the order of the readings.
 
 ![Figure 10](paper/figure-10.png)
 """
@@ -124,26 +124,26 @@ of the readings.
 REAL = """\
 ## Real recordings: fitted on one half, compared with the other
 
-Figures, heights and spectra of the first half are aimed at; nothing of the second half is used.
-Form: a line for each profile and the Gaussian filter of ISO 16610-21 with the cut-off that the
-picture marks. Errors are against the unseen half; "first half itself" is how far the two real
-halves differ, below which no model can be expected to fall. Spectra: largest deviation of a band
+The noise is solved for figures, heights and spectra of the first half; the second half is held out.
+Form: a line per profile and the Gaussian filter of ISO 16610-21 with the cut-off marked in the
+picture. Errors are relative to the held-out half; "first half itself" is the difference of the two
+real halves, a lower limit for any model. Spectra: largest deviation of a band
 between the form cut-off and the resolution limit. KS at most 0.05 is the paper's criterion.
 """
 
 WHY = """\
-What the family can't reach, and why:
+Limits of the family, with their reasons:
 
 - **OCR_3D 34, base**: the errors above 5 % are those of the two real halves.
 - **x3p-2** has parallel grooves, about nine over its 0.083 mm: their lay puts a line into the
-  spectrum along the profiles and takes power out of the low frequencies across. Gradients of
-  uniform direction have a smooth spectrum; two cell sizes make it elliptic, not lined. The
-  compromise between its figures and a spectrum out of reach leaves Rv and Pc 6 to 7 % off.
-- **sur-2** has bands and a few spikes of 20 times Rq; its halves differ by up to 40 % themselves,
-  and there are more peaks than white noise has (0.351 a point against 0.333), which no
-  interpolated noise gives.
-- **The stylus profile** is one line: its halves differ by 10 to 15 %, and so does what is fitted.
-  Its spectrum falls more slowly than four octaves do.
+  spectrum along the profiles and removes power from the low frequencies across. Gradients of
+  uniform direction have a smooth spectrum, and two cell sizes make the spectrum elliptic without a
+  line. The compromise between the figures and this spectrum leaves errors of 6 to 7 % in Rv and Pc.
+- **sur-2** has bands and a few outliers of 20 times Rq. Its halves differ by up to 40 %, and the
+  peak density exceeds that of white noise (0.351 per point against 0.333), which no interpolated
+  noise has.
+- **The stylus profile** is one line: its halves differ by 10 to 15 %, as does the fitted noise. Its
+  spectrum falls more slowly than that of four octaves.
 """
 
 
@@ -190,7 +190,7 @@ def tables_section() -> list[str]:
 
 
 def figures_section() -> list[str]:
-    """Draw the paper's figures and return what is said of them."""
+    """Draw the paper's figures and return their captions."""
     scan = door_scan()
     figure_6(scan)
     figure_7(scan)

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.noise.calibration import Solution, calibrate
-from sensors.noise.measured import Measured, distribution, measure, simulate
+from sensors.noise.noise_target import NoiseTarget, distribution, measure, simulate
+from sensors.noise.perlin import PerlinField
 from sensors.noise.spectrum import decibels
 from sensors.recording import repeated_rows
 from sensors.surface.form import remove_form
@@ -81,7 +82,7 @@ class Outcome:
     """What the unseen half says."""
 
     region: Region
-    wanted: Measured
+    wanted: NoiseTarget
     solution: Solution
     real: Floats
     errors: Floats
@@ -128,16 +129,17 @@ def compare(region: Region) -> Outcome:
     """Fit on the first half, compare with the second."""
     heights, pitch_x, pitch_y, step = load(region)
     first, second = np.array_split(heights, 2, axis=region.split)
-    keep = {"resolution_mm": step, "cutoff_mm": region.cutoff_mm}
-    seen = measure(first, pitch_x, pitch_y, **keep)  # type: ignore[arg-type]
-    unseen = measure(second, pitch_x, pitch_y, **keep)  # type: ignore[arg-type]
+    seen, unseen = (
+        measure(half, pitch_x, pitch_y, resolution_mm=step, cutoff_mm=region.cutoff_mm)
+        for half in (first, second)
+    )
     solution = calibrate(seen)
 
-    def draw(field: object, seeds: int = 10) -> list[Floats]:
+    def draw(field: PerlinField, seeds: int = 10) -> list[Floats]:
         return [
             remove_form(
                 simulate(
-                    field,  # type: ignore[arg-type]
+                    field,
                     unseen,
                     np.random.default_rng([s, 5]),
                     np.random.default_rng([s, 6]),
@@ -174,7 +176,7 @@ def compare(region: Region) -> Outcome:
     )
 
 
-def spectra_db(wanted: Measured, simulated: list[Floats]) -> tuple[Floats, Floats]:
+def spectra_db(wanted: NoiseTarget, simulated: list[Floats]) -> tuple[Floats, Floats]:
     """Return simulated against real densities in the bands along and across, dB."""
     parts = [distribution(wanted, z) for z in simulated]
     results = []

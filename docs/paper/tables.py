@@ -1,12 +1,13 @@
 """Tables 2 to 4 of the paper, its readings and its pitches: numbers for docs/paper.md."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sensors.noise.calibration import calibrate
-from sensors.noise.measured import Measured, simulate
+from sensors.noise.noise_target import NoiseTarget, simulate
 from sensors.noise.perlin import PerlinField
 from sensors.surface.roughness import FIGURES, profile_roughness, roughness
 from sensors.surface.surface import Surface
@@ -32,15 +33,15 @@ PAPERS_ERRORS = {
 }
 
 
-def window_of(surface: Surface, **changes: object) -> Measured:
+def window_of(surface: Surface, **changes: Any) -> NoiseTarget:
     """Return the paper's window at the surface's pitch."""
     assert surface.pitch_x_mm is not None
     assert surface.pitch_y_mm is not None
-    window = Measured(pitch_x_mm=surface.pitch_x_mm, pitch_y_mm=surface.pitch_y_mm)
-    return replace(window, **changes)  # type: ignore[arg-type]
+    window = NoiseTarget(pitch_x_mm=surface.pitch_x_mm, pitch_y_mm=surface.pitch_y_mm)
+    return replace(window, **changes)
 
 
-def scans(field: PerlinField, window: Measured, seeds: int = SEEDS) -> list[Floats]:
+def scans(field: PerlinField, window: NoiseTarget, seeds: int = SEEDS) -> list[Floats]:
     """Draw scans with seeds that no calibration uses."""
     return [
         simulate(field, window, np.random.default_rng([s, 2]), np.random.default_rng([s, 3]))
@@ -48,7 +49,7 @@ def scans(field: PerlinField, window: Measured, seeds: int = SEEDS) -> list[Floa
     ]
 
 
-def figures_of(field: PerlinField, window: Measured, seeds: int = SEEDS) -> Floats:
+def figures_of(field: PerlinField, window: NoiseTarget, seeds: int = SEEDS) -> Floats:
     """Return the seven figures of each scan, (seeds, 7)."""
     return np.array(
         [roughness(z, window.pitch_x_mm).values() for z in scans(field, window, seeds)]
@@ -61,7 +62,7 @@ def real_figures(surface: Surface) -> Floats:
 
 
 def unlimited(field: PerlinField) -> PerlinField:
-    """Return the field with all its octaves, aliased or not: the text taken at its word."""
+    """Return the field with all its octaves, aliased or not: as the text states."""
     return replace(field, band_limited=False)
 
 
@@ -108,7 +109,7 @@ def summary(errors: dict[str, Floats]) -> list[str]:
     paper = np.array(list(PAPERS_ERRORS.values()))
     lines.append(f"| the paper's simulation | {paper.mean():.2f} % | {paper.max():.2f} % |")
     names = {
-        "verbatim": "equation 9 as printed, unit gradients",
+        "verbatim": "equation 9 as published, unit gradients",
         "normalised": "equation 9, each octave scaled to reach ±1",
         "calibrated": "**calibrated**",
     }
@@ -119,7 +120,7 @@ def summary(errors: dict[str, Floats]) -> list[str]:
 
 
 def readings() -> list[str]:
-    """Compare readings of Rpm and Pc on the paper's own model with what it prints for it."""
+    """Compare definitions of Rpm and Pc on the paper's model with the published figures."""
     lines = [
         "| surface | points | Rq, mm | Rp/Rq | Rpm/Rp: readings | local maxima | five sections |"
         " Pc: every peak | 10 % as height | 10 % as distance in mm |",
@@ -129,7 +130,7 @@ def readings() -> list[str]:
         surface = Surface.load(name)
         _, rq, rp, _, rpm, _, pc = PAPERS_SIMULATION[name]
         lines.append(
-            f"| {surface.name}: **printed** | | {rq:g} | {rp / rq:.2f} | **{rpm / rp:.3f}** | | |"
+            f"| {surface.name}: **published** | | {rq:g} | {rp / rq:.2f} | **{rpm / rp:.3f}** | | |"
             f" **{pc:.2f}** | | |"
         )
         field = unlimited(surface.field(verbatim=True, normalised=True))

@@ -10,7 +10,9 @@ from typing import Any
 from pipeline.parts import builtin
 from pipeline.recipe_schema import MODELINE, schema
 
-PAGE = Path(__file__).parents[1] / "recipe.md"
+HERE = Path(__file__).parent
+PAGE = HERE.parent / "recipe.md"
+EXAMPLE = HERE / "example.yaml"
 SECTIONS = {
     "": "The recipe",
     "PartEntry": "An entry of `parts`",
@@ -26,22 +28,22 @@ SECTIONS = {
 HEAD = f"""# Every key of a recipe
 
 Made by `make recipe` from the code; do not edit. `flawforge init PART.stl` writes a recipe to
-start from. `flawforge schema` writes the JSON Schema with which an editor checks and completes a
-recipe whose first line names it: `{MODELINE}`.
-`--set KEY=VALUE` puts another value in place of a recipe's.
+start from. `flawforge schema` writes a JSON Schema, with which an editor checks and completes a
+recipe. The recipe's first line names the schema: `{MODELINE}`.
+`--set KEY=VALUE` overrides a key on the command line.
 
-A **size** is a number, or a distribution that is drawn from: `{{uniform: [low, high]}}`,
+A **size** is a number or a distribution: `{{uniform: [low, high]}}`,
 `{{log_uniform: [low, high]}}`, `{{normal: [mean, sd, low, high]}}` (truncated),
-`{{choice: [values]}}`. Its range holds for whatever can be drawn.
+`{{choice: [values]}}`. The range of a size holds for every value of its distribution.
 
-With `extends`, `flaws` and `motion` are taken over key by key, everything else as a whole.
+A recipe with `extends` inherits `flaws` and `motion` key by key and every other key as a whole.
 """
 
 
 def page() -> str:
     """Return the page."""
     whole = schema()
-    parts = [HEAD]
+    parts = [HEAD, f"```yaml\n{EXAMPLE.read_text(encoding='utf-8')}```\n"]
     required = whole["anyOf"][0]["required"]
     for name, title in SECTIONS.items():
         record = whole if not name else whole["$defs"][name]

@@ -1,12 +1,13 @@
 """Where shards are made: processes here, or the workers of a Dask scheduler.
 
-The one place that knows joblib. It loads nothing until it must, so that processes start while the
-rest is loaded.
+Only this module uses joblib. The module imports late, so that processes start while the rest is
+loaded.
 """
 
+import importlib
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, Future
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -26,7 +27,7 @@ Arguments = tuple[Any, ...]
 
 
 def one_thread_each() -> None:
-    """Keep libraries that aren't loaded yet from starting threads, unless the user wants them."""
+    """Keep libraries that are not loaded yet from starting threads, unless the user set them."""
     for name, threads in THREADS.items():
         os.environ.setdefault(name, threads)
 
@@ -35,7 +36,7 @@ def one_thread_each() -> None:
 class Backend:
     """Where shards are made: `jobs` processes here, or the workers of a Dask scheduler.
 
-    The process that asks is one of the jobs: it works as the others do.
+    The calling process is one of the jobs and works as the others.
     """
 
     jobs: int = 1
@@ -43,9 +44,9 @@ class Backend:
 
     @contextmanager
     def started(self) -> Iterator["Backend"]:
-        """Have the other processes begin to load what scans need, while the recipe is read.
+        """Start the other processes, which load modules while the recipe is read.
 
-        They end with the context, at once: they hold nothing that isn't written.
+        They end with the context: all their results are written.
         """
         if self.jobs == 1 or self.scheduler:
             yield self
@@ -59,7 +60,7 @@ class Backend:
             others.shutdown(kill_workers=True)
 
     def results(self, task: Task, each: Iterable[Arguments]) -> Iterator[Any]:
-        """Run a task on each of some arguments; give results as they come, in any order."""
+        """Run a task on each argument; yield results in the order of completion."""
         if self.scheduler:
             return self._by_dask(task, each)
         if self.jobs > 1:
@@ -98,7 +99,7 @@ class Backend:
                 sent += 1
             try:
                 others.submit(_worked, task, one).add_done_callback(receive)
-            except RuntimeError as error:  # broken, or shut down by now
+            except RuntimeError as error:  # broken, or shut down meanwhile
                 lost: Future[Any] = Future()
                 lost.set_exception(error)
                 done.put(lost)
@@ -134,8 +135,10 @@ class Backend:
         )
 
     @contextmanager
-    def chosen(self) -> Iterator[Any]:
+    def chosen(self, versions: Mapping[str, str]) -> Iterator[Any]:
         """Connect to Dask's scheduler, where there is one, for a context; yields its client.
+
+        Its workers must have these versions.
 
         Raises
         ------
@@ -149,17 +152,20 @@ class Backend:
 
             from pipeline.batch.cluster import cluster
 
-            with cluster(self.scheduler) as client, joblib.parallel_config("dask", client=client):
+            with (
+                cluster(self.scheduler, versions) as client,
+                joblib.parallel_config("dask", client=client),
+            ):
                 yield client
             return
         try:
             yield None
         except BrokenExecutor:
             raise RecipeError(
-                "a worker was killed; memory may be short",
+                "a worker was killed, perhaps for lack of memory",
                 where="--jobs",
                 value=self.jobs,
-                allowed="fewer jobs; the same command goes on from what is finished",
+                allowed="fewer jobs; the same command continues from the finished shards",
             ) from None
 
 
@@ -172,8 +178,7 @@ def _begin() -> None:
     """
     from joblib.externals.loky import process_executor
 
-    import pipeline.batch.work  # noqa: F401
-
+    importlib.import_module("pipeline.batch.work")
     process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize
 
 

@@ -1,4 +1,4 @@
-"""The workers of a Dask scheduler: reached, and checked to be fit for the same bytes."""
+"""The workers of a Dask scheduler: connection, and a check for equal bytes."""
 
 import re
 import socket
@@ -15,8 +15,15 @@ WORKERS_S: Final = 60.0  # how long the first worker may take to join it
 
 
 @contextmanager
-def cluster(address: str) -> Iterator[Any]:
+def cluster(address: str, wanted: Mapping[str, str]) -> Iterator[Any]:
     """Connect to a scheduler and check its workers; yields distributed's client.
+
+    Parameters
+    ----------
+    address
+        Of the scheduler.
+    wanted
+        Versions that every worker must have, see `pipeline.dataset.manifest.versions`.
 
     Raises
     ------
@@ -46,7 +53,7 @@ def cluster(address: str) -> Iterator[Any]:
             f"no Dask scheduler answers ({_short(error)})",
             where="--scheduler",
             value=address,
-            allowed="the address that 'dask scheduler' says, like tcp://host:8786",
+            allowed="the address that 'dask scheduler' prints, like tcp://host:8786",
         ) from None
     with client:
         try:
@@ -58,7 +65,7 @@ def cluster(address: str) -> Iterator[Any]:
                 value=address,
                 allowed=f"start some with: dask worker {address} --nthreads 1",
             ) from None
-        _ask(client, _differences, versions(), "can't give the same bytes")
+        _ask(client, _differences, wanted, "can't give the same bytes")
         yield client
 
 
@@ -86,7 +93,7 @@ def _ask(client: Any, question: Any, about: Any, wrong: str) -> None:
 
 def _differences(wanted: Mapping[str, str]) -> str:
     try:
-        here = versions()
+        here = versions(wanted.keys() - {*versions()})
     except ImportError as error:  # PackageNotFoundError
         return f"without {error.name}"
     return ", ".join(

@@ -1,4 +1,4 @@
-"""The plan of a dataset: which specimens, in which split, scanned how often, in which shard."""
+"""The plan of a dataset: specimens, their splits, numbers of scans, and shards."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -20,9 +20,9 @@ class PlannedPart:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PlannedScans:
-    """Scans `first` up to `last` (half-open) of one specimen; whether these are all it has.
+    """Scans `first` up to `last` (half-open) of one specimen; whether they are all its scans.
 
-    `splits` names the split of each scan, `wanted` how many flaws of each kind it is to have.
+    `splits` names the split of each scan, `wanted` the number of flaws of each kind.
     """
 
     part: PlannedPart
@@ -42,7 +42,7 @@ class PlannedScans:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PlannedShard:
-    """What goes into one shard."""
+    """Scans of one shard."""
 
     name: str
     work: tuple[PlannedScans, ...]
@@ -55,7 +55,7 @@ class PlannedShard:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Plan:
-    """All shards, and by what the splits were made ('part', 'specimen' or 'scan')."""
+    """All shards, and the unit of the splits ('part', 'specimen' or 'scan')."""
 
     shards: tuple[PlannedShard, ...]
     split_by: str
@@ -70,11 +70,10 @@ MOST_PER_SHARD, LEAST_SHARDS = 64, 16
 
 
 def make_plan(recipe: Recipe, parts: Sequence[PlannedPart]) -> Plan:
-    """Lay out the dataset; the number of workers has no say in it.
+    """Plan the dataset; the plan is independent of the number of workers.
 
-    Where the recipe doesn't say, splits are made by part, so that no part is in two of them; with
-    fewer parts than splits, by specimen. Shards hold whole specimens, unless one alone is larger
-    than a shard.
+    By default the unit of the splits is the part; with fewer parts than splits, the specimen.
+    Shards hold whole specimens, unless one specimen exceeds a shard.
     """
     file = recipe.file
     counts = {part.name: recipe.specimens_of(part.entry) for part in parts}

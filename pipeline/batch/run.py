@@ -7,16 +7,17 @@ alone, so the bytes are the same for any number of workers and after any restart
 import hashlib
 import json
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from pipeline.batch.backend import Backend
 from pipeline.batch.plan import Plan, PlannedPart, make_plan
 from pipeline.batch.work import Workplace, is_whole, make_shard, read_journal
 from pipeline.dataset.checksums import NAME as CHECKSUMS
 from pipeline.dataset.checksums import write_checksums
+from pipeline.dataset.compression import reader_needs
 from pipeline.dataset.description import describe
 from pipeline.dataset.folder import drop_leftovers, drop_parts, held
 from pipeline.dataset.manifest import versions, write_manifest
@@ -30,11 +31,12 @@ from pipeline.recipe_paths import resolve
 __all__ = ["Backend", "generate"]
 
 LOG = logging.getLogger("flawforge.generate")
+MANY_FLAWS: Final = 100  # in a specimen, from which cutting them takes minutes
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Wanted:
-    """A part that the recipe names, before anyone has looked at it."""
+    """A part that the recipe names, not loaded yet."""
 
     name: str
     entry: PartEntry
@@ -47,10 +49,10 @@ def generate(
     *,
     backend: Backend | None = None,
 ) -> dict[str, Any]:
-    """Make the dataset of a recipe in the folder `out`; return what dataset.json says.
+    """Make the dataset of a recipe in the folder `out`; return the content of dataset.json.
 
-    What was made before and is whole stays. Progress goes to the logger "flawforge.generate":
-    records have an `event` ("plan", "part", "shard", "done") and its `facts`.
+    Whole shards of an earlier run are kept. Progress goes to the logger "flawforge.generate":
+    records have an `event` ("plan", "part", "warning", "shard", "done") and its `facts`.
 
     Raises
     ------
@@ -61,12 +63,13 @@ def generate(
     """
     backend = backend or Backend()
     recipe = recipe.ready()
-    used, made_by = recipe.as_used(), versions()
+    needed = reader_needs(recipe.file.compression)
+    used, made_by = recipe.as_used(), versions([needed] if needed else [])
     wanted, failed = find_wanted(recipe)
     identity = {"recipe": used, "versions": made_by, "files": _checksums(recipe, wanted)}
     fingerprint = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
     out = out.absolute()
-    with backend.chosen() as client, held(out, fingerprint) as hidden:
+    with backend.chosen(made_by) as client, held(out, fingerprint) as hidden:
         if client is not None:
             from pipeline.batch.cluster import check_folder
 
@@ -78,6 +81,7 @@ def generate(
             raise PartError(recipe.document.path, f"no part can be used: {wrong}", mend)
         plan = make_plan(recipe, parts)
         _log("plan", {"scans": plan.scans, "shards": len(plan.shards), "parts": len(parts)})
+        _warn_of_many(recipe, parts)
         attributes = {"name": recipe.file.name, "recipe": used, "versions": made_by}
         place = Workplace(recipe=recipe, out=out, attributes=attributes)
         _make_shards(place, plan, {one["part"]: one["triangles"] for one in facts}, backend)
@@ -93,6 +97,7 @@ def generate(
                 "versions": made_by,
                 "files": identity["files"],
                 "checksums": CHECKSUMS,
+                "reader_needs": needed,
                 "failed": failed,
             },
         )
@@ -108,8 +113,16 @@ def _log(event: str, facts: Mapping[str, Any]) -> None:
     LOG.info("%s %s", event, facts, extra={"event": event, "facts": facts})
 
 
+def _warn_of_many(recipe: Recipe, parts: Sequence[PlannedPart]) -> None:
+    """Say before the night is spent that specimens may have very many flaws."""
+    most = max(recipe.flaws_of(part.entry).most() for part in parts)
+    if most > MANY_FLAWS:
+        text = f"up to {most} flaws in a specimen, cut one by one: flawforge check says how long"
+        _log("warning", {"text": text})
+
+
 def find_wanted(recipe: Recipe) -> tuple[list[Wanted], list[dict[str, str]]]:
-    """List every part that the recipe names, each under a name of its own; and what isn't there."""
+    """List every part of the recipe under a unique name, and the missing ones."""
     wanted: list[Wanted] = []
     failed: list[dict[str, str]] = []
     taken: set[str] = set()
@@ -167,7 +180,7 @@ def _checksums(recipe: Recipe, wanted: list[Wanted]) -> dict[str, str | None]:
 def prepare(
     recipe: Recipe, wanted: list[Wanted], folder: Path, backend: Backend
 ) -> tuple[list[PlannedPart], list[dict[str, Any]], list[dict[str, str]]]:
-    """Load, mend and keep every part, in parallel; one that fails doesn't stop the others."""
+    """Load, mend and store every part, in parallel; a failure does not stop the others."""
     drop_parts(folder)
     folder.mkdir()
     results: dict[str, tuple[str | None, dict[str, Any]]] = {}
@@ -215,7 +228,7 @@ def _prepare_one(
 def _make_shards(
     place: Workplace, plan: Plan, triangles: Mapping[str, int], backend: Backend
 ) -> None:
-    """Make the shards that aren't there yet; the dearest first, so that none is waited for."""
+    """Make the missing shards, the most expensive first, to shorten the wait at the end."""
     todo = []
     for shard in plan.shards:
         if is_whole(place, shard.name):

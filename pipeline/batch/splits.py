@@ -1,4 +1,4 @@
-"""Splits: which part, specimen or scan trains and which tests.
+"""Splits of parts, specimens or scans into training, validation and test.
 
 Shares are met to the nearest whole unit; within that, units that carry rare kinds of flaw are
 dealt out first, each to the split that lacks its rarest kind most (iterative stratification:
@@ -18,7 +18,7 @@ from pipeline.seeds import seed_of
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Unit:
-    """What goes into one split as a whole.
+    """A unit that no split divides.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class _Table:
         }
 
     def give(self, name: str, label: str | None) -> None:
-        """Put a unit where `label` lacks most, then all its labels, then where room is."""
+        """Put a unit into the split that lacks `label` most, then its labels, then units."""
         unit = self._units[name]
         open_to = [split for split, scans in self._room.items() if scans >= unit.scans / 2]
         if len(self._units) - len(self.chosen) <= len(self._empty):

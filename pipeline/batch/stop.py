@@ -1,4 +1,4 @@
-"""Being asked to stop by a signal: at once where that can be, and never lost.
+"""Stop by a signal: immediately where possible, and never lost.
 
 An exception out of a signal's handler is not enough. Raised within `__del__`, a weak reference's
 callback or a function that compiled code calls, it is printed and forgotten: so it isn't printed,
@@ -23,12 +23,12 @@ _wish: signal.Signals | None = None
 
 
 class Stopped(BaseException):
-    """The user or the system asks this process to stop."""
+    """The user or the system requests a stop."""
 
 
 @contextmanager
 def stoppable() -> Iterator[None]:
-    """Let signals stop what runs within; one that is ignored stays so."""
+    """Let signals stop the code within; an ignored signal stays ignored."""
     global _wish
     _wish = None
     before = {number: signal.getsignal(number) for number in (*SIGNALS, signal.SIGALRM)}
@@ -53,7 +53,7 @@ def stoppable() -> Iterator[None]:
 
 
 def heard() -> signal.Signals | None:
-    """Return the signal that asked to stop, if one did; it and others are silent from then on."""
+    """Return the signal that requested a stop, if any; later signals have no effect."""
     if _wish is not None:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number in SIGNALS:

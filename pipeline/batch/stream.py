@@ -1,4 +1,4 @@
-"""Scans of a recipe one by one, without end and without a disk: by number, from any process."""
+"""An endless stream of a recipe's scans, by number, without a disk, from any process."""
 
 import shutil
 import tempfile
@@ -19,8 +19,8 @@ from pipeline.scan.labelled_scan import Scan
 class ScanStream:
     """The scans of a recipe, numbered: parts in turn, then specimens, each with all its scans.
 
-    Scans of specimens that the recipe asks for are those of its dataset, to the bit; the numbers
-    go on beyond. Parts are loaded when the first scan is asked for, in each process for itself.
+    Scans of the recipe's specimens equal those of its dataset bit by bit; the numbers continue
+    beyond. Each process loads the parts at its first scan.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class ScanStream:
     def scans(self, start: int = 0, share: int = 0, shares: int = 1) -> Iterator[tuple[int, Scan]]:
         """Simulate without end, with its number, every scan from `start` that is in this share.
 
-        A specimen is in one share alone; scans that can't be made are passed over.
+        A specimen belongs to one share; scans that fail are skipped.
         """
         block = start // self.scans_each
         block += (share - block) % shares

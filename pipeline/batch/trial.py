@@ -1,6 +1,6 @@
-"""A trial: a few scans of a recipe, and what the whole dataset would hold, cost and lack.
+"""A trial: a few scans of a recipe, and a prediction of the whole dataset.
 
-Numbers of flaws are known from the plan; how many of them a scan shows is estimated from the trial.
+The plan determines the numbers of flaws; the trial estimates the shares that scans show.
 """
 
 import os
@@ -21,22 +21,22 @@ from pipeline.parts.part_error import PartError
 from pipeline.recipe import Recipe
 
 COUNTS: Final = ("seen", "visible", "detectable")
-PARTS_AT_MOST: Final = 8  # tried, evenly among the recipe's; the others are taken for alike
+PARTS_AT_MOST: Final = 8  # tried, evenly among the recipe's; the others are assumed to be similar
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Trial:
-    """What a trial found.
+    """Result of a trial.
 
     Attributes
     ----------
     dataset : dict
-        What dataset.json would say, counts being expectations rounded to whole numbers.
+        Predicted content of dataset.json; counts are rounded expectations.
     scans : int
         Scans taken.
     parts_tried, parts : int
     seconds : float
-        Time that one process would need for the whole dataset.
+        Predicted duration of the whole dataset with one process.
     bytes_on_disk : float
         Size of its shards.
     """
@@ -59,7 +59,7 @@ class _Cost:
 
 
 def try_recipe(recipe: Recipe, *, specimens: int = 2, scans: int = 4) -> Trial:
-    """Take a few scans of each part and predict the whole.
+    """Make a few scans of each part and predict the whole dataset.
 
     Parameters
     ----------
@@ -114,7 +114,10 @@ def try_recipe(recipe: Recipe, *, specimens: int = 2, scans: int = 4) -> Trial:
 def _tried(
     place: Workplace, plan: Plan, specimens: int, scans: int
 ) -> tuple[list[dict[str, Any]], dict[str, _Cost]]:
-    """Make small shards of the first specimens of each part; the first scan pays for the cut."""
+    """Make small shards of flawed specimens of each part; the first scan pays for the cut.
+
+    Specimens without flaws estimate no rate. They are tried where a part has no others.
+    """
     by_part: dict[str, list[PlannedScans]] = {}
     for shard in plan.shards:
         for work in shard.work:
@@ -131,7 +134,8 @@ def _tried(
     for name in names:
         first_s, rest_s, rest, stored = 0.0, 0.0, 0, 0
         # a specimen other than the one tried before, which is still in memory
-        tried = by_part[name][-specimens:]
+        flawed = [work for work in by_part[name] if any(work.wanted.values())]
+        tried = (flawed or by_part[name])[-specimens:]
         for work in tried:
             most = min(scans, work.last)
             for first, last in ((0, 1), (1, most)):

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.batch.plan import PlannedPart, PlannedScans, PlannedShard
-from pipeline.dataset.folder import write_whole
 from pipeline.dataset.shards import ShardWriter, file_sha256
 from pipeline.injection.inject import Flaw
 from pipeline.injection.specimen import Specimen, make_specimen
@@ -21,11 +20,12 @@ from pipeline.scan.labelled_scan import Scan, take_scan
 from pipeline.scan.labels import Tally
 from pipeline.seeds import seed_of, streams
 from sensors.typed_yaml import plain
+from sensors.whole_file import write_whole
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Workplace:
-    """What every worker of a dataset shares."""
+    """Data that all workers of a dataset share."""
 
     recipe: Recipe
     out: Path
@@ -37,12 +37,12 @@ class Workplace:
         return self.out / ".flawforge"
 
     def journal(self, shard: str) -> Path:
-        """Where it is written down that a shard is whole, and what is in it."""
+        """Path of a shard's journal, which states that the shard is whole, and its content."""
         return self.hidden / f"{shard}.json"
 
 
 def read_journal(place: Workplace, shard: str) -> dict[str, Any]:
-    """Return what was written down of a shard.
+    """Return the journal of a shard.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def read_journal(place: Workplace, shard: str) -> dict[str, Any]:
 
 
 def is_whole(place: Workplace, shard: str) -> bool:
-    """Whether a shard's file is there with the checksum that its journal names."""
+    """Whether a shard's file exists with the checksum of its journal."""
     try:
         written: str = read_journal(place, shard)["sha256"]
         return file_sha256(place.out / shard) == written
@@ -66,7 +66,7 @@ def is_whole(place: Workplace, shard: str) -> bool:
 
 
 def make_shard(place: Workplace, shard: PlannedShard) -> tuple[str, int]:
-    """Make a shard and its journal (rows of the manifest, what failed); return name and scans."""
+    """Make a shard and its journal (rows of the manifest, failures); return name and scans."""
     recipe = place.recipe
     scans: list[dict[str, Any]] = []
     flaws: list[dict[str, Any]] = []
@@ -80,6 +80,7 @@ def make_shard(place: Workplace, shard: PlannedShard) -> tuple[str, int]:
         attributes=place.attributes,
         with_points=recipe.file.points_on_disk,
         with_intensity=recipe.file.intensity is not None,
+        compression=recipe.file.compression,
     ) as writer:
         for work in shard.work:
             try:
@@ -155,7 +156,7 @@ def simulate(
     Returns
     -------
     Scan, Trajectory, int
-        The scan, its path, and how many paths were drawn.
+        The scan, its path, and the number of paths drawn.
     """
     file = recipe.file
     rng_of = streams(file.seed, part.name, names[0], "scan", names[1])

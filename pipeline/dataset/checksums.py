@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from pipeline.dataset.folder import write_whole
 from pipeline.dataset.shards import file_sha256
+from sensors.whole_file import write_whole
 
 NAME: Final = "checksums.sha256"
 OWN: Final = (
@@ -35,7 +35,7 @@ def own_files(folder: Path) -> list[str]:
 
 
 def write_checksums(folder: Path, known: Mapping[str, str]) -> Checksums:
-    """Write the list; checksums that are `known`, by name, aren't taken again."""
+    """Write the list; checksums that are `known`, by name, are reused."""
     files = {name: known.get(name) or file_sha256(folder / name) for name in own_files(folder)}
     body = "".join(f"{digest}  {name}\n" for name, digest in files.items())
     root = hashlib.sha256(body.encode()).hexdigest()
@@ -44,7 +44,7 @@ def write_checksums(folder: Path, known: Mapping[str, str]) -> Checksums:
 
 
 def read_checksums(folder: Path) -> Checksums | None:
-    """Return the list, None where there is no such file.
+    """Return the list, None without the file.
 
     Raises
     ------

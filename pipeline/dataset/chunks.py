@@ -15,7 +15,7 @@ LEVEL = 2
 
 
 def deflated(values: NDArray[Any], rows: int) -> bytes:
-    """Return a chunk's bytes as HDF5's filters shuffle and deflate would leave them.
+    """Return a chunk's bytes, equal to those of HDF5's filters shuffle and deflate.
 
     Parameters
     ----------

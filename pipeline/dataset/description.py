@@ -1,7 +1,7 @@
-"""A dataset describes itself: croissant.json for machines, README.md for readers.
+"""Description of a dataset: croissant.json for machines, README.md for readers.
 
 Croissant is the metadata format of MLCommons (https://docs.mlcommons.org/croissant/, version 1.0).
-Both files follow from the dataset alone: no date, no path, the same bytes on a rebuild.
+Both files depend on the dataset only: no date, no path, the same bytes on a rebuild.
 """
 
 import json
@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from pipeline.dataset.folder import write_whole
 from pipeline.dataset.manifest import FLAW_COLUMNS, SCAN_COLUMNS
 from pipeline.dataset.shards import file_sha256
 from sensors.typed_yaml import dump_yaml
+from sensors.whole_file import write_whole
 
 Columns = Mapping[str, type]
 
@@ -46,7 +46,7 @@ CITATION: Final = (
 
 
 def describe(out: Path, dataset: Mapping[str, Any]) -> None:
-    """Write README.md and croissant.json of a dataset whose other files are there.
+    """Write README.md and croissant.json of a dataset whose other files exist.
 
     Parameters
     ----------
@@ -144,6 +144,13 @@ def _readme(dataset: Mapping[str, Any], columns: Mapping[str, Columns]) -> str:
         + ", ".join(f"`{name}`" for name in columns[table] if not name.startswith("size_"))
         for table in TABLES
     )
+    needed = dataset["reader_needs"]
+    plugin = (
+        f" Chunks are compressed by {recipe['compression']}: `pip install {needed}` and"
+        f" `import {needed}` before the first shard is read."
+        if needed
+        else ""
+    )
     return f"""# {dataset["name"]}
 
 {_what(dataset)}
@@ -169,9 +176,10 @@ depth, mask = scans[0]["depth"], scans[0]["mask"]    # mm, NaN = missing; class 
 ```
 
 Without flawforge: each `shard-*.h5` holds, scans along the first axis, `depth` (a number n means
-`offset_mm + scale_mm * n` of its attributes, `missing` no return), `depth_ideal`, `depth_clean`,
-`mask`, `mask_visible`, `instance`, `invalid_reason`, `pose`, `time`. `flawforge view .` makes a
-gallery, `flawforge export . --to coco` and other forms what further programs open.
+`offset_mm + scale_mm * n` of its attributes, `missing` a missing reading), `depth_ideal`,
+`depth_clean`, `mask`, `mask_visible`, `instance`, `invalid_reason`, `pose`, `time`.{plugin}
+`flawforge view .` makes a gallery; `flawforge export . --to coco` and other forms write files for
+other programs.
 
 ## Files
 
@@ -181,7 +189,7 @@ gallery, `flawforge export . --to coco` and other forms what further programs op
 
 ## Made by
 
-{versions}; `flawforge verify .` checks every file. The dataset belongs to whoever made it.
+{versions}; `flawforge verify .` checks every file. The dataset belongs to the person who made it.
 
 ```yaml
 {dump_yaml(recipe).rstrip()}

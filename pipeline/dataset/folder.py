@@ -2,24 +2,22 @@
 
 import fcntl
 import json
-import os
 import shutil
-import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from pipeline.dataset.shards import sync
 from sensors.typed_yaml import RecipeError
+from sensors.whole_file import write_whole
 
 
 @contextmanager
 def held(out: Path, fingerprint: str) -> Iterator[Path]:
     """Hold a dataset's folder for one run; yields the folder of its journals.
 
-    The lock is the operating system's: it is gone when the process is, however it ended. A run
-    that is refused before it made a shard leaves the folder as it found it.
+    The operating system holds the lock and releases it at the end of the process. A run that is
+    refused before its first shard leaves the folder unchanged.
 
     Raises
     ------
@@ -72,26 +70,12 @@ def _read(path: Path) -> Any:
         return None
 
 
-def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file so that it is there whole or as it was: aside, synced, renamed."""
-    aside = path.with_name(f".{path.name}.{uuid.uuid4().hex}.part")
-    data = content.encode() if isinstance(content, str) else content
-    try:
-        aside.write_bytes(data)
-        sync(aside)
-        os.replace(aside, path)
-    except OSError:
-        aside.unlink(missing_ok=True)
-        raise
-    sync(path.parent)
-
-
 def drop_leftovers(out: Path) -> None:
-    """Remove what a worker that was killed had begun to write."""
-    for leftover in (*out.glob(".*.part"), *(out / ".flawforge").glob(".*")):
+    """Remove partial files of killed workers."""
+    for leftover in (*out.glob(".*.part*"), *(out / ".flawforge").glob(".*")):
         leftover.unlink(missing_ok=True)
 
 
 def drop_parts(folder: Path) -> None:
-    """Remove the kept parts of a dataset that is finished, or of a run that was stopped."""
+    """Remove the stored parts of a finished dataset or of a stopped run."""
     shutil.rmtree(folder, ignore_errors=True)

@@ -1,28 +1,26 @@
 """The manifest: a row for each scan, a row for each flaw in each scan, and the dataset's facts.
 
-Written from the shards' journals one after the other, so that memory doesn't grow with the
+Written from the shards' journals one after the other, so that memory is independent of the
 number of scans.
 """
 
 import csv
 import importlib.metadata
 import json
-import os
 import platform
-import uuid
 from collections.abc import Iterable, Mapping
+from contextlib import ExitStack, closing
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
 import numpy as np
 
-from defects import KINDS
-from pipeline.dataset.folder import write_whole
-from pipeline.dataset.shards import sync
+from defects.kinds import KINDS
 from pipeline.dataset.shortfalls import shortfalls
 from pipeline.dataset.statistics import Statistics
 from pipeline.scan.labelled_scan import CLASS_NAMES
+from sensors.whole_file import whole, write_whole
 
 LIBRARIES: Final = (
     "flawforge",
@@ -33,6 +31,7 @@ LIBRARIES: Final = (
     "manifold3d",
     "embreex",
     "h5py",
+    "isal",
     "pyarrow",
 )
 SCAN_COLUMNS: Final = {
@@ -60,9 +59,9 @@ FLAW_COLUMNS: Final = {
 ROWS_AT_ONCE: Final = 20_000
 
 
-def versions() -> dict[str, str]:
-    """Return versions of everything that has a say in a shard's bytes."""
-    found = {name: importlib.metadata.version(name) for name in LIBRARIES}
+def versions(further: Iterable[str] = ()) -> dict[str, str]:
+    """Return versions of all packages that determine a shard's bytes, and of further ones."""
+    found = {name: importlib.metadata.version(name) for name in (*LIBRARIES, *further)}
     return {"python": platform.python_version(), "machine": platform.machine(), **found}
 
 
@@ -139,19 +138,20 @@ class _Table:
 
         kinds = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
         self._schema = pa.schema([(name, kinds[kind]) for name, kind in columns.items()])
-        self._stem, self._columns = stem, columns
-        aside = uuid.uuid4().hex
-        self._aside = {
-            end: stem.with_name(f".{stem.name}.{aside}.{end}.part") for end in ("parquet", "csv")
-        }
-        self._parquet = pq.ParquetWriter(self._aside["parquet"], self._schema)
-        self._text = self._aside["csv"].open("w", encoding="utf-8", newline="")
+        self._columns = columns
+        self._files = ExitStack()
+        parquet, text = (
+            self._files.enter_context(whole(stem.with_suffix(end), synced=True))
+            for end in (".parquet", ".csv")
+        )
+        self._parquet = pq.ParquetWriter(parquet, self._schema)
+        self._text = text.open("w", encoding="utf-8", newline="")
         self._csv = csv.DictWriter(self._text, list(columns), lineterminator="\n")
         self._csv.writeheader()
         self._rows: list[dict[str, Any]] = []
 
     def add(self, row: Mapping[str, Any]) -> None:
-        """Append a row; keys that are no columns are left out."""
+        """Append a row; keys without a column are ignored."""
         self._rows.append({name: row.get(name) for name in self._columns})
         if len(self._rows) == ROWS_AT_ONCE:
             self._flush()
@@ -177,18 +177,12 @@ class _Table:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        try:
-            if kind is None:
-                self._flush()
-        finally:
-            self._parquet.close()
-            self._text.close()
-        for end, aside in self._aside.items():
-            if kind is not None:
-                aside.unlink(missing_ok=True)
-                continue
-            sync(aside)
-            os.replace(aside, self._stem.with_suffix(f".{end}"))
+        with self._files:  # renames both; after a fault nothing stays of either
+            with closing(self._parquet), closing(self._text):
+                if error is None:
+                    self._flush()
+            if error is not None:
+                raise error
 
 
 def _column(values: list[Any], kind: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Local relief: a reading without the part's own form, as a Gaussian profile filter leaves it."""
+"""Local relief: the reading minus form and waviness by a Gaussian filter."""
 
 import math
 from collections.abc import Mapping

@@ -19,10 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.dataset.chunks import deflated
+from pipeline.dataset.compression import NEEDS, Compression, filters, opened, reader_needs
 from pipeline.scan.labelled_scan import CLASS_NAMES, REASON_NAMES, Scan
 from pipeline.scan.labels import counts_of
 from sensors.datasheet import Datasheet
 from sensors.hdf5_output import Output
+from sensors.whole_file import sync
 
 FORMAT, VERSION = "flawforge-shard", 1
 FINE_MM = 1e-4  # ideal and clean depths: counts of 0.1 µm
@@ -34,7 +36,7 @@ CHECKED = (  # what a scan's checksum is made of, in this order
 
 
 class DepthCode:
-    """Depths as counts: depth = offset + scale * count, the largest count meaning missing.
+    """Depths as counts: depth = offset + scale * count; the largest count is a missing reading.
 
     Parameters
     ----------
@@ -67,7 +69,7 @@ class DepthCode:
 class ShardWriter:
     """Writes one shard scan by scan, with memory for one scan; a context manager.
 
-    Left without an exception, the shard stands under its own name; else nothing of it does.
+    Without an exception the shard gets its final name; otherwise no file remains.
     """
 
     def __init__(
@@ -79,11 +81,14 @@ class ShardWriter:
         attributes: Mapping[str, Any],
         with_points: bool = False,
         with_intensity: bool = False,
+        compression: Compression = "deflate",
     ) -> None:
         self.path = path
         self._aside = path.with_name(f".{path.name}.{uuid.uuid4().hex}.part")
         self._count = 0
         self._ids: list[str] = []
+        self._compression = compression
+        self._filters = filters(compression)
         low, high = datasheet.depth_min_mm, datasheet.depth_max_mm
         self._reading = DepthCode(datasheet.step_mm, low, high) if datasheet.step_mm else None
         self._fine = DepthCode(FINE_MM, low, high)
@@ -91,6 +96,8 @@ class ShardWriter:
         self._file = h5py.File(self._output, "w", libver="v110")
         for key, value in attributes.items():
             self._file.attrs[key] = value if isinstance(value, str) else json.dumps(value)
+        if (needed := reader_needs(compression)) is not None:
+            self._file.attrs[NEEDS] = needed
         self._file.attrs["format"] = FORMAT
         self._file.attrs["version"] = VERSION
         self._file.attrs["classes"] = json.dumps(CLASS_NAMES)
@@ -125,9 +132,7 @@ class ShardWriter:
             maxshape=(scans, *shape),
             dtype=dtype,
             chunks=(1, rows, *shape[1:]),
-            compression="gzip",
-            compression_opts=1,  # what HDF5 itself would use; chunks are written by `deflated`
-            shuffle=True,
+            **self._filters,
         )
 
     def _note_code(self, name: str, code: DepthCode | None) -> None:
@@ -179,8 +184,11 @@ class ShardWriter:
         for first in range(0, len(values), rows):
             part = values[first : first + rows]
             if values.dtype.kind != "u" or part.any():
-                place = (self._count, first, *rest)
-                dataset.id.write_direct_chunk(place, deflated(part, rows))
+                if self._compression == "deflate":
+                    place = (self._count, first, *rest)
+                    dataset.id.write_direct_chunk(place, deflated(part, rows))
+                else:
+                    dataset[self._count, first : first + rows] = part
 
     def __enter__(self) -> Self:
         return self
@@ -214,7 +222,7 @@ class ShardWriter:
 
 def read_scan(path: Path, row: int) -> dict[str, Any]:
     """Read one scan of a shard: depths in mm with NaN for missing, the rest as stored."""
-    with h5py.File(path, "r") as file:
+    with opened(path) as file:
         found: dict[str, Any] = {}
         for name, dataset in file.items():
             values = dataset[row]
@@ -229,7 +237,7 @@ def read_scan(path: Path, row: int) -> dict[str, Any]:
 def scan_checksums(path: Path) -> dict[str, str]:
     """SHA-256 of the arrays of each scan in a shard, by scan id, as `ShardWriter.add` gave it."""
     sums = {}
-    with h5py.File(path, "r") as file:
+    with opened(path) as file:
         for row, scan_id in enumerate(file["scan_id"][:]):
             digest = hashlib.sha256()
             for name in CHECKED:
@@ -240,7 +248,7 @@ def scan_checksums(path: Path) -> dict[str, str]:
 
 
 def scans_in(path: Path) -> list[str]:
-    """Return the ids of a shard's scans, in order."""
+    """Return the ids of a shard's scans, in order; they are never compressed."""
     with h5py.File(path, "r") as file:
         return [scan_id.decode() for scan_id in file["scan_id"][:]]
 
@@ -248,7 +256,7 @@ def scans_in(path: Path) -> list[str]:
 def pixels_in(path: Path) -> dict[tuple[str, int], int]:
     """Count the points of each flaw in each scan of a shard, by scan id and instance."""
     found: dict[tuple[str, int], int] = {}
-    with h5py.File(path, "r") as file:
+    with opened(path) as file:
         for row, scan_id in enumerate(file["scan_id"][:]):
             counts = np.bincount(file["instance"][row].ravel())
             for number in np.flatnonzero(counts[1:]) + 1:
@@ -260,12 +268,3 @@ def file_sha256(path: Path) -> str:
     """SHA-256 of a file's bytes, as hex."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def sync(path: Path) -> None:
-    """Make sure that a file, or a folder's list of names, has reached the disk."""
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

@@ -1,4 +1,4 @@
-"""What a dataset lacks as training data, in words: from its statistics, made or predicted."""
+"""Shortfalls of a dataset as training data, from its statistics, made or predicted."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
@@ -11,7 +11,7 @@ FEW_VALID: Final = 0.25
 
 
 def shortfalls(dataset: Mapping[str, Any]) -> list[str]:
-    """List what a user should know before training, one line each.
+    """List the shortfalls, one line each.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Counts of a dataset: what its scans show of each class, by split and by part."""
+"""Counts of a dataset by class, split and part."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -6,7 +6,7 @@ from typing import Any
 
 
 class Statistics:
-    """Counts over a dataset's scans and flaws, as they come."""
+    """Running counts over a dataset's scans and flaws."""
 
     def __init__(self, splits: Iterable[str]) -> None:
         self._splits = dict.fromkeys(splits, 0)

@@ -1,4 +1,4 @@
-"""Whether a dataset is whole, and whether a rebuild is the dataset that was released."""
+"""Check of a dataset, and comparison of a rebuild with a release."""
 
 import json
 from dataclasses import dataclass
@@ -8,10 +8,11 @@ from typing import Any, Final
 import numpy as np
 
 from pipeline.dataset.checksums import NAME, Checksums, own_files, read_checksums
-from pipeline.dataset.folder import write_whole
 from pipeline.dataset.manifest import FLAW_COLUMNS, SCAN_COLUMNS
 from pipeline.dataset.shards import file_sha256, pixels_in, scan_checksums, scans_in
+from pipeline.dataset.tables import read_table
 from sensors.typed_yaml import RecipeError
+from sensors.whole_file import write_whole
 
 LOCK_FORMAT: Final = "flawforge-lock"
 MADE_BY: Final = "a file made by verify --write"
@@ -21,14 +22,14 @@ SHARE_TOLERANCE, DEPTH_TOLERANCE_MM, PIXEL_TOLERANCE = 1e-3, 1e-3, 0.01
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Report:
-    """What a check found: lines to read, and how many of them are faults."""
+    """Result of a check: lines, and the number of faults."""
 
     lines: tuple[str, ...]
     wrong: int
 
 
 def read_dataset(folder: Path) -> dict[str, Any]:
-    """Return what dataset.json says.
+    """Return the content of dataset.json.
 
     Raises
     ------
@@ -178,8 +179,6 @@ def _check_table(
     folder: Path, name: str, said: dict[str, Any], held: _Held, faults: dict[str, list[str]]
 ) -> None:
     """Hold a table's rows against the shards."""
-    import pandas as pd
-
     path = folder / name
     wanted = SCAN_COLUMNS if name.startswith("manifest") else FLAW_COLUMNS
 
@@ -191,9 +190,9 @@ def _check_table(
             fault("missing")
         return
     try:
-        table = pd.read_parquet(path) if name.endswith("parquet") else pd.read_csv(path)
-    except Exception as error:  # whatever a damaged table makes of its reader
-        fault(f"can't be read ({' '.join(str(error).split())[:120]})")
+        table = read_table(path)
+    except RecipeError as error:
+        fault(str(error).removeprefix(f"{path}: "))
         return
     missing = {"scan_id", "shard", "row", "checksum"} if wanted is SCAN_COLUMNS else {
         "scan_id", "instance", "pixels"
@@ -202,20 +201,31 @@ def _check_table(
     if missing:
         fault(f"columns missing: {', '.join(sorted(missing))}")
         return
-    if wanted is FLAW_COLUMNS:
-        for scan, number, pixels in zip(
-            table["scan_id"], table["instance"], table["pixels"], strict=True
-        ):
-            if scan not in held.place and not _gone(held, said):
-                fault(f"scan {scan} is in no shard")
-                return
-            stored = held.pixels.get((str(scan), int(number)))
-            if held.pixels and scan in held.checksum and (stored or 0) != pixels:
-                fault(f"scan {scan}, instance {number}: {pixels} pixels listed, {stored} stored")
-                return
-        return
+    check = _wrong_flaws if wanted is FLAW_COLUMNS else _wrong_scans
+    try:
+        words = check(table, said, held)
+    except (TypeError, ValueError, OverflowError) as error:  # of another type than was written
+        words = [f"rows can't be compared ({' '.join(str(error).split())[:120]})"]
+    for one in words:
+        fault(one)
+
+
+def _wrong_flaws(table: Any, said: dict[str, Any], held: _Held) -> list[str]:
+    for scan, number, pixels in zip(
+        table["scan_id"], table["instance"], table["pixels"], strict=True
+    ):
+        if scan not in held.place and not _gone(held, said):
+            return [f"scan {scan} is in no shard"]
+        stored = held.pixels.get((str(scan), int(number)))
+        if held.pixels and scan in held.checksum and (stored or 0) != pixels:
+            return [f"scan {scan}, instance {number}: {pixels} pixels listed, {stored} stored"]
+    return []
+
+
+def _wrong_scans(table: Any, said: dict[str, Any], held: _Held) -> list[str]:
+    wrong = []
     if len(table) != said["scans"]:
-        fault(f"{len(table)} rows for {said['scans']} scans")
+        wrong.append(f"{len(table)} rows for {said['scans']} scans")
     listed = dict(zip(table["scan_id"], table["checksum"], strict=True))
     where = dict(
         zip(table["scan_id"], zip(table["shard"], table["row"], strict=True), strict=True)
@@ -225,8 +235,8 @@ def _check_table(
         if listed.get(scan_id) is None or listed[scan_id] != stored_as or where[scan_id] != (
             shard, row
         ):  # fmt: skip
-            fault(f"scan {scan_id} isn't listed as it is stored")
-            return
+            return [*wrong, f"scan {scan_id} isn't listed as it is stored"]
+    return wrong
 
 
 def _gone(held: _Held, said: dict[str, Any]) -> bool:
@@ -254,9 +264,9 @@ def _same_table(folder: Path, name: str) -> bool:
     if stem not in ("manifest", "flaws") or end not in ("csv", "parquet"):
         return False
     try:
-        one = pd.read_csv(folder / f"{stem}.csv")
-        other = pd.read_parquet(folder / f"{stem}.parquet")
-    except Exception:  # a twin that is missing or damaged proves nothing
+        one = read_table(folder / f"{stem}.csv")
+        other = read_table(folder / f"{stem}.parquet")
+    except RecipeError:  # a twin that is missing or damaged proves nothing
         return False
     if list(one.columns) != list(other.columns) or len(one) != len(other):
         return False
@@ -292,7 +302,7 @@ def write_lock(folder: Path, lock: Path) -> None:
 
 
 def compare_with_lock(folder: Path, lock: Path) -> Report:
-    """Hold a dataset against the lock of a release.
+    """Compare a dataset with the lock of a release.
 
     Raises
     ------

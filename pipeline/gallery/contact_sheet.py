@@ -6,6 +6,7 @@ from typing import Final
 from pipeline.dataset.export.image import Coding
 from pipeline.dataset.export.source import Source
 from pipeline.gallery.thumbnail import thumbnail
+from sensors.whole_file import whole
 
 MOST: Final = 120  # scans in a sheet; of more, evenly chosen ones
 TILE_PX, GAP_PX, TEXT_PX = 240, 8, 30
@@ -38,5 +39,6 @@ def contact_sheet(folder: Path, picture: Path) -> tuple[Path, int]:
                 words = words[:-2] + "…"
             draw.text((x, y + 13 * line), words, fill="#22252B")
         sheet.paste(image, (x, y + TEXT_PX))
-    sheet.save(picture)
+    with whole(picture) as aside:
+        sheet.save(aside)
     return picture, len(tiles)

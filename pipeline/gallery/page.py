@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 from pipeline.dataset.export.image import Coding
 from pipeline.dataset.export.source import Labelled, Source
-from pipeline.dataset.folder import write_whole
 from pipeline.gallery.thumbnail import thumbnail
 from pipeline.preview.annotation import colour_of
+from sensors.whole_file import write_whole
 
 if TYPE_CHECKING:
     from PIL.Image import Image

@@ -1,12 +1,12 @@
-"""A part with its flaws: the solid, where each face comes from, and a record of each flaw."""
+"""A part with its flaws: the solid, the origin of each face, and a record of each flaw."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from defects.point_in_mesh import Inside, in_boxes
-from defects.solid import Cutter
+from defects.carving.point_in_mesh import Inside, in_boxes
+from defects.carving.solid import Cutter
 from pipeline.parts.part import Part
 
 Floats = NDArray[np.float64]
@@ -29,7 +29,7 @@ class Flaw:
     position_mm, normal, heading_rad, triangle
         Its site on the unflawed part, part frame.
     removed_mm3, added_mm3, opening_mm2, depth_mm, through
-        See `defects.solid.Change`.
+        See `defects.carving.solid.Change`.
     seed, attempt
         With the sizes and the site they rebuild it alone, see
         `pipeline.injection.inject.cutter_of`.
@@ -56,7 +56,7 @@ class Flaw:
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class FlawedPart:
-    """A part with its flaws: a closed solid whose every face knows which flaw made it.
+    """A part with its flaws: a closed solid whose faces state the flaw that made them.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class FlawedPart:
         return np.array([0, *(flaw.class_id for flaw in self.flaws)], np.uint8)
 
     def removed_at(self, points_mm: Floats) -> NDArray[np.uint16]:
-        """Say which flaw removed the material at some points.
+        """Return the flaw that removed the material at each point.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Which flaws a recipe wants in each part: kinds, numbers, sizes, severity tiers and places."""
+"""The flaws of a recipe for each part: kinds, numbers, sizes, severity tiers and places."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -8,18 +8,18 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from defects import KINDS
-from defects.banked import Banked
 from defects.flaw_bank import FlawBank
 from defects.kind import Kind
-from defects.sizes import Fixed, Size, parse_size
+from defects.kinds import KINDS
+from defects.kinds.banked import Banked
+from quantity.distribution import Distribution, Fixed, parse_distribution
 
 VISIBLE = "visible"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Tier:
-    """A severity: how often, and how it changes the sizes.
+    """A severity: its weight, and its changes of the sizes.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class Tier:
     name: str
     weight: float
     scale: float
-    sizes: Mapping[str, Size]
+    sizes: Mapping[str, Distribution]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -46,7 +46,7 @@ class KindPlan:
     Parameters
     ----------
     kind
-        A name in `defects.KINDS`.
+        A name in `defects.kinds.KINDS`.
     number
         How many in each part, rounded to whole numbers.
     sizes
@@ -60,8 +60,8 @@ class KindPlan:
     """
 
     kind: str
-    number: Size
-    sizes: Mapping[str, Size]
+    number: Distribution
+    sizes: Mapping[str, Distribution]
     tiers: tuple[Tier, ...]
     path: str = ""
     bank: FlawBank | None = None
@@ -79,7 +79,7 @@ class KindPlan:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FlawPlan:
-    """All the flaws wanted in each part.
+    """All flaws of each part.
 
     Parameters
     ----------
@@ -108,10 +108,14 @@ class FlawPlan:
     tries: int = 8
 
     def numbers(self, rng_of: Callable[..., np.random.Generator]) -> dict[str, int]:
-        """Draw how many flaws of each kind a specimen is to have, from "number" and the kind."""
+        """Draw the number of flaws of each kind in a specimen."""
         return {
             plan.kind: round(plan.number.draw(rng_of("number", plan.kind))) for plan in self.kinds
         }
+
+    def most(self) -> int:
+        """Return the largest number of flaws in a specimen."""
+        return round(sum(plan.number.limits()[1] for plan in self.kinds))
 
     @classmethod
     def from_mapping(cls, data: Mapping[str, Any]) -> Self:
@@ -214,14 +218,14 @@ def _keep_free(
     return tuple(regions), tuple(boxes)
 
 
-def _sizes(kind: str, where: str, data: Mapping[str, Any]) -> dict[str, Size]:
+def _sizes(kind: str, where: str, data: Mapping[str, Any]) -> dict[str, Distribution]:
     known = {size.name: size for size in KINDS[kind].sizes()}
-    sizes: dict[str, Size] = {}
+    sizes: dict[str, Distribution] = {}
     for key, value in data.items():
         if key not in known:
             raise ValueError(f"{where}.{key}: unknown key, allowed are {', '.join(known)}")
         try:
-            sizes[key] = parse_size(value)
+            sizes[key] = parse_distribution(value)
         except ValueError as error:
             raise ValueError(f"{where}.{key}: {error}") from None
         if not all(known[key].holds(limit) for limit in sizes[key].limits()):
@@ -239,7 +243,7 @@ def _kind_plan(kind: str, data: Any) -> KindPlan:
     if kind == Banked.name and isinstance(rest.get("mirror"), bool):
         rest["mirror"] = {"choice": [0, 1]} if rest["mirror"] else 0
     try:
-        number = parse_size(data.get("number", 1))
+        number = parse_distribution(data.get("number", 1))
     except ValueError as error:
         raise ValueError(f"{kind}.number: {error}") from None
     if number.limits()[0] < 0 or number.limits()[1] > 1000:
@@ -294,7 +298,7 @@ def _tiers(kind: str, data: Any) -> tuple[Tier, ...]:
 def exactly(
     kind: str, number: int = 1, bank: FlawBank | None = None, **sizes: float
 ) -> KindPlan:
-    """Return a plan for `number` flaws of one kind with the given sizes fixed, the rest typical."""
+    """Return a plan for `number` flaws of a kind with the given sizes; others are typical."""
     fixed = {name: Fixed(value=value) for name, value in sizes.items()}
     return KindPlan(
         kind=kind,

@@ -7,18 +7,19 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
-from defects import KINDS
-from defects.banked import Banked
+from defects.carving.block import Block
+from defects.carving.point_in_mesh import Inside
+from defects.carving.solid import BooleanError, Change, Cutter
+from defects.carving.stitch import Carved
 from defects.flaw_bank import FlawBank
 from defects.kind import Kind
-from defects.point_in_mesh import Inside
-from defects.solid import Block, BooleanError, Change, Cutter
-from defects.stitch import Carved
-from defects.surface import Site, SiteError, Surface
+from defects.kinds import KINDS
+from defects.kinds.banked import Banked
+from defects.surface.surface import Site, SiteError, Surface
 from pipeline.injection.flawed_part import Flaw, FlawedPart
 from pipeline.injection.flawplan import FlawPlan, KindPlan
+from pipeline.injection.spacing import Footprint
 from pipeline.parts.part import Part
 
 __all__ = ["Flaw", "FlawedPart", "cutter_of", "inject"]
@@ -28,11 +29,13 @@ Bools = NDArray[np.bool_]
 
 PLACES = 60
 """How many places are tried for a flaw, over all its draws, before it is given up."""
+NO_ROOM = 10
+"""After so many flaws of a kind given up in a row, the rest of the kind is dropped untried."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class _Placed:
-    """A flaw that passed all its checks, with its neighbourhood for the distance to others."""
+    """A flaw that passed all its checks, with its footprint for the distance to others."""
 
     plan: KindPlan
     number: int
@@ -43,8 +46,7 @@ class _Placed:
     change: Change
     seed: int
     attempt: int
-    tree: cKDTree
-    spacing_mm: float
+    footprint: Footprint
 
 
 class _Misplaced(Exception):
@@ -77,7 +79,7 @@ def inject(
         Tells which of some points (k, 3) the scan can see, for parts whose faces are larger than
         the scan; None: all.
     surface
-        `Surface.of(part.vertices_mm, part.faces)` if it is there already.
+        `Surface.of(part.vertices_mm, part.faces)`, where it was built before.
 
     Returns
     -------
@@ -101,7 +103,11 @@ def inject(
     dropped: list[str] = []
     numbers = plan.numbers(rng_of)
     for kind_plan in plan.kinds:
+        given_up = 0
         for i in range(numbers[kind_plan.kind]):
+            if given_up == NO_ROOM:
+                dropped.append(f"{kind_plan.kind} {i}: no room; {NO_ROOM} before it found none")
+                continue
             seed = int(rng_of("flaw", kind_plan.kind, i).integers(2**63))
             failed, missed, reason = 0, 0, ""
             while failed < plan.tries and missed < PLACES:
@@ -112,6 +118,7 @@ def inject(
                             visible_at, seed, failed + missed,
                         )  # fmt: skip
                     )
+                    given_up = 0
                     break
                 except BooleanError as error:
                     failed += 1
@@ -121,6 +128,7 @@ def inject(
                     reason = str(error)
             else:
                 dropped.append(f"{kind_plan.kind} {i}: {reason}")
+                given_up += 1
             redrawn += failed
             misplaced += missed
     carved, placed, lost = _carve(block, part, placed)
@@ -142,7 +150,7 @@ def inject(
 def cutter_of(
     surface: Surface, flaw: Flaw, facet_um: float = 1.0, bank: FlawBank | None = None
 ) -> Cutter:
-    """Build a recorded flaw's cutter again, alone, from its record.
+    """Build the cutter of a recorded flaw from its record.
 
     Parameters
     ----------
@@ -214,16 +222,14 @@ def _try(
         raise _Misplaced("no visible place found")
     site = sites[0]
     for other in placed:
-        if other.tree.query(site.position_mm)[0] < max(plan.min_distance_mm, other.spacing_mm):
+        near = max(plan.min_distance_mm, other.footprint.spacing_mm)
+        if other.footprint.tree.query(site.position_mm)[0] < near:
             raise _Misplaced("too near to another flaw")
     cutter = flaw.cutter(surface, site, _shape_rng(seed, attempt), plan.facet_um * 1e-3)
     _check_free(surface, plan, cutter, forbidden)
-    points = np.concatenate([solid.vertices_mm for solid in cutter.solids])
-    spacing = 0.6 * max(_longest_edge(cutter), 1e-3)
-    for other in placed:
-        gap = max(plan.min_distance_mm, spacing, other.spacing_mm)
-        if np.isfinite(other.tree.query(points, distance_upper_bound=gap)[0]).any():
-            raise _Misplaced("too near to another flaw")
+    footprint = Footprint.of(cutter, plan.min_distance_mm)
+    if any(footprint.is_near(other.footprint, plan.min_distance_mm) for other in placed):
+        raise _Misplaced("too near to another flaw")
     return _Placed(
         plan=kind_plan,
         number=number,
@@ -234,8 +240,7 @@ def _try(
         change=block.trial(cutter),
         seed=seed,
         attempt=attempt,
-        tree=cKDTree(points),
-        spacing_mm=spacing,
+        footprint=footprint,
     )
 
 
@@ -245,16 +250,6 @@ def _check_free(surface: Surface, plan: FlawPlan, cutter: Cutter, forbidden: Boo
             raise _Misplaced("on a place to be kept free")
     if forbidden.any() and forbidden[surface.project(cutter.skin_mm)[2]].any():
         raise _Misplaced("on a region to be kept free")
-
-
-def _longest_edge(cutter: Cutter) -> float:
-    longest = 0.0
-    for solid in cutter.solids:
-        corner = solid.vertices_mm[solid.faces]
-        longest = max(
-            longest, float(np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max())
-        )
-    return longest
 
 
 def _carve(

@@ -1,4 +1,4 @@
-"""A specimen: one part with its drawn flaws, ready to be scanned; and how parts are kept.
+"""A specimen: one part with its flaws, ready for scans; and the storage of parts.
 
 Parts are loaded, mended and checked once for a dataset and kept beside the shards while it is
 made, so that every worker starts from the same solid without repeating that work. So are flawed
@@ -19,20 +19,20 @@ from pathlib import Path
 
 import numpy as np
 
-from defects.surface import Surface
+from defects.surface.surface import Surface
 from pipeline.batch.plan import PlannedPart
-from pipeline.dataset.folder import write_whole
 from pipeline.injection.inject import FlawedPart, inject
 from pipeline.motion.aim import Aimer, Outlook
 from pipeline.parts import builtin as parts
 from pipeline.parts.part import Part, load_part
 from pipeline.parts.part_error import PartError
-from pipeline.planning.cover import planned_passes
 from pipeline.planning.passes import Pass
+from pipeline.planning.set_cover import planned_passes
 from pipeline.recipe import PartEntry, Recipe
 from pipeline.seeds import streams
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
+from sensors.whole_file import write_whole
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -83,7 +83,7 @@ def check_plan(recipe: Recipe, entry: PartEntry, part: Part) -> None:
 
 
 def store_part(part: Part, folder: Path) -> str:
-    """Keep a part in `folder`; return the file's name, its own checksum."""
+    """Store a part in `folder`; return the file's name, which is its checksum."""
     regions = list(part.regions)
     buffer = io.BytesIO()
     np.savez(
@@ -115,7 +115,7 @@ def store_part(part: Part, folder: Path) -> str:
 
 @lru_cache(maxsize=4)
 def stored_part(path: Path) -> tuple[Part, Scene, Surface]:
-    """Read a kept part, its scene and the skin that flaws follow."""
+    """Read a stored part, its scene and the skin that flaws follow."""
     with np.load(path, allow_pickle=False) as kept:
         text = json.loads(str(kept["text"]))
         part = Part(
@@ -164,7 +164,7 @@ def make_specimen(
 ) -> Specimen:
     """Draw the flaws of specimen `number`, cut them and prepare it for scanning.
 
-    One that is `shared` among workers is cut by the first of them alone.
+    The first worker cuts a specimen that is `shared` among workers.
     """
     file = recipe.file
     part, clean_scene, skin = stored_part(folder / planned.stored)

@@ -1,1 +1,1 @@
-"""Where the sensor goes: limits, aim, and the path of poses."""
+"""Motion of the sensor: limits, aim, and the path of poses."""

@@ -1,4 +1,4 @@
-"""Where a scan looks: points of the surface that the sensor can see, and whether a path sees it."""
+"""Aim of a scan: surface points visible to the sensor, and the check of a path."""
 
 from collections.abc import Sequence
 
@@ -27,7 +27,7 @@ CHECK_PROFILES, CHECK_POINTS = 24, 96  # the coarse scan that judges a drawn pat
 
 
 class Outlook:
-    """What of a part the scans of a recipe can see.
+    """Surface points of a part that the scans of a recipe can see.
 
     From a path that the recipe gives: what lies in the fan and the working range somewhere along
     it. From drawn paths: whatever has a free way along the nominal look. From planned passes: what
@@ -63,7 +63,7 @@ class Outlook:
         ).any(axis=1)
 
     def free(self, points_mm: Floats) -> NDArray[np.bool_]:
-        """Tell which points (k, 3) of the surface, part frame, the sensor can see."""
+        """Return which surface points (k, 3), part frame, the sensor can see."""
         if self.passes:
             seen = [
                 sweeps(one.poses(PASSES), points_mm, self._datasheet)
@@ -78,7 +78,7 @@ class Outlook:
 
 
 class Aimer:
-    """Draws paths over one specimen, keeping those that see enough of it."""
+    """Draws paths over one specimen until a path sees enough of it."""
 
     def __init__(
         self,
@@ -105,7 +105,7 @@ class Aimer:
             raise PartError(part.name, "no face can be seen along motion.look", "another look")
 
     def path(self, rng_of: RngOf, number: int = 0) -> tuple[Trajectory, int]:
-        """Draw a path until it sees enough; also return how many were drawn.
+        """Draw paths until one sees enough; also return the number of paths drawn.
 
         Where passes are planned, scan `number` of the specimen takes the next of them.
 
@@ -170,9 +170,9 @@ class Aimer:
         )
 
     def holds(self, path: Trajectory, instance: int) -> bool:
-        """Whether the centre of a flaw lies in a path's scan, in plain view of the laser.
+        """Whether the centre of a flaw lies in a path's scan, unobstructed from the laser.
 
-        Instance 0, no flaw, is held by every path.
+        Every path holds instance 0, no flaw.
         """
         if instance == 0:
             return True

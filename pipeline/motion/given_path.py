@@ -1,4 +1,4 @@
-"""The path that a recipe gives: waypoints, or a file of recorded poses."""
+"""A path stated in a recipe: waypoints, or a file of recorded poses."""
 
 from pipeline.motion.limits import Motion
 from pipeline.motion.recorded_path import replay
@@ -9,7 +9,7 @@ from sensors.datasheet import Datasheet
 def given_path(
     motion: Motion, datasheet: Datasheet, profiles: int, part_centre_mm: Array
 ) -> Trajectory:
-    """Return the poses of `motion.path`, which isn't None; a file's are in the part frame.
+    """Return the poses of `motion.path`, which is not None; poses of a file are in the part frame.
 
     Raises
     ------

@@ -1,12 +1,12 @@
-"""How the sensor may move, as a recipe says it."""
+"""Limits of the sensor's motion, as stated in a recipe."""
 
 from typing import Annotated
 
 from annotated_types import Len
 
-from defects.sizes import Choice, Fixed
-from pipeline.size_field import Size
+from pipeline.distribution_field import Distribution
 from quantity import quantity
+from quantity.distribution import Choice, Fixed
 from sensors.typed_yaml import record
 
 Vector = tuple[float, float, float]
@@ -45,20 +45,20 @@ class Motion:
     """Limits of the sensor's path; every number may be a distribution.
 
     The sensor looks along `look` (part frame) and travels along `travel`, turned by yaw about its
-    own axis, then pitch about x, then roll about y. The middle of the path looks at a point of
-    the surface: of a flaw with probability `aim_at_flaws`, else anywhere on what can be seen.
+    own axis, then pitch about x, then roll about y. The middle of the path is aimed at a point
+    of the surface: on a flaw with probability `aim_at_flaws`, else at any visible point.
     Path length = profiles * speed / rate: `length_mm` sets the speed, and with both given the
     profiles are triggered by an encoder and the rate follows. A `path` is given by its waypoints,
-    or by the name of a file of poses, CSV or HDF5, as a robot recorded them. With `cover`, passes
+    or by the name of a file of poses, CSV or HDF5, recorded by a robot. With `cover`, passes
     are planned over the part from all sides, and the scans of a specimen take one after the other.
     """
 
     look: Vector = (0.0, 0.0, -1.0)
     travel: Vector = (0.0, 1.0, 0.0)
-    length_mm: Size | None = quantity(
+    length_mm: Distribution | None = quantity(
         "length of the path", unit="mm", low=1e-3, high=1e6, default=None
     )
-    speed_mm_s: Size | None = quantity(
+    speed_mm_s: Distribution | None = quantity(
         "speed along the path; the sensor's where left out",
         unit="mm/s", low=1e-3, high=1e6, default=None,
     )
@@ -66,19 +66,19 @@ class Motion:
         "profiles per second; the sensor's where left out",
         unit="Hz", low=0, above=True, default=None,
     )
-    standoff_mm: Size = quantity(
+    standoff_mm: Distribution = quantity(
         "distance beyond the working distance", unit="mm", low=-1e4, high=1e4, default=ZERO
     )
-    roll_deg: Size = quantity(
+    roll_deg: Distribution = quantity(
         "turn about the travel", unit="°", low=-TILT_DEG, high=TILT_DEG, default=ZERO
     )
-    pitch_deg: Size = quantity(
+    pitch_deg: Distribution = quantity(
         "turn about the laser line", unit="°", low=-TILT_DEG, high=TILT_DEG, default=ZERO
     )
-    yaw_deg: Size = quantity(
+    yaw_deg: Distribution = quantity(
         "turn about the laser's axis", unit="°", low=-360.0, high=360.0, default=ZERO
     )
-    direction: Size = quantity(
+    direction: Distribution = quantity(
         "1 along the travel, -1 against it", low=-1, high=1, default=Fixed(value=1.0)
     )
     aim_at_flaws: float = quantity(

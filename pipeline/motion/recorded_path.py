@@ -1,4 +1,4 @@
-"""A path as a robot or an encoder recorded it: poses from CSV or HDF5, sampled at the profiles.
+"""A path recorded by a robot or an encoder: poses from CSV or HDF5, sampled at the profiles.
 
 Between recorded poses positions are interpolated linearly, orientations by slerp, as between
 waypoints; nothing is padded.
@@ -13,6 +13,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from pipeline.motion.trajectory import Array, Trajectory
+from sensors.budget import regular
+from sensors.hdf5_input import has, numbers
 from sensors.typed_yaml import RecipeError
 
 POSITION: Final = ("x_mm", "y_mm", "z_mm")
@@ -23,10 +25,10 @@ RIGID: Final = 1e-4
 
 
 def replay(file: str, rate_hz: float, profiles: int) -> Trajectory:
-    """Return a pose for each profile from a file's.
+    """Return a pose for each profile from recorded ones.
 
-    Where the file has times, a profile is taken every 1/rate from its first on. Without times, or
-    with exactly as many poses as profiles, each pose is a profile's.
+    With times, profiles are sampled at intervals of 1/rate from the first time. Without times, or
+    with exactly as many poses as profiles, each profile has one pose.
 
     Raises
     ------
@@ -73,11 +75,12 @@ def _sampled(poses: Array, time_s: Array, at_s: Array) -> Array:
 def _read(file: str) -> tuple[Array, Array | None]:
     """Return poses (n, 4, 4), mm, and times (n,), s, or None."""
     read = _read_csv if Path(file).suffix.lower() == ".csv" else _read_h5
+    regular(Path(file))
     try:
         poses, time_s = read(file)
     except RecipeError:
         raise
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, RuntimeError, IndexError) as error:
         why = " ".join(str(error).split())
         raise RecipeError(f"can't be read as poses ({why})", where=file) from None
     if len(poses) < 2 or not np.isfinite(poses).all():
@@ -116,8 +119,8 @@ def _read_csv(file: str) -> tuple[Array, Array | None]:
 
 def _read_h5(file: str) -> tuple[Array, Array | None]:
     with h5py.File(file, "r") as stored:
-        poses = np.asarray(stored["pose"][()], dtype=np.float64)
-        time_s = np.asarray(stored["time"][()], dtype=np.float64) if "time" in stored else None
+        poses = numbers(stored, "pose", file)
+        time_s = numbers(stored, "time", file) if has(stored, "time") else None
     if poses.ndim != 3 or poses.shape[1:] != (4, 4):
         raise RecipeError("/pose has another shape", where=file, value=poses.shape, allowed="n×4×4")
     if time_s is not None and time_s.shape != (len(poses),):

@@ -1,4 +1,4 @@
-"""The sensor's path: waypoints and speeds in, one pose a profile out.
+"""The sensor's path: one pose per profile from waypoints and speeds.
 
 A leg runs straight from one waypoint to the next at its own speed; positions are interpolated
 linearly, orientations by slerp, at equal steps of `speed / rate` (Sensors 2023, 23, 7624,
@@ -143,7 +143,7 @@ def poses_along(
 def follow(
     path: WaypointPath, motion: Motion, datasheet: Datasheet, profiles: int, part_centre_mm: Array
 ) -> Trajectory:
-    """Drive a path whose waypoints the recipe gives."""
+    """Follow a path whose waypoints the recipe states."""
     base = frame(motion.look, motion.travel)
     positions = np.array([point.at_mm for point in path.waypoints], dtype=float)
     if path.relative_to == "part_centre":
@@ -262,7 +262,7 @@ def draw(
 def sweeps(
     poses: Array, points_mm: Array, datasheet: Datasheet, most_poses: int | None = None
 ) -> NDArray[np.bool_]:
-    """Tell which points (k, 3), part frame, the laser plane crosses within line and range.
+    """Return which points (k, 3), part frame, the laser plane crosses within line and range.
 
     Between two profiles the plane is taken to move straight; `most_poses` of the path are looked
     at where it has more.

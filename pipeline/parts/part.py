@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import logging
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,6 +16,8 @@ from numpy.typing import NDArray
 from pipeline.parts.mesh.meshfile import SUFFIXES, read_mesh
 from pipeline.parts.part_error import PartError
 
+LOG: Final = logging.getLogger("flawforge.part")
+MANY: Final = 400_000  # triangles from which their check takes more than some ten seconds
 UNITS_MM: Final[Mapping[str, float]] = {
     "mm": 1.0,
     "cm": 10.0,
@@ -128,6 +131,8 @@ def load_part(
     if own_unit is not None and own_unit != unit:
         notes.append(f"unit {own_unit} taken from the file")
         unit = own_unit
+    if len(faces) >= MANY:
+        LOG.warning("%s: checking %d triangles; this may take minutes", source, len(faces))
     vertices_mm, faces, mended = make_solid(
         source, vertices * UNITS_MM[unit], faces, thicken_mm=thicken_mm
     )

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.planning.cover import Plan
 from pipeline.planning.pareto import front
 from pipeline.planning.passes import Samples
+from pipeline.planning.set_cover import Plan
+from sensors.whole_file import whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,7 +36,8 @@ def draw_plan(plan: Plan, plans: Sequence[Plan], samples: Samples, title: str, o
     figure.colorbar(shown, ax=figure.axes, label="incidence, °; red: not seen", shrink=0.7)
     _draw_trade(figure.add_subplot(1, 3, 3), plans, plan)
     figure.suptitle(title, fontsize=11, parse_math=False)
-    figure.savefig(out, dpi=100, metadata={"Software": None})
+    with whole(out) as aside:
+        figure.savefig(aside, dpi=100, metadata={"Software": None})
 
 
 def _draw_trade(axes: "Axes", plans: Sequence[Plan], chosen: Plan) -> None:

@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.dataset.tables import read_table
 from pipeline.pod.curve import Curve, Floats, NotEstimable
 from pipeline.pod.hit_miss import HitMiss, Link
 from pipeline.pod.signal_response import SignalResponse
@@ -95,7 +96,7 @@ def make_study(
 
     import pandas as pd
 
-    flaws = _table(folder / "flaws.parquet")
+    flaws = read_table(folder / "flaws.parquet")
     if split is not None:
         known = sorted(flaws["split"].unique())
         if split not in known:
@@ -106,7 +107,7 @@ def make_study(
     shown = flaws[flaws["pixels"] > 0].reset_index(drop=True)
     column = size if size in shown else f"size_{size}"
     if column not in shown or not pd.api.types.is_numeric_dtype(shown[column]):
-        allowed = [name for name in shown if str(name).endswith("_mm")]
+        allowed = [str(name) for name in shown if str(name).endswith("_mm")]
         raise RecipeError("no such size", where="--size", value=size, allowed=", ".join(allowed))
     if predictions is None:
         used = json.loads((folder / "dataset.json").read_text())["recipe"]
@@ -154,21 +155,11 @@ def _try(fit: Any) -> Curve | str:
         return str(error)
 
 
-def _table(path: Path) -> Any:
-    import pandas as pd
-
-    try:
-        return pd.read_parquet(path)
-    except (OSError, ValueError) as error:
-        why = " ".join(str(error).split())
-        raise RecipeError(f"can't be read as Parquet ({why})", where=path) from None
-
-
 def _predicted(
     shown: Any, path: Path, threshold: float | None
 ) -> tuple[NDArray[np.bool_], Floats | None, float]:
     """Return hits, responses and their floor of a detector's own table."""
-    given = _table(path)
+    given = read_table(path)
     if not {"scan_id", "instance"} <= {*given.columns}:
         raise RecipeError(
             "columns are missing", where=path, value=", ".join(given.columns),

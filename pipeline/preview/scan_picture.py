@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.dataset.shards import read_scan
+from pipeline.dataset.tables import read_table
 from pipeline.dataset.verify import read_dataset
 from pipeline.preview.annotation import COLOURS, colour_of, spread
 from pipeline.preview.chart import LONGEST_PX, Chart
 from pipeline.preview.cloud import DEPTH_MAP, draw_cloud
 from pipeline.preview.cut import draw_cut
 from sensors.typed_yaml import RecipeError
+from sensors.whole_file import whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -56,7 +58,9 @@ def draw_scan(folder: str | Path, path: str | Path, *, scan_id: str | None = Non
     RecipeError
         Where there is no dataset, or no such scan in it.
     """
-    scan_figure(folder, scan_id).savefig(path, dpi=DPI)
+    figure = scan_figure(folder, scan_id)
+    with whole(path) as aside:
+        figure.savefig(aside, dpi=DPI)
     return Path(path)
 
 
@@ -109,14 +113,12 @@ def most_visible(manifest: "pd.DataFrame", flaws: "pd.DataFrame") -> str:
 
 
 def _tables(folder: Path) -> tuple["pd.DataFrame", "pd.DataFrame"]:
-    import pandas as pd
-
     paths = [folder / f"{name}.parquet" for name in ("manifest", "flaws")]
     for path in paths:
         if not path.is_file():
             read_dataset(folder)  # says it where the dataset isn't finished
             raise RecipeError(f"no dataset here ({path.name} is missing)", where=folder)
-    return pd.read_parquet(paths[0]), pd.read_parquet(paths[1])
+    return read_table(paths[0]), read_table(paths[1])
 
 
 def _facts(row: "pd.Series[Any]", scan: Mapping[str, Any]) -> str:

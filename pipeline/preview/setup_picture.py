@@ -12,6 +12,7 @@ from pipeline.preview.camera import Camera, render
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
+from sensors.whole_file import whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,7 +82,8 @@ def draw_setup(
         bottom = 0.89 - (at + 1) * height
         axes = figure.add_axes((0.755, bottom + 0.005, 0.23, height - 0.045))
         _close_up(axes, scene, instance, number, named[number])
-    figure.savefig(path, dpi=DPI)
+    with whole(path) as aside:
+        figure.savefig(aside, dpi=DPI)
     return Path(path)
 
 

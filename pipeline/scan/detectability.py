@@ -1,4 +1,4 @@
-"""Detectability of each flaw in a scan: a filter matched to its deviation against the real noise.
+"""Detectability of each flaw in a scan: a matched filter against the scan's noise.
 
 The filter weighs each reading of the flaw's footprint by its deviation over its variance. Its
 output's mean over its own standard deviation, correlation of the noise included, is the
@@ -24,7 +24,7 @@ LEAST_SD_MM = 1e-9  # noise of a sensor without any; as in `pipeline.scan.labels
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Evidence:
-    """What one scan shows of one flaw.
+    """Signal-to-noise ratio and response of one flaw in one scan.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Evidence:
 
 
 class MatchedFilter:
-    """The noise of one scan, ready to weigh the deviation of each flaw.
+    """The noise of one scan, for the matched filter of each flaw.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def evidence_of(
     reading_mm: Floats,
     clean_mm: Floats,
 ) -> tuple[Evidence | None, ...]:
-    """Weigh each flaw of a scan; None for those that it doesn't show, and for 0, no flaw."""
+    """Return the evidence of each flaw; None for flaws that the scan does not show, and for 0."""
     boxes = find_objects(instance, max_label=flaws)
     found: list[Evidence | None] = [None]
     matched: MatchedFilter | None = None

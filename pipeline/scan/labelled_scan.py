@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from defects import KINDS
+from defects.kinds import KINDS
 from pipeline.injection.inject import FlawedPart
 from pipeline.motion.trajectory import Trajectory
 from pipeline.scan.detectability import Evidence, evidence_of
@@ -17,7 +17,7 @@ from sensors.casting.scene import Scene
 from sensors.effects.row_repeat import RowRepeat, brightness_delivered
 from sensors.line.brightness import Brightness
 from sensors.model import SensorModel
-from sensors.surface.brightness import Reflectance
+from sensors.surface.albedo import Albedo
 from sensors.surface.surface import Surface
 from sensors.view.view import Reason, View
 
@@ -31,7 +31,7 @@ SAME_MM: Final = 1e-6  # 1 nm: closer depths come from the same untouched surfac
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Scan:
-    """One scan with its labels; arrays are (n, m) profiles by points unless said.
+    """One scan with its labels; arrays are (n, m) profiles by points unless stated.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class Scan:
         return self.laser.points_part_mm(self.depth_mm, self.poses)
 
     def tally(self, flaws: int) -> Tally:
-        """Count what the scan shows of the specimen's `flaws` flaws."""
+        """Count the scan's points by the specimen's `flaws` flaws."""
         return tally(
             flaws,
             self.instance,
@@ -101,12 +101,12 @@ def take_scan(
     sensor: SensorModel,
     laser: Laser,
     surface: Surface | None,
-    reflectance: Reflectance | None,
+    reflectance: Albedo | None,
     visible_at: float,
     rng_of: RngOf,
     brightness: Brightness | None = None,
 ) -> Scan:
-    """Scan a specimen and label what is seen.
+    """Scan a specimen and label the visible flaws.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def take_scan(
     rng_of
         Named streams of this scan.
     brightness
-        Exposure and gloss, where the brightness is wanted.
+        Exposure and specular lobe, where the brightness is stored.
     """
     scene, clean_scene = scenes
     commanded = View(

@@ -1,4 +1,4 @@
-"""Labels of a scan in compiled passes: whose face is hit, whether it stands out, and counts."""
+"""Labels of a scan in compiled passes: the flaw of each face, visibility, and counts."""
 
 from dataclasses import dataclass
 
@@ -28,7 +28,7 @@ def faces_hit(
     instance_of_face : (F,)
         Flaw of each face, 0 = the part's skin.
     depth_mm, clean_mm : (n, m)
-        Depths on the flawed and on the clean part, NaN = no return.
+        Depths on the flawed and on the clean part, NaN = missing reading.
     same_mm : float
         Depths closer than this are of the same surface.
 
@@ -67,9 +67,9 @@ def stand_out(
 ) -> Labels:
     """Give each point its class, and its class where the flaw can be told from the noise.
 
-    A flaw stands out where the noise-free deviation exceeds `visible_at` times the noise, or where
-    one of the two parts returns and the other doesn't; a reading that is missing tells nothing but
-    the latter.
+    A flaw is visible where the noise-free deviation exceeds `visible_at` standard deviations of the
+    noise, or where only one of the two parts gives a reading. A missing reading shows only the
+    latter.
 
     Returns
     -------
@@ -93,7 +93,7 @@ def stand_out(
 
 @njit(cache=True)
 def cross_boxes(from_mm: Floats, to_mm: Floats, boxes_mm: Floats) -> NDArray[np.bool_]:
-    """Tell which straight lines between points (k, 3) come into any of the boxes (b, 2, 3)."""
+    """Return which straight lines between points (k, 3) meet any of the boxes (b, 2, 3)."""
     out = np.zeros(len(from_mm), dtype=np.bool_)
     for i in range(len(from_mm)):
         for box in boxes_mm:
@@ -116,7 +116,7 @@ def cross_boxes(from_mm: Floats, to_mm: Floats, boxes_mm: Floats) -> NDArray[np.
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Tally:
-    """What a scan shows of its flaws; arrays are by instance (k + 1,), 0 being no flaw.
+    """Counts of a scan's flaws; arrays are by instance (k + 1,), 0 is no flaw.
 
     Attributes
     ----------

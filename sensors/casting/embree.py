@@ -1,4 +1,4 @@
-"""Embree as the finder of triangles, double precision as the judge of hits.
+"""Rays along any path: Embree proposes triangles, double precision decides hits.
 
 Embree works in single precision: about 0.1 µm at 400 mm, and a hit near an edge may fall on the
 wrong side of it. So the mesh goes into its tree about its own centre and with every triangle grown
@@ -66,7 +66,7 @@ class Skin(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Which hits of each ray count; see `Tree.first`."""
+    """Limits of valid hits of each ray; see `Tree.first`."""
 
     nearest: Floats
     farthest: Floats
@@ -75,14 +75,14 @@ class Limits(NamedTuple):
 
 
 class Search(NamedTuple):
-    """Where each ray goes on, and its nearest hit so far; written while rays are followed.
+    """State of a search: where each ray continues, and its nearest hit so far.
 
     Attributes
     ----------
     directions : (k, 3)
         Of the rays, part frame.
     start, best : (k,)
-        Ray parameter from which the ray goes on, and of the nearest hit.
+        Ray parameter from which the ray continues, and that of the nearest hit.
     triangle : (k,)
         Of the nearest hit, -1 without one.
     """
@@ -133,8 +133,9 @@ class Tree:
         count = len(rays.frame_of)
         depth = np.full(count, np.nan)
         triangle = np.full(count, -1, dtype=np.int32)
-        nearest = np.broadcast_to(np.asarray(nearest, dtype=np.float64), count)
-        farthest = np.broadcast_to(np.asarray(farthest, dtype=np.float64), count)
+        # Arrays of one layout, so that the loops are compiled once.
+        nearest = np.array(np.broadcast_to(nearest, count), dtype=np.float64, order="C")
+        farthest = np.array(np.broadcast_to(farthest, count), dtype=np.float64, order="C")
         if ignored is None:
             ignored = np.full(count, -1, dtype=np.int32)
         for begin in range(0, count, _BATCH):
@@ -254,10 +255,10 @@ def _single_precision(
 @njit(cache=True)
 def _holds(values: Ints, size: int, wanted: int) -> bool:
     """Whether `wanted` is among the first `size` values."""
-    for i in range(size):  # noqa: SIM110 - numba has no any() of a generator
-        if values[i] == wanted:
-            return True
-    return False
+    i = 0
+    while i < size and values[i] != wanted:
+        i += 1
+    return i < size
 
 
 @njit(cache=True)
@@ -299,7 +300,8 @@ def _judge(  # noqa: C901 - one compiled loop
         # Follow the ray over the triangles that hang together with the candidate and that it
         # passes closely: a few around an edge or a corner, more along a wall that it grazes.
         queue[0] = t
-        size, head, turned = 1, 0, 0
+        one = int(np.int64(1))  # no literal: one type, compiled once
+        size, head, turned = one, one - 1, one - 1
         while head < size:
             for corner in range(3):
                 v = faces[queue[head], corner]
@@ -341,7 +343,7 @@ def _judge(  # noqa: C901 - one compiled loop
 def _try_all(
     skin: Skin, rays: Rays, limits: Limits, search: Search, live: NDArray[np.int64]
 ) -> None:
-    """Hold rays that never settled against every triangle."""
+    """Test rays without a decision against every triangle."""
     vertices, faces = skin.vertices, skin.faces
     frame, origin, place, frame_of, x_mm, slope_x = rays
     nearest, farthest, ignored, outside = limits

@@ -1,4 +1,4 @@
-"""The laser fan: where each point of a profile looks (formats: frames)."""
+"""The laser fan: the ray of each point of a profile (formats: frames)."""
 
 from dataclasses import dataclass
 
@@ -44,7 +44,7 @@ class Laser:
         Raises
         ------
         RecipeError
-            Where `x_mm` is given for a fan, or isn't finite and strictly monotone.
+            Where `x_mm` is given for a fan, or is not finite and strictly monotone.
         """
         count = datasheet.points_per_profile if points is None else points
         if datasheet.columns == "even_angle":
@@ -66,7 +66,7 @@ class Laser:
 
     @classmethod
     def of_recording(cls, datasheet: Datasheet, recording: Recording) -> "Laser":
-        """Return the rays of a recording: its own where it states them, else the datasheet's."""
+        """Return the rays that a recording states, else those of the datasheet."""
         if recording.ray_x_mm is not None and recording.ray_slope is not None:
             return cls(x_mm=recording.ray_x_mm, slope_x=recording.ray_slope)
         points = recording.depth_mm.shape[1]

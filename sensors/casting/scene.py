@@ -1,4 +1,4 @@
-"""A part as the laser sees it: a closed triangle mesh and the first hits of rays on it."""
+"""A closed triangle mesh, and the first hits of rays on it."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sensors.casting.hits import Hits
 from sensors.casting.laser import Laser
 from sensors.casting.sweep import sweep, sweepable
-from sensors.surface.brightness import Reflectance
+from sensors.surface.albedo import Albedo
 
 if TYPE_CHECKING:
     from sensors.casting.embree import Rays, Tree
@@ -23,8 +23,8 @@ _CLEARANCE_MM = 1e-6  # hits closer than 1 nm to a sight line's ends don't block
 class Scene:
     """A closed triangle mesh, part frame, mm; never changed after it is built.
 
-    The sensor is taken to stand outside the solid: a scan's rays meet the outer side of triangles
-    only.
+    The sensor is assumed to be outside the solid: a scan's rays meet only the outer side of
+    triangles.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class Scene:
         self.normals = _normals(vertices, triangles)
         for array in (self.vertices_mm, self.faces, self.normals):
             array.flags.writeable = False
-        self.reflectance: Reflectance | None = None
+        self.reflectance: Albedo | None = None
         """Brightness of the part over its own coordinates, where it is known."""
         self._tree: Tree | None = None
 
@@ -67,7 +67,7 @@ class Scene:
         Scene.__init__(self, state["vertices_mm"], state["faces"])
         self.reflectance = state["reflectance"]
 
-    def finished(self, reflectance: Reflectance | None) -> "Scene":
+    def finished(self, reflectance: Albedo | None) -> "Scene":
         """Return the same part with a brightness of its own."""
         other = object.__new__(Scene)  # not copied by its state: that would build it anew
         for name, value in vars(self).items():
@@ -77,7 +77,7 @@ class Scene:
 
     @property
     def tree(self) -> "Tree":
-        """Embree's tree, built when first asked for."""
+        """Embree's tree, built on first access."""
         if self._tree is None:
             from sensors.casting.embree import Tree
 

@@ -7,8 +7,8 @@ share an edge get the same end bit by bit; a ray belongs to a segment if it has 
 different sides, an end exactly on the ray counting as left of it. So no ray slips between two
 triangles and none meets both.
 
-numba's cache doesn't notice that a function of another file has changed: whoever edits this file
-removes `sensors/__pycache__/*.nb*`.
+numba's cache does not detect a change in a function of another file: after an edit of this file,
+remove `sensors/__pycache__/*.nb*`.
 """
 
 import math
@@ -33,7 +33,7 @@ def turn(frame: Floats, x: float, y: float, z: float) -> tuple[float, float, flo
 
 @njit(cache=True, inline="always")
 def edge_slope(y0: float, v0: float, y1: float, v1: float) -> float:
-    """Return dv/dy along the edge from below to above; 0 where it has no height worth the name."""
+    """Return dv/dy along the edge from below to above; 0 for an edge of negligible height."""
     return (v1 - v0) / (y1 - y0) if y1 - y0 > 1e-200 else 0.0
 
 
@@ -85,7 +85,7 @@ def segment(
 def clipped(
     x0: float, z0: float, x1: float, z1: float
 ) -> tuple[bool, float, float, float, float]:
-    """Keep the part of a segment with z >= 0 (before the emitter); False where nothing is left."""
+    """Keep the part of a segment with z >= 0 (before the emitter); False for an empty rest."""
     if z0 < 0.0:
         if z1 < 0.0:
             return False, x0, z0, x1, z1

@@ -2,8 +2,8 @@
 
 Along such a leg every profile is the section of the part by a plane. Each triangle covers a run of
 profiles, in each of them it is a segment, and the segment covers a run of points: a z-buffer over
-(profile, point) collects the nearest. What counts as a hit, and its depth, is
-`sensors.casting.section`'s business, so the sweep and the Embree caster agree to the last bit.
+(profile, point) collects the nearest. `sensors.casting.section` defines hits and their depths, so
+the sweep and the Embree caster agree to the last bit.
 """
 
 import math
@@ -29,7 +29,7 @@ class Corners(NamedTuple):
 
 
 class Runs(NamedTuple):
-    """Which triangles cover which profiles, and which runs each block of profiles meets.
+    """Runs of profiles that each triangle covers, and the runs of each block of profiles.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Fan(NamedTuple):
     ----------
     x_mm, slope_x : (m,)
     kind : int
-        What tells the rays apart: 0 their slope, 1 their place, 2 both.
+        Property that orders the rays: 0 slope, 1 position, 2 both.
     table, origin, scale
         See `_lookup`.
     """
@@ -67,7 +67,7 @@ class Fan(NamedTuple):
 
 
 def sweepable(x_mm: Floats, slope_x: Floats) -> bool:
-    """Whether no two rays of the profile cross before the emitter, so that they keep an order."""
+    """Whether no two rays of the profile cross before the emitter, so that their order is fixed."""
     dx, ds = np.diff(x_mm), np.diff(slope_x)
     return bool((dx >= 0).all() and (ds >= 0).all() or (dx <= 0).all() and (ds <= 0).all())
 
@@ -226,7 +226,7 @@ def _left_of(
 ) -> None:
     """Find how many rays pass left of each (x, z), z >= 0: x_mm + slope_x·z < x.
 
-    Many at once, in passes without a branch, since a branch's outcome can't be foreseen here.
+    Many at once, in passes without branches, whose outcome is unpredictable here.
     """
     x_mm, slope_x, kind, table, origin, scale = fan
     m = len(x_mm)
@@ -299,7 +299,7 @@ def _fill(
         for row in range(first, last):
             depth[order[row], :] = np.nan
             triangle[order[row], :] = -1
-        waiting = 0
+        waiting = int(np.int64(0))  # no literal: one type, compiled once
         for member in range(start[block], start[block + 1]):
             run = members[member]
             t = which[run]
@@ -335,7 +335,7 @@ def _fill(
                     for end in range(2):
                         _left_of(clip[2 * end], clip[2 * end + 1], waiting, fan, spans[end])
                     _keep_nearest(depth, triangle, source, ends, spans, waiting, x_mm, slope_x)
-                    waiting = 0
+                    waiting = int(np.int64(0))  # no literal: one type, compiled once
         for end in range(2):
             _left_of(clip[2 * end], clip[2 * end + 1], waiting, fan, spans[end])
         _keep_nearest(depth, triangle, source, ends, spans, waiting, x_mm, slope_x)
@@ -346,7 +346,7 @@ def _keep_nearest(
     depth: Floats, triangle: Ints, source: NDArray[np.int64], ends: Floats,
     spans: NDArray[np.int64], count: int, x_mm: Floats, slope_x: Floats,
 ) -> None:  # fmt: skip
-    """Put the segments' depths where they are nearer than what is there.
+    """Store the segments' depths where they are nearer than the stored ones.
 
     `source` holds each segment's row and triangle; `ends` x and z of its left and right end;
     `spans` its first point and the one behind its last.

@@ -1,4 +1,4 @@
-"""Physics beyond the plain geometric model, one effect a file, and the catalogue of them."""
+"""Physical effects beyond the nominal model, one per file, and their catalogue."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""The roughness has a direction: grinding or rolling marks."""
+"""Surface lay: the roughness has a direction (grinding or rolling marks)."""
 
 import math
 from dataclasses import dataclass, replace
@@ -14,11 +14,12 @@ from sensors.view.view import View
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AnisotropicLay(Effect):
-    """The speckle's spectrum becomes an ellipse that is fixed to the part."""
+    """The speckle's spectrum is elliptic, with axes fixed to the part."""
 
     name: ClassVar = "anisotropic_lay"
     summary: ClassVar = (
-        "The noise is drawn out along the part's lay (grinding, rolling, milling marks)."
+        "The noise is anisotropic: longer correlated along the part's lay (grinding, rolling, "
+        "milling marks)."
     )
     equation: ClassVar = "correlation length √ratio longer along the lay, √ratio shorter across it"
     source: ClassVar = (
@@ -26,17 +27,17 @@ class AnisotropicLay(Effect):
         "ratio 2 to 10"
     )
     statement: ClassVar = (
-        "The noise runs in stripes on the part, {ratio:.1f} times longer along {angle_deg:.0f}° "
-        "(from the part's x towards its y) than across: lay of the surface."
+        "The surface has a lay: the noise is correlated {ratio:.1f} times longer along "
+        "{angle_deg:.0f}° (from the part's x towards its y) than across."
     )
     channels: ClassVar = ("correlation", "variance")
     frame: ClassVar = "part"
     covariate: ClassVar = "part_x"
     rivals: ClassVar = ("column_offset", "roughness_level")
-    separating: ClassVar = "rotate the part by 90°: lay turns with it, stripes of the columns don't"
+    separating: ClassVar = "rotate the part by 90°: lay turns with the part, column offsets do not"
 
     ratio: float = parameter(
-        "length along the lay over length across it",
+        "correlation length along the lay over that across",
         low=1.0,
         high=50.0,
         typical=4.0,
@@ -53,14 +54,14 @@ class AnisotropicLay(Effect):
     )
 
     amplitude: float = parameter(
-        "factor on the speckle: the lay's own ridges add to it",
+        "factor on the speckle by the ridges of the lay",
         low=1.0,
         high=20.0,
         typical=1.0,
     )
 
     def changed(self, law: Law, view: View) -> Law:
-        """Stretch the speckle along the lay as the middle profile's sensor sees it; raise it."""
+        """Stretch the speckle along the lay in the middle profile's sensor frame, and scale it."""
         angle = math.radians(self.angle_deg)
         along = np.array([math.cos(angle), math.sin(angle), 0.0])
         seen = view.poses[len(view.poses) // 2, :3, :3].T @ along

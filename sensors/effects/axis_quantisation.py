@@ -1,4 +1,4 @@
-"""Heights are rounded more coarsely than the datasheet states."""
+"""Quantisation coarser than the datasheet states."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -11,11 +11,11 @@ from sensors.view.view import View
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AxisQuantisation(Effect):
-    """A larger ΔZ than the sensor's own: an export, an 8-bit image, a coarse scale."""
+    """A larger ΔZ than the sensor's: by an export, an 8-bit image, a coarse scale."""
 
     name: ClassVar = "axis_quantisation"
     summary: ClassVar = (
-        "Depths are delivered as multiples of a step coarser than the sensor's resolution."
+        "Delivered depths are multiples of a step coarser than the sensor's resolution."
     )
     equation: ClassVar = "z = Δ round(z / Δ): standard deviation of the rounding Δ/√12"
     source: ClassVar = (
@@ -31,11 +31,11 @@ class AxisQuantisation(Effect):
     covariate: ClassVar = "depth"
     rivals: ClassVar = ("pixel_locking", "roughness_level")
     separating: ClassVar = (
-        "count the differences of neighbouring readings: rounded ones are multiples of one step"
+        "list the differences of neighbouring readings: quantised ones are multiples of one step"
     )
 
     step_um: float = parameter(
-        "step of the delivered depths; one below the sensor's own changes nothing",
+        "step of the delivered depths; a step below the sensor's resolution has no effect",
         unit="µm",
         low=0.0,
         high=10000.0,
@@ -45,5 +45,5 @@ class AxisQuantisation(Effect):
     )
 
     def changed(self, law: Law, view: View) -> Law:
-        """Take the coarser of both steps."""
+        """Use the coarser of both steps."""
         return replace(law, step_mm=max(law.step_mm, 1e-3 * self.step_um))

@@ -1,9 +1,9 @@
-"""The contract of an effect: a small frozen value that turns one law of a reading into another.
+"""The interface of an effect: a frozen value that maps one predictive distribution to another.
 
-To write one: subclass `Effect` (or `AdditiveEffect` for a mean that is linear in some parameters,
-or `MotionEffect` for what moves the sensor) as a frozen dataclass whose fields are made by
-`parameter`, fill in the class attributes, add it to the catalogue. What a fit needs is then
-there: bounds, typical values, owners, what is linear, a coarse grid for what isn't.
+A new effect subclasses `Effect` (or `AdditiveEffect` for a mean that is linear in some parameters,
+or `MotionEffect` for a change of pose or rays) as a frozen dataclass whose fields are made by
+`parameter`, states the class attributes, and joins the catalogue. The parameters then state all
+that a fit needs: bounds, typical values, owners, linearity, and a coarse grid for the others.
 """
 
 import dataclasses
@@ -31,35 +31,33 @@ Floats = NDArray[np.float64]
 Channel = Literal["mean", "variance", "missing", "tails", "correlation"]
 Frame = Literal["sensor", "time", "travel", "part"]
 
-# Draws of a recording's parameters over which a law is averaged where they aren't known.
+# Draws of unknown per-recording parameters over which a law is averaged.
 AVERAGED = 8
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
 class Effect(ABC):
-    """A physical effect beyond the plain geometric model.
+    """A physical effect beyond the nominal model.
 
     Class attributes
     ----------------
     name : the effect's name in formats.md and sensor.yaml
-    summary : what happens, one sentence
-    equation : the law in one line of plain text
-    source : where the law comes from
+    summary : the effect in one sentence
+    equation : the equation in one line of plain text
+    source : reference of the equation
     statement : sentence for a process engineer, with {parameter} fields
-    channels : what of the law it changes, and is found by
-    also : what it changes besides, beside edges
-    faint : whether `fields` hold for a faint effect alone, so that a fit has to go on from there
-    frame : what its signature follows
-    covariate : key of `sensors.view.covariates.COVARIATES` against which it shows
-    relaxed : the components by which a diagnosis recognises it, whatever the exact law; () for an
-        effect that is recognised otherwise
-    rivals : effects that look alike
-    separating : the measurement that tells them apart
-    needs : keys of the datasheet without which it can't be computed
-    line_width : parameter that holds the width of the laser's line, where the effect is the
-        geometry of a line that wide; "" for others
-    sinusoid : the effect is an amplitude (its first linear parameter) and `phase_rad`; its
-        coefficients are A cos(phase) and A sin(phase), those of sine and cosine
+    channels : moments of the law that the effect changes and by which it is detected
+    also : moments that the effect changes in addition, near edges
+    faint : whether `fields` hold for small parameters only, so that a fit iterates from there
+    frame : frame in which the signature is fixed
+    covariate : key of `sensors.view.covariates.COVARIATES` on which the effect depends
+    relaxed : components by which a diagnosis recognises the effect, whatever the exact equation; ()
+        for an effect that is recognised otherwise
+    rivals : confounded effects
+    separating : the measurement that separates the effect from these
+    needs : keys of the datasheet that the effect requires
+    line_width : parameter of the laser line's width, where the effect is the line's geometry
+    sinusoid : whether the coefficients are A cos(phase) and A sin(phase) of the first parameter
     """
 
     name: ClassVar[str]
@@ -79,39 +77,39 @@ class Effect(ABC):
     line_width: ClassVar[str] = ""
     sinusoid: ClassVar[bool] = False
 
-    # ---- what a subclass says
+    # ---- defined by a subclass
 
     @abstractmethod
     def changed(self, law: Law, view: View) -> Law:
-        """Return the law with the effect, every parameter being known and none at its null."""
+        """Return the law with the effect; all parameters are known and not all at their null."""
 
     def shift(self, view: View) -> Floats | None:
-        """Return the change of the mean (n, m), mm, where no other effect has a say in it.
+        """Return the change of the mean (n, m), mm, where it is independent of other effects.
 
-        None where `changed` isn't just this added to the mean.
+        None where `changed` does more than add this change to the mean.
         """
         return None
 
     def stated_on(self, beam: Beam) -> Beam:
-        """Return the laser's line with what this effect, listed in a sensor's file, states of it.
+        """Return the laser line with the properties that this effect, listed in a file, states.
 
-        Effects find the whole at `view.sensor.beam`.
+        Effects read all stated properties from `view.sensor.beam`.
         """
         return beam
 
-    # ---- what everybody calls
+    # ---- called by others
 
     def apply(self, law: Law, view: View) -> Law:
-        """Turn one law into another.
+        """Map one law to another.
 
-        Parameters of the recording that are still None are integrated out: the law's mean is the
-        mean over their prior, its white variance takes up what they scatter, and its missing
-        and outliers are averaged. At zero strength the law comes back as it is.
+        Per-recording parameters that are None are integrated out: the mean is the mean over their
+        prior, the white variance includes their scatter, and the probabilities of missing readings
+        and outliers are averaged. An effect at zero strength returns the law unchanged.
 
         Raises
         ------
         RecipeError
-            Where the datasheet leaves out what the effect needs.
+            Where the datasheet does not state a key that the effect needs.
         """
         if self.is_null:
             return law
@@ -146,23 +144,23 @@ class Effect(ABC):
         return cls(**empty)
 
     def covariate_values(self, view: View) -> Floats:
-        """Return the covariate against which the effect shows, broadcastable to (n, m)."""
+        """Return the covariate on which the effect depends, broadcastable to (n, m)."""
         return COVARIATES[self.covariate].values(view)
 
-    # ---- what the mean is linear in
+    # ---- linear parameters
 
     def fields(self, view: View) -> tuple[Floats, ...]:
         """Return the change of the mean for each coefficient, mm per unit; () without any.
 
-        They broadcast to (n, m). For an `AdditiveEffect` the mean is their sum; for a
-        `MotionEffect` they hold to first order, good enough to search with.
+        They broadcast to (n, m). For an `AdditiveEffect` the mean is their sum. For a
+        `MotionEffect` they hold to first order, which a search uses.
         """
         return ()
 
     def basis(self, view: View) -> Basis | None:
         """Return `fields` with their names, at this effect's nonlinear parameters.
 
-        None where the mean isn't linear in anything.
+        None where the mean is linear in no parameter.
         """
         for key in self.needs:
             view.datasheet.require(key)
@@ -172,7 +170,7 @@ class Effect(ABC):
     def signature(self, view: View) -> Floats:
         """Return the change of the mean at this effect's parameters, (n, m) mm.
 
-        NaN where either law has no return.
+        NaN where either law has no reading.
         """
         bare = geometric_law(view, None)
         return np.asarray(self.apply(bare, view).mean_mm - bare.mean_mm)
@@ -203,7 +201,7 @@ class Effect(ABC):
         Raises
         ------
         RecipeError
-            Where that takes a parameter out of its bounds.
+            Where a parameter would be out of its bounds.
         """
         given = [float(c) for c in np.asarray(coefficients).ravel()]
         linear = [p for p in self.parameters() if p.linear]
@@ -227,7 +225,7 @@ class Effect(ABC):
         return self.statement.format(**{**values, **self.words()})
 
     def words(self) -> dict[str, Any]:
-        """Return what the statement says beside the parameters."""
+        """Return the fields of the statement beyond the parameters."""
         return {}
 
     def _worded(self, p: Parameter) -> Any:
@@ -261,7 +259,7 @@ class Effect(ABC):
         return dataclasses.replace(self, **new)
 
     def searched(self, *, linear: bool | None = None) -> tuple[Parameter, ...]:
-        """Numbers that a fit may move; only the linear or nonlinear ones where asked."""
+        """Free parameters of a fit; only the linear or the nonlinear ones where requested."""
         found = (p for p in self.parameters() if p.searched)
         return tuple(p for p in found if linear is None or p.linear == linear)
 
@@ -273,20 +271,20 @@ class Effect(ABC):
         return np.array([described[k].typical if v is None else v for v, k in pairs], dtype=float)
 
     def grid(self, view: View) -> tuple[Self, ...]:
-        """Return effects on a coarse grid of the nonlinear parameters, others as they are."""
+        """Return effects on a coarse grid of the nonlinear parameters; others keep their values."""
         axes = [(p.name, p.grid) for p in self.parameters() if p.grid]
         points = itertools.product(*(values for _, values in axes))
         names = [name for name, _ in axes]
         return tuple(self.with_parameters(dict(zip(names, p, strict=True))) for p in points)
 
     def variants(self, view: View) -> tuple[Self, ...]:
-        """Return other forms of the law, tried where it is fitted, not where it is looked for."""
+        """Return other forms of the effect, tried in a fit and not in a search."""
         return ()
 
-    # ---- the recording's own parameters
+    # ---- per-recording parameters
 
     def undrawn(self, view: View | None = None) -> tuple[str, ...]:
-        """Names of the recording's parameters that are None and that `view` doesn't settle."""
+        """Names of the per-recording parameters that are None and unknown in `view`."""
         return tuple(
             p.name
             for p in self.parameters()
@@ -296,7 +294,7 @@ class Effect(ABC):
         )
 
     def draw(self, rng: np.random.Generator) -> Self:
-        """Return the effect with the recording's open parameters drawn from their prior."""
+        """Return the effect with unknown per-recording parameters drawn from their prior."""
         drawn = {}
         for p in self.parameters():
             if p.prior is not None:
@@ -306,20 +304,20 @@ class Effect(ABC):
         return self.with_parameters(drawn) if drawn else self
 
     def shared(self) -> Self:
-        """Return the effect with the recording's parameters left open."""
+        """Return the effect with its per-recording parameters unknown (None)."""
         return self.with_parameters(
             {p.name: None for p in self.parameters() if p.owner == "recording"}
         )
 
     def _integrated(self, law: Law, view: View) -> Law:
-        """Average over the priors of the open parameters by moments."""
+        """Average over the priors of the unknown parameters by moments."""
         laws = []
         names = self.undrawn(view)
         for i in range(AVERAGED):
             values = {}
             for axis, name in enumerate(names):
                 low, high = self.parameter(name).prior or (0.0, 0.0)
-                # midpoints of equal shares, in another order along each axis
+                # midpoints of strata, in another order along each axis
                 share = ((i * (2 * axis + 1) + axis) % AVERAGED + 0.5) / AVERAGED
                 values[name] = low + share * (high - low)
             laws.append(self.with_parameters(values).changed(law, view))
@@ -334,7 +332,7 @@ class Effect(ABC):
         Raises
         ------
         RecipeError
-            For an unknown key, a value of another type, or one out of its bounds.
+            For an unknown key, a value of another type, or a value out of its bounds.
         """
         values = {key: value for key, value in mapping.items() if key != "name"}
         try:
@@ -344,7 +342,7 @@ class Effect(ABC):
             raise RecipeError(str(error), where=where) from None
 
     def to_mapping(self) -> dict[str, Any]:
-        """Return the entry of a sensor's `effects`; what is None is left out."""
+        """Return the entry of a sensor's `effects` without keys that are None."""
         values = {p.name: getattr(self, p.name) for p in self.parameters()}
         plain = {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
         return {"name": self.name, **{k: v for k, v in plain.items() if v is not None}}
@@ -372,7 +370,7 @@ class Effect(ABC):
 
 
 class AdditiveEffect(Effect):
-    """An effect whose mean is a sum of fields with coefficients: cheap to search and to fit.
+    """An effect whose mean is a linear combination of fields.
 
     The coefficients are the effect's linear parameters, in their order.
     """
@@ -393,16 +391,16 @@ class AdditiveEffect(Effect):
 
 
 class MotionEffect(Effect):
-    """An effect that puts the sensor elsewhere than commanded: everything moves with it."""
+    """An effect that changes the sensor's pose or rays, and with them the geometry."""
 
     __slots__ = ()
 
     @abstractmethod
     def moved(self, view: View) -> View:
-        """Return the view from where the sensor really is."""
+        """Return the view from the sensor's true pose."""
 
     def changed(self, law: Law, view: View) -> Law:
-        """Replace the geometry's mean by that of the true poses, keeping what others added."""
+        """Replace the geometry's mean by that of the true poses; keep the bias by other effects."""
         true = self.moved(view)
         mean = law.mean_mm + (true.depth_mm - view.depth_mm)
         reason = np.where(law.reason == 0, true.reason, law.reason)

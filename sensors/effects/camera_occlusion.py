@@ -1,4 +1,4 @@
-"""Shadows: no return where the part stands between the laser's spot and the camera."""
+"""Occlusion: no reading where the part hides the laser spot from the camera."""
 
 import math
 from dataclasses import dataclass, replace
@@ -21,20 +21,20 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CameraOcclusion(Effect):
-    """The camera at (0, κ b, 0), b = working distance · tan θ, must see the point."""
+    """Readings are missing where a camera at (0, κ b, 0) is occluded, b = WD tan θ."""
 
     name: ClassVar = "camera_occlusion"
     summary: ClassVar = (
-        "No return where the sight line from the laser's spot to the camera meets the part."
+        "Readings are missing where the part blocks the line of sight from laser spot to camera."
     )
     equation: ClassVar = "missing where the segment from (x, 0, z) to (0, κ b, 0) meets the part"
     source: ClassVar = (
-        "Geometry of triangulation; shadow length h tan θ beside a step of height h, "
-        "h b / z of the floor in a push-broom scan"
+        "Geometry of triangulation; a step of height h casts a shadow of length h tan θ, "
+        "h b / z on the floor of a push-broom scan"
     )
     statement: ClassVar = (
-        "The camera can't see the laser line beside steps and walls: points are missing on one "
-        "side of them, as a camera {triangulation_angle_deg:.1f}° from the laser would have it."
+        "Steps and walls occlude the camera: readings are missing on one side of each. A camera "
+        "{triangulation_angle_deg:.1f}° from the laser predicts these shadows."
     )
     channels: ClassVar = ("missing",)
     frame: ClassVar = "sensor"
@@ -44,11 +44,11 @@ class CameraOcclusion(Effect):
     line_width: ClassVar = "line_sd_um"
     separating: ClassVar = (
         "turn the part or the sensor by 180° about the laser's axis: shadows change sides on the "
-        "part; dropouts by low signal stay"
+        "part; dropouts at low signal do not"
     )
 
     triangulation_angle_deg: float | None = parameter(
-        "angle between laser and camera at the working distance; 0 sees all that the laser hits",
+        "angle between laser and camera at the working distance; 0: no occlusion",
         unit="°",
         low=0.0,
         high=75.0,
@@ -65,21 +65,22 @@ class CameraOcclusion(Effect):
     )
 
     line_sd_um: float = parameter(
-        "standard deviation of the line across its width; 0: its middle alone must be seen",
+        "standard deviation of the line across its width; 0: only its middle must be visible",
         unit="µm",
         low=0.0,
         high=500.0,
         typical=0.0,
     )
     weakest: float = parameter(
-        "share of the line's light that the camera must see, where it has a width",
+        "smallest visible share of the line's light that still gives a reading, for a line with a "
+        "width",
         low=0.001,
         high=0.99,
         typical=0.5,
     )
 
     def stated_on(self, beam: Beam) -> Beam:
-        """State how much light makes a peak, where the line has a width."""
+        """State the share of light that makes a peak, for a line with a width."""
         if self.line_sd_um == 0.0:
             return beam
         return replace(beam, weakest=max(beam.weakest, self.weakest))
@@ -90,7 +91,7 @@ class CameraOcclusion(Effect):
         return (self.with_parameters(camera_side="-y" if side == "+y" else "+y"),)
 
     def changed(self, law: Law, view: View) -> Law:
-        """Take the return away where the camera doesn't see the point."""
+        """Remove the readings whose point is hidden from the camera."""
         offset = self.camera_y_mm(view)
         if self.line_sd_um == 0.0:
             seen = view.visible_from(offset)
@@ -102,7 +103,7 @@ class CameraOcclusion(Effect):
         return law.without(view.valid & ~seen, Reason.HIDDEN_FROM_CAMERA)
 
     def covariate_values(self, view: View) -> Floats:
-        """Return 1 where the effect's camera doesn't see the point, else 0, (n, m)."""
+        """Return 1 where the point is hidden from the effect's camera, else 0, (n, m)."""
         return hidden_from(view, self.camera_y_mm(view))
 
     def camera_y_mm(self, view: View) -> float:

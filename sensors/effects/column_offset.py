@@ -1,4 +1,4 @@
-"""Each column has an offset, and a scale, of its own."""
+"""Fixed-pattern error: an offset and a scale of each column."""
 
 import math
 from dataclasses import dataclass, replace
@@ -21,14 +21,13 @@ Floats = NDArray[np.float64]
 class ColumnOffset(AdditiveEffect):
     """A fixed pattern over the columns, the same in every profile and pose.
 
-    A table that turns rows into depths column by column errs by a straight line of the depth in
-    each: an offset, and a scale from the working distance on.
+    A calibration table that converts rows to depths column by column has, to first order, an error
+    of two parameters per column: an offset, and a scale about the working distance.
     """
 
     name: ClassVar = "column_offset"
     summary: ClassVar = (
-        "Every column of the profile reads a little too near or too far, always the same, or in "
-        "proportion to the depth."
+        "Each column of the profile has a constant offset, or an error proportional to the depth."
     )
     equation: ClassVar = (
         "c(column) + s(column) (z - WD): values at evenly spaced columns, linear between; white in "
@@ -39,8 +38,8 @@ class ColumnOffset(AdditiveEffect):
         "industrial sensors"
     )
     statement: ClassVar = (
-        "Columns have fixed offsets of {rms_um:.1f} µm (standard deviation){tilted}, the same in "
-        "every profile: stripes along the travel."
+        "Columns have constant offsets of {rms_um:.1f} µm (standard deviation){tilted} in every "
+        "profile: stripes along the travel."
     )
     channels: ClassVar = ("mean",)
     frame: ClassVar = "sensor"
@@ -60,7 +59,7 @@ class ColumnOffset(AdditiveEffect):
         kind="list",
     )
     scales_ppm: tuple[float, ...] = parameter(
-        "relative errors of the depth from the working distance on, at columns evenly spaced over "
+        "relative errors of the depth about the working distance, at columns evenly spaced over "
         "the profile",
         unit="ppm",
         low=-100000.0,
@@ -82,7 +81,7 @@ class ColumnOffset(AdditiveEffect):
         fixed=True,
     )
     seed: int = parameter(
-        "which pattern; belongs to the instrument, not to a scan",
+        "seed of the pattern, which belongs to the instrument and not to a scan",
         low=0,
         high=4294967295,
         typical=1,
@@ -96,7 +95,7 @@ class ColumnOffset(AdditiveEffect):
         return tuple(1e-3 * f[None, :] for f in (*hats(len(self.values_um), columns), pattern))
 
     def changed(self, law: Law, view: View) -> Law:
-        """Add the offsets, and the scales' errors times the way from the working distance."""
+        """Add the offsets, and the scale errors times the distance from the working distance."""
         law = AdditiveEffect.changed(self, law, view)  # a slotted class has no bare super()
         if not self.scales_ppm:
             return law
@@ -105,9 +104,9 @@ class ColumnOffset(AdditiveEffect):
         return replace(law, mean_mm=law.mean_mm + scales * away)
 
     def words(self) -> dict[str, Any]:
-        """Say the deviation of all offsets together, and that of the scales."""
+        """Return the standard deviations of offsets and scales for the statement."""
         values = np.array(self.values_um or (0.0,))
         tilted = ""
         if self.scales_ppm:
-            tilted = f" and scales wrong by {np.std(self.scales_ppm):.0f} ppm"
+            tilted = f" and scale errors of {np.std(self.scales_ppm):.0f} ppm"
         return {"rms_um": math.hypot(self.rms_um, float(values.std())), "tilted": tilted}

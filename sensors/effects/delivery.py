@@ -1,4 +1,4 @@
-"""The contract of an effect that acts on readings once they are measured, in the firmware."""
+"""The interface of an effect of the firmware, which acts on measured readings."""
 
 from abc import abstractmethod
 from dataclasses import replace
@@ -14,29 +14,29 @@ Floats = NDArray[np.float64]
 
 
 class DeliveryEffect(Effect):
-    """An effect on whole profiles of readings: last of all, wherever a file lists it.
+    """An effect on whole profiles of readings; it acts last, wherever a file lists it.
 
-    Its law holds the moments of what is delivered, point by point; a draw is a draw of what was
-    measured, put through the firmware.
+    The law holds the moments of the delivered readings, point by point. A draw is a draw of
+    measured readings, processed by the firmware.
     """
 
     __slots__ = ()
 
     @abstractmethod
     def claimed(self, law: Law, view: View) -> Law:
-        """Return the moments of the readings delivered, those of the measured ones being known."""
+        """Return the moments of the delivered readings from those of the measured ones."""
 
     @abstractmethod
     def deliver(
         self, depth_mm: Floats, reason: NDArray[np.uint8], rng_of: RngOf
     ) -> tuple[Floats, NDArray[np.uint8]]:
-        """Return what is delivered of a scan's readings (n, m), mm, and why points are missing."""
+        """Return the delivered readings of a scan (n, m), mm, and the reasons of missing ones."""
 
     def smoothing(self) -> Floats | None:
-        """Return the correlation that white noise has afterwards; None where it stays white."""
+        """Return the correlation of white noise after the filter; None where it stays white."""
         return None
 
     def changed(self, law: Law, view: View) -> Law:
-        """Claim the delivered moments; keep the measured law for drawing from."""
+        """State the delivered moments; keep the measured law for draws."""
         delivery = Delivery(measured=law, deliver=self.deliver, smoothing=self.smoothing())
         return replace(self.claimed(law, view), delivery=delivery)

@@ -1,4 +1,4 @@
-"""Mixed readings at depth edges: the line is cut, or lies on two levels at once."""
+"""Mixed readings at depth edges: the line is partly hidden, or lies on two levels."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.effects.base import Effect
+from sensors.effects.line_width import line_sd, rayleigh
 from sensors.effects.parameter import parameter
 from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
@@ -17,15 +18,15 @@ from sensors.view.view import View
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EdgeMixing(Effect):
-    """What the centre of a partly hidden or divided line reads, beyond its footprint's mean."""
+    """Centroid of a partly hidden or divided line, minus its footprint's mean."""
 
     name: ClassVar = "edge_mixing"
     summary: ClassVar = (
-        "At a depth edge the camera sees part of the line only, or two lines: readings lean to "
-        "the camera's side or lie between the levels."
+        "At a depth edge the camera sees only part of the line, or two lines: readings are biased "
+        "towards the camera's side or lie between the levels."
     )
     equation: ClassVar = (
-        "z_m = Σ L V [z + κ η cot θ] / Σ L V less Σ L z / Σ L; half a line: κ · 0.80 s cot θ"
+        "z_m = Σ L V [z + κ η cot θ] / Σ L V - Σ L z / Σ L; half a line: κ · 0.80 s cot θ"
     )
     source: ClassVar = (
         "Centre of gravity of a Gaussian line, sensors/line/line_operator.py; "
@@ -33,9 +34,8 @@ class EdgeMixing(Effect):
         "ch. 17 for the beam's width away from focus; half-normal mean √(2/π) s"
     )
     statement: ClassVar = (
-        "Beside depth edges, within twice the line's width, readings are off because only part of"
-        " the laser line (standard deviation {line_sd_um:.0f} µm) is seen there, or two levels at"
-        " once."
+        "Within twice the line's width of depth edges, readings are biased: the camera sees only"
+        " part of the laser line (standard deviation {line_sd_um:.0f} µm), or two levels at once."
     )
     channels: ClassVar = ("mean",)
     frame: ClassVar = "sensor"
@@ -44,23 +44,14 @@ class EdgeMixing(Effect):
     rivals: ClassVar = ("finite_spot", "camera_occlusion", "reflectance_edge")
     separating: ClassVar = (
         "turn the sensor by 180° about the laser's axis: the error at an edge changes its sign; "
-        "rounding by the footprint doesn't"
+        "rounding by the footprint does not"
     )
     needs: ClassVar = ("triangulation_angle_deg",)
     line_width: ClassVar = "line_sd_um"
 
-    line_sd_um: float | None = parameter(
-        "standard deviation of the line across its width at the working distance",
-        unit="µm",
-        low=0.0,
-        high=500.0,
-        typical=30.0,
-        null=0.0,
-        grid=(15.0, 30.0, 60.0, 120.0),
-        sheet="line_width_um",
-    )
+    line_sd_um: float | None = line_sd()
     merge_um: float = parameter(
-        "depth between two peaks up to which they merge; beyond, the brighter wins",
+        "largest depth between two peaks that merge; of peaks farther apart the brighter is read",
         unit="µm",
         low=0.0,
         high=100000.0,
@@ -68,38 +59,32 @@ class EdgeMixing(Effect):
         fixed=True,
     )
     weakest: float = parameter(
-        "share of the line's light that makes a peak; with less the reading is left alone",
+        "smallest share of the line's light that makes a peak; the effect changes no reading with "
+        "less",
         low=0.0,
         high=1.0,
         typical=0.2,
     )
-    rayleigh_mm: float = parameter(
-        "distance from focus at which the line is √2 wider; 0: no defocus",
-        unit="mm",
-        low=0.0,
-        high=10000.0,
-        typical=0.0,
-        fixed=True,
-    )
+    rayleigh_mm: float = rayleigh()
 
     def stated_on(self, beam: Beam) -> Beam:
-        """State how edges mix readings, and which levels merge."""
+        """State the effect and the depth between levels that merge."""
         return replace(
             beam,
             cut=beam.cut if self.is_null else self,
             merge_um=max(beam.merge_um, self.merge_um),
         )
 
-    def as_told(self) -> Self:
-        """Return the effect as it is: its figures are those that were measured."""
+    def as_measured(self) -> Self:
+        """Return the effect unchanged: its values were measured with the file's line."""
         return self
 
     def changed(self, law: Law, view: View) -> Law:
-        """Add what cutting and doubling the line does; nothing where the line is whole."""
+        """Add the bias of a cut or doubled line; zero where the line is whole."""
         return replace(law, mean_mm=law.mean_mm + self.shift(view))
 
     def shift(self, view: View) -> NDArray[np.float64]:
-        """Return what the cut or doubled line reads, less its footprint's mean."""
+        """Return the cut or doubled line's centroid minus its footprint's mean."""
         sd = line_sd_mm(view, self.line_sd_um, self.rayleigh_mm)
         offsets = sub_lines(float(np.max(sd)))
         weights = gaussian_weights(offsets, sd)

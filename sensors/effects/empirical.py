@@ -1,4 +1,4 @@
-"""A free-form smooth dependence on a covariate: keeps what no physics explains, as no physics."""
+"""A fitted curve over a covariate, for a residual that no physical effect explains."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -19,27 +19,29 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Empirical(Effect):
-    """Values at knots of one covariate, straight lines between, constant beyond."""
+    """Values at knots of one covariate, linear between the knots, constant beyond."""
 
     name: ClassVar = "empirical"
-    summary: ClassVar = "A curve over one covariate that was fitted, not explained."
-    equation: ClassVar = "mean + f(c), deviation · exp(f(c)), or p_missing from f(c); f by knots"
-    source: ClassVar = "None: marks what the catalogue doesn't explain"
+    summary: ClassVar = "A fitted curve over one covariate, without a physical model."
+    equation: ClassVar = (
+        "mean + f(c), standard deviation · exp(f(c)), or p_missing = f(c); f by knots"
+    )
+    source: ClassVar = "none: the curve marks an unexplained residual"
     statement: ClassVar = (
-        "Something that isn't in the catalogue changes the {channel} with {against}, by up to "
-        "{values:.3g}{unit}; this is a fitted curve, no explanation."
+        "The {channel} depends on {against}, by up to {values:.3g}{unit}, and no effect of the "
+        "catalogue explains the dependence: the curve is fitted."
     )
     channels: ClassVar = ("mean", "variance", "missing")
     frame: ClassVar = "sensor"
     covariate: ClassVar = "depth"
     rivals: ClassVar = ()
-    separating: ClassVar = "vary this covariate alone and watch the curve"
+    separating: ClassVar = "vary this covariate alone and compare the curve"
 
     against: str = parameter(
         "covariate over which the curve runs", choices=tuple(COVARIATES), typical="depth"
     )
     channel: str = parameter(
-        "what changes: mean (µm added), variance (log of a factor on the noise's deviation), "
+        "quantity that changes: mean (µm added), variance (log factor on the standard deviation), "
         "or missing (probability)",
         choices=("mean", "variance", "missing"),
         typical="mean",
@@ -76,7 +78,7 @@ class Empirical(Effect):
             )
 
     def words(self) -> dict[str, str]:
-        """Say the covariate in words, and the unit."""
+        """Return the covariate's description and the unit for the statement."""
         unit = {"mean": " µm", "variance": " (logarithm)", "missing": ""}[self.channel]
         return {"against": COVARIATES[self.against].words, "unit": unit}
 
@@ -87,7 +89,7 @@ class Empirical(Effect):
         return tuple(1e-3 * self._hats(view))
 
     def changed(self, law: Law, view: View) -> Law:
-        """Change the curve's channel; where the covariate isn't known, nothing."""
+        """Change the curve's channel; zero change where the covariate is unknown."""
         curve = np.tensordot(np.array(self.values), self._hats(view), axes=1)
         if self.channel == "mean":
             return replace(law, mean_mm=law.mean_mm + 1e-3 * curve)

@@ -1,4 +1,4 @@
-"""The line has a width: each reading is an average over its footprint."""
+"""The laser line has a width: each reading is an average over its footprint."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
@@ -7,35 +7,43 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.effects.base import Effect
+from sensors.effects.line_width import along, line_sd, rayleigh
 from sensors.effects.parameter import Parameter, parameter
 from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.line.beam import Beam, listed_sd_mm, wider_mm
-from sensors.line.line_operator import gaussian_weights, lean_mm, line_sd_mm, read_line, sub_lines
-from sensors.view.kept import Kept
+from sensors.line.line_operator import (
+    centroid_bias_mm,
+    gaussian_weights,
+    line_sd_mm,
+    read_line,
+    sub_lines,
+)
 from sensors.view.view import View
+from sensors.view.view_cache import ViewCache
 
-_ROUNDED: Kept[NDArray[np.float64]] = Kept(1)
+_ROUNDED: ViewCache[NDArray[np.float64]] = ViewCache(1)
 TIMES_WIDER = (0.5, 1.4, 2.0, 2.8)
-"""Widths that are tried first, in times of the line that the file tells of."""
+"""Starting widths of a search, over the width of the line that the file states."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FiniteSpot(Effect):
-    """Mean over a Gaussian footprint on the surface that runs on from the centre.
+    """Mean depth over a Gaussian footprint on the surface that continues from the centre.
 
-    What a file tells of edges was measured with the line as it was. A line that is wider by now
-    (`beam_um`) adds to that what a matt surface under it reads beyond one under the former.
+    The file's values at edges were measured with the line width of that time. Where the line width
+    has increased since (`beam_um`), the reading changes by the difference between the readings of
+    a matt surface under both widths.
     """
 
     name: ClassVar = "finite_spot"
     summary: ClassVar = (
-        "Each reading averages the depth over the laser line's width: edges are rounded, "
-        "curvature biases."
+        "Each reading averages the depth over the laser line's width: edges are rounded, and "
+        "curved surfaces are biased."
     )
     equation: ClassVar = (
-        "z_m = Σ L(η) z(y+η) / Σ L(η), bias about s²/2 · ∂²z/∂y²; with a lean, + lean · "
-        "(Σ L I [z + κ η cot θ] / Σ L I less the same without the brightness I)"
+        "z_m = Σ L(η) z(y+η) / Σ L(η), bias about s²/2 · ∂²z/∂y²; with `lean`, + lean · "
+        "(Σ L I [z + κ η cot θ] / Σ L I - Σ L [z + κ η cot θ] / Σ L), I the brightness"
     )
     source: ClassVar = (
         "Centre of gravity of a Gaussian line, sensors/line/line_operator.py; "
@@ -43,8 +51,8 @@ class FiniteSpot(Effect):
         "ch. 17 for the beam's width away from focus"
     )
     statement: ClassVar = (
-        "Edges and tight radii are rounded as by a laser line of {line_sd_um:.0f} µm (standard "
-        "deviation across its width)."
+        "Edges and small radii are rounded as a laser line of {line_sd_um:.0f} µm (standard "
+        "deviation across its width) predicts."
     )
     channels: ClassVar = ("mean",)
     frame: ClassVar = "sensor"
@@ -54,38 +62,15 @@ class FiniteSpot(Effect):
     line_width: ClassVar = "line_sd_um"
     separating: ClassVar = (
         "rotate the part by 90°: rounding by the line's width stays along the travel; vary the "
-        "speed: motion blur grows with it"
+        "speed: motion blur grows with the speed"
     )
 
-    line_sd_um: float | None = parameter(
-        "standard deviation of the line across its width at the working distance",
-        unit="µm",
-        low=0.0,
-        high=500.0,
-        typical=30.0,
-        null=0.0,
-        grid=(15.0, 30.0, 60.0, 120.0),
-        sheet="line_width_um",
-    )
-    along_um: float = parameter(
-        "standard deviation of the footprint along the line (lens and pixel)",
-        unit="µm",
-        low=0.0,
-        high=500.0,
-        typical=0.0,
-        fixed=True,
-    )
-    rayleigh_mm: float = parameter(
-        "distance from focus at which the line is √2 wider; 0: no defocus",
-        unit="mm",
-        low=0.0,
-        high=10000.0,
-        typical=0.0,
-        fixed=True,
-    )
+    line_sd_um: float | None = line_sd()
+    along_um: float = along()
+    rayleigh_mm: float = rayleigh()
 
     lean: float = parameter(
-        "how much of what a line this wide would lean to the brighter side of a crease it leans, "
+        "centroid bias towards the brighter side of a crease, over that of a line this wide, "
         "where the brightness is known",
         low=0.0,
         high=1.0,
@@ -93,8 +78,8 @@ class FiniteSpot(Effect):
     )
 
     beam_um: float = parameter(
-        "standard deviation that the line has by now, where the file's figures on edges were "
-        "measured with another; 0: as it was then",
+        "current standard deviation of the line, where the file's values at edges were measured "
+        "with another line width; 0: unchanged",
         unit="µm",
         low=0.0,
         high=500.0,
@@ -102,12 +87,12 @@ class FiniteSpot(Effect):
     )
 
     def searched(self, *, linear: bool | None = None) -> tuple[Parameter, ...]:
-        """Return the numbers that a fit may move: none of what was measured for the file."""
+        """Return the free parameters: values measured for the file stay fixed."""
         found = Effect.searched(self, linear=linear)
         return tuple(p for p in found if (p.name == "beam_um") == (self.beam_um > 0))
 
     def grid(self, view: View) -> tuple[Self, ...]:
-        """Return lines wider and narrower than the one whose spot the file lists, else any."""
+        """Return wider and narrower lines than the listed one; any line where none is listed."""
         if self != view.sensor.beam.spot:
             return Effect.grid(self, view)
         beam_um, high = 1e3 * listed_sd_mm(view), self.parameter("beam_um").high
@@ -123,29 +108,29 @@ class FiniteSpot(Effect):
             along_um=max(beam.along_um, self.along_um),
         )
 
-    def as_told(self) -> Self:
-        """Return the spot of the line as it was when the file's figures were measured."""
+    def as_measured(self) -> Self:
+        """Return the spot with the line width at which the file's values were measured."""
         return self.with_parameters(beam_um=0.0)
 
     def words(self) -> dict[str, float]:
-        """Say how wide the line is by now."""
+        """Return the current line width for the statement."""
         return {"line_sd_um": self.beam_um} if self.beam_um else {}
 
     def variants(self, view: View) -> tuple[Self, ...]:
-        """Return the line leaning to the bright side, where the brightness is known."""
+        """Return the line with a centroid bias, where the brightness is known."""
         placed = view.datasheet.triangulation_angle_deg is not None
         if self.beam_um or view.brightness is None or not placed:
             return ()
         return (self.with_parameters(lean=0.3),)
 
     def changed(self, law: Law, view: View) -> Law:
-        """Add the difference between the footprint's mean and the centre."""
+        """Add the difference between the footprint's mean and the depth at its centre."""
         return replace(law, mean_mm=law.mean_mm + self.shift(view))
 
     def shift(self, view: View) -> NDArray[np.float64]:
-        """Return the footprint's mean less the centre's depth; a wider line's change with it."""
-        told = self.as_told()
-        rounded = _ROUNDED.get(view, told, lambda: told._rounded(view))
+        """Return the footprint's mean minus the centre's depth, a wider line's change included."""
+        measured = self.as_measured()
+        rounded = _ROUNDED.get(view, measured, lambda: measured._rounded(view))
         return rounded + wider_mm(view, 1e-3 * self.beam_um) if self.beam_um else rounded
 
     def _rounded(self, view: View) -> NDArray[np.float64]:
@@ -154,7 +139,7 @@ class FiniteSpot(Effect):
         line = read_line(view, offsets, gaussian_weights(offsets, sd))
         change = np.where(np.isfinite(line.depth_mm), line.depth_mm - view.depth_mm, 0.0)
         if self.lean > 0 and view.brightness is not None:
-            change += self.lean * lean_mm(view, sd, creases=True)
+            change += self.lean * centroid_bias_mm(view, sd, creases=True)
         if self.along_um > 0:
             offsets = sub_lines(self.along_um * 1e-3)
             weights = gaussian_weights(offsets, self.along_um * 1e-3)

@@ -1,4 +1,4 @@
-"""The part itself departs from its CAD model: smoothly, or by fillets in concave corners."""
+"""Form error: the part deviates from its CAD model, smoothly or by fillets in concave corners."""
 
 import math
 from dataclasses import dataclass, replace
@@ -18,9 +18,9 @@ from sensors.view.view import View
 Floats = NDArray[np.float64]
 
 MOST = 6.0
-"""Change of depth over the displacement, at most: about what is seen at 80° of incidence."""
+"""Largest change of depth over the displacement: about that at 80° of incidence."""
 PLACES = 48
-"""Places along each side at which a form's size is taken."""
+"""Points along each side at which the form's rms is evaluated."""
 
 
 def orders(count: int) -> list[tuple[int, int]]:
@@ -33,25 +33,25 @@ def orders(count: int) -> list[tuple[int, int]]:
 class FormError(AdditiveEffect):
     """Low orders of a cosine series over the part's two longest sides, along the shortest.
 
-    A warped part bends out of its two longest sides and carries its walls along: they don't
-    grow outwards. Beside the waves, or without them, a radius in every concave corner that the
-    model has sharp.
+    A warped part bends out of its two longest sides, and its walls move with the bend. In addition,
+    concave corners that are sharp in the model may have a radius.
     """
 
     name: ClassVar = "form_error"
     summary: ClassVar = (
-        "The part is warped, or its concave corners are rounded: its surface departs from the "
-        "model and takes that along when it moves."
+        "The part is warped, or its concave corners are rounded: its surface deviates from the "
+        "model, and the deviation moves with the part."
     )
     equation: ClassVar = (
         "h = Σ c_ij cos(iπu) cos(jπv) along the shortest side w; δz = h (n·w) / (n·d); a fillet "
         "of radius r fills corners up to t = r tan(τ/2) from the crease"
     )
     source: ClassVar = (
-        "Cosine series of low order over the bounding box; 10 to 500 µm; last resort from a "
-        "single pose. Fillets: plane geometry, τ between the faces' normals"
+        "Cosine series of low order over the bounding box; 10 to 500 µm; not identifiable from a "
+        "single pose beside the instrument's errors. Fillets: plane geometry, τ between the "
+        "faces' normals"
     )
-    statement: ClassVar = "The part departs from its model: {form}."
+    statement: ClassVar = "The part deviates from its model: {form}."
     channels: ClassVar = ("mean",)
     frame: ClassVar = "part"
     covariate: ClassVar = "part_x"
@@ -60,8 +60,8 @@ class FormError(AdditiveEffect):
     )
     rivals: ClassVar = ("line_bow", "lens_distortion", "incidence_bias", "stage_vibration")
     separating: ClassVar = (
-        "shift or turn the part under the sensor: its form moves along, the instrument's errors "
-        "don't"
+        "shift or turn the part under the sensor: its form moves with the part, the instrument's "
+        "errors do not"
     )
 
     coefficients_um: tuple[float, ...] = parameter(
@@ -75,8 +75,8 @@ class FormError(AdditiveEffect):
         kind="list",
     )
     fillet_mm: float = parameter(
-        "radius r of concave corners that are sharp in the model; no waves beside it with "
-        "`coefficients_um: []`",
+        "radius r of concave corners that are sharp in the model; `coefficients_um: []` states a "
+        "fillet without waves",
         unit="mm",
         low=0.0,
         high=50.0,
@@ -84,7 +84,7 @@ class FormError(AdditiveEffect):
         null=0.0,
     )
     corners_mm: tuple[float, ...] = parameter(
-        "points x, y, z of the part, one on each concave crease that is rounded; empty: on all",
+        "points x, y, z of the part, one on each rounded concave crease; empty: all creases",
         unit="mm",
         low=-1e5,
         high=1e5,
@@ -100,12 +100,12 @@ class FormError(AdditiveEffect):
             )
 
     def searched(self, *, linear: bool | None = None) -> tuple[Parameter, ...]:
-        """Return the radius where there is one: beside waves none is sought."""
+        """Return the radius where it is set: beside waves no radius is searched."""
         found = Effect.searched(self, linear=linear)
         return tuple(p for p in found if p.name != "fillet_mm" or self.fillet_mm > 0)
 
     def words(self) -> dict[str, str]:
-        """Say what its form is."""
+        """Return the form for the statement."""
         parts = []
         if any(self.coefficients_um):
             parts.append(f"smoothly, by {self.bent_um():.0f} µm rms beyond a tilt")

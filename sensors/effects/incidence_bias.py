@@ -1,4 +1,4 @@
-"""Oblique surfaces are read too near or too far."""
+"""Bias of readings that depends on the angle of incidence."""
 
 import math
 from dataclasses import dataclass
@@ -15,17 +15,16 @@ from sensors.view.view import View
 Floats = NDArray[np.float64]
 
 STEEPEST_DEG = 80.0
-"""Incidence beyond which the law is held constant."""
+"""Incidence beyond which the bias is held constant."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class IncidenceBias(AdditiveEffect):
-    """A mean that follows the signed slope along the travel and the square of the incidence."""
+    """A bias in the signed slope along the travel and the squared tangent of the incidence."""
 
     name: ClassVar = "incidence_bias"
     summary: ClassVar = (
-        "Readings shift with the angle at which the laser hits the surface, differently on either"
-        " side."
+        "Readings are biased by an amount that depends on the angle of incidence and its sign."
     )
     equation: ClassVar = "b1 dz/dy + b2 tan² β"
     source: ClassVar = (
@@ -34,8 +33,8 @@ class IncidenceBias(AdditiveEffect):
         "Eng. 25 (2001) 185"
     )
     statement: ClassVar = (
-        "Oblique surfaces are misread: by {signed_um:.0f} µm at 45° along the travel, changing "
-        "sign with the slope, and by {squared_um:.0f} µm at 45° whatever the side."
+        "Oblique surfaces are biased by {signed_um:.0f} µm at 45° along the travel, with the sign "
+        "of the slope, and by {squared_um:.0f} µm at 45° of incidence on either side."
     )
     channels: ClassVar = ("mean",)
     frame: ClassVar = "sensor"
@@ -47,7 +46,7 @@ class IncidenceBias(AdditiveEffect):
     )
 
     signed_um: float = parameter(
-        "shift b1 at a slope of 45° along the travel",
+        "bias b1 at a slope of 45° along the travel",
         unit="µm",
         low=-500.0,
         high=500.0,
@@ -56,7 +55,7 @@ class IncidenceBias(AdditiveEffect):
         linear=True,
     )
     squared_um: float = parameter(
-        "shift b2 at 45° of incidence",
+        "bias b2 at 45° of incidence",
         unit="µm",
         low=-500.0,
         high=500.0,

@@ -13,17 +13,16 @@ from sensors.law import Law
 from sensors.view.view import View
 
 STEEPEST_DEG = 80.0
-"""Incidence beyond which the law is held constant."""
+"""Incidence beyond which the standard deviation is held constant."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class IncidenceNoise(Effect):
-    """Factor on the speckle by incidence and signed slope."""
+    """Factor on the speckle as a function of incidence and signed slope."""
 
     name: ClassVar = "incidence_noise"
     summary: ClassVar = (
-        "The noise grows on surfaces that are hit obliquely, or on those that lean away from the "
-        "camera."
+        "The noise grows with the angle of incidence, or on surfaces inclined away from the camera."
     )
     equation: ClassVar = "σ² = σe² + σs² cos(β)^(-2n) exp(2 k dz/dy)"
     source: ClassVar = (
@@ -32,8 +31,7 @@ class IncidenceNoise(Effect):
         "185"
     )
     statement: ClassVar = (
-        "The noise grows with the angle at which the laser hits the surface, as cos β to the "
-        "power -{exponent:.2f}."
+        "The noise grows with the angle of incidence β, as cos β to the power -{exponent:.2f}."
     )
     channels: ClassVar = ("variance",)
     frame: ClassVar = "sensor"
@@ -51,7 +49,7 @@ class IncidenceNoise(Effect):
         grid=(0.5, 1.0, 2.0),
     )
     lean: float = parameter(
-        "growth k of the logarithm of the deviation with dz/dy",
+        "growth k of the logarithm of the standard deviation with dz/dy",
         low=-3.0,
         high=3.0,
         typical=0.0,

@@ -1,4 +1,4 @@
-"""In concave corners the facing wall's second spot pulls the reading."""
+"""Bias in concave corners by a second spot on the facing wall."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -15,20 +15,20 @@ from sensors.view.view import View
 Floats = NDArray[np.float64]
 
 DARK = 50.0
-"""Fall of a spot's light, minus its logarithm, beyond which there is none."""
+"""Negative logarithm of a spot's light beyond which the light is zero."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Interreflection(Effect):
-    """Weighted mean of the spot and its mirror image on the facing wall, or a jump to it.
+    """Weighted mean of the spot and its mirror image on the facing wall, or the image alone.
 
-    Speckle makes the brightness of both spots scatter: what lies between them scatters.
+    Speckle scatters the brightness of both spots, and with it their weighted mean.
     """
 
     name: ClassVar = "interreflection"
     summary: ClassVar = (
-        "In a concave corner the laser is reflected onto the facing wall; the camera sees two "
-        "spots and reads something between, or the wrong one."
+        "In a concave corner the laser is reflected onto the facing wall. The camera sees two "
+        "spots and reads a depth between them, or that of the second."
     )
     equation: ClassVar = (
         "z_m = (z + ρ z_mirror) / (1 + ρ), ρ = weight · exp(-(d / reach)^power) cos γ₂ / cos γ₁, "
@@ -37,13 +37,13 @@ class Interreflection(Effect):
     )
     source: ClassVar = (
         "One mirror bounce, then Lambert's law; Nayar, Ikeuchi, Kanade, Int. J. Comput. Vis. 6 "
-        "(1991) 173 on interreflections; observed 1 to 10 mm from corners; first order of a "
-        "centre of gravity of two spots whose brightness scatters independently, as the root of "
-        "how many places send light"
+        "(1991) 173 on interreflections; observed 1 to 10 mm from corners; first order of the "
+        "centroid of two spots whose brightness scatters independently, as the root of the number "
+        "of places that send light"
     )
     statement: ClassVar = (
-        "In concave corners light reflected from one wall onto the other distorts the depth, with"
-        " a weight of {weight:.3f} near the corner that fades over {reach_mm:.1f} mm."
+        "In concave corners, light reflected from one wall onto the other biases the depth, with"
+        " a weight of {weight:.3f} at the corner that decays over {reach_mm:.1f} mm."
     )
     channels: ClassVar = ("mean", "variance")
     faint: ClassVar = True
@@ -51,11 +51,11 @@ class Interreflection(Effect):
     covariate: ClassVar = "wall_distance"
     relaxed: ClassVar = (Relaxed(channel="mean", spanned=True),)
     rivals: ClassVar = ("finite_spot", "form_error", "incidence_bias")
-    separating: ClassVar = "spray the part matt: a true fillet stays, a reflection goes"
+    separating: ClassVar = "spray the part matt: a true fillet stays, a reflection vanishes"
     needs: ClassVar = ("triangulation_angle_deg",)
 
     weight: float = parameter(
-        "brightness of the second spot at the corner, beside a first one seen as squarely",
+        "brightness of the second spot at the corner, over that of the first at the same angle",
         low=0.0,
         high=1.0,
         typical=0.05,
@@ -63,7 +63,7 @@ class Interreflection(Effect):
         linear=True,
     )
     reach_mm: float = parameter(
-        "distance to the facing wall over which the weight falls by e",
+        "distance to the facing wall over which the weight falls by a factor e",
         unit="mm",
         low=0.2,
         high=100.0,
@@ -71,34 +71,34 @@ class Interreflection(Effect):
         grid=(0.5, 1.2, 3.0, 8.0),
     )
     power: float = parameter(
-        "how abruptly it falls; a finder's threshold cuts the second spot off",
+        "power of the decay; a peak finder's threshold makes the decay abrupt",
         low=0.5,
         high=4.0,
         typical=1.0,
         grid=(1.0, 2.0),
     )
     contrast: float = parameter(
-        "relative scatter C of a spot's brightness; the second's grows as that falls",
+        "relative scatter C of a spot's brightness; that of the second grows as its light decays",
         low=0.0,
         high=1.0,
         typical=0.2,
         fixed=True,
     )
     kind: str = parameter(
-        "centre of gravity of both spots, or the brighter one",
+        "blend: centroid of both spots; jump: the brighter spot",
         typical="blend",
-        choices=('blend', 'jump'),
+        choices=("blend", "jump"),
     )
 
     def fields(self, view: View) -> tuple[Floats, ...]:
-        """Return the pull of a faint spot for a weight of one: way to its reading, fading."""
+        """Return the bias by a faint spot of unit weight: distance to its reading, decaying."""
         if self.kind == "jump":
             return ()
         pull, light, _ = self._pull(view)
         return (pull * light,)
 
     def changed(self, law: Law, view: View) -> Law:
-        """Mix the second spot's reading in, or put it in the first one's place."""
+        """Mix the readings of both spots, or take that of the second."""
         pull, light, fallen = self._pull(view)
         share = self.weight * light / (1.0 + self.weight * light)
         if self.kind == "jump":
@@ -112,7 +112,7 @@ class Interreflection(Effect):
         )
 
     def _pull(self, view: View) -> tuple[Floats, Floats, Floats]:
-        """Return the way to the second reading, its light, and minus ln of how far that fell."""
+        """Return the distance to the second reading, its light, and minus the log of the decay."""
         mirror = view.mirror
         seen = np.isfinite(mirror.landed_mm) & view.valid
         pull = np.where(seen, mirror.landed_mm - view.depth_mm, 0.0)

@@ -1,4 +1,4 @@
-"""Readings lie beside the x that the sensor gives them: its grid along the line is off."""
+"""Lateral calibration error: readings lie beside their stated x."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -19,14 +19,14 @@ Floats = NDArray[np.float64]
 class LateralError(MotionEffect):
     """An offset, a scale and a scale that changes with range, of x.
 
-    δx is linear in z along each ray, so the true ray is straight as well: the part is cast along
-    it, and nothing is linearised at edges.
+    δx is linear in z along each ray, so the true ray is straight. The part is cast along the true
+    ray, and nothing is linearised at edges.
     """
 
     name: ClassVar = "lateral_error"
     summary: ClassVar = (
-        "The points of a profile lie a little beside their stated x: slopes along the line turn "
-        "that into depth, edges and holes are displaced."
+        "The points of a profile lie beside their stated x: depths on slopes along the line are "
+        "biased, edges and holes are displaced."
     )
     equation: ClassVar = (
         "δx = offset + scale u + shear u w, u = x/(x_fov/2) and w = (z - WD)/(z_range/2); "
@@ -48,11 +48,11 @@ class LateralError(MotionEffect):
     rivals: ClassVar = ("lens_distortion", "pose_error", "incidence_bias")
     separating: ClassVar = (
         "scan a plate tilted along the line, then tilted the other way: an error of x changes "
-        "sign, one of depth doesn't"
+        "its sign, an error of depth does not"
     )
 
     offset_um: float = parameter(
-        "error of x throughout; a shift of the part, where its place isn't known",
+        "constant error of x; not identifiable where the part's position is estimated",
         unit="µm",
         low=-2000.0,
         high=2000.0,
@@ -62,7 +62,7 @@ class LateralError(MotionEffect):
         fixed=True,
     )
     scale_um: float = parameter(
-        "error of x at the ends of the line: its pitch is off",
+        "error of x at the ends of the line: a scale error of the pitch",
         unit="µm",
         low=-2000.0,
         high=2000.0,
@@ -85,7 +85,7 @@ class LateralError(MotionEffect):
         along = self._along(view)
         away = (view.depth_mm - view.datasheet.working_distance_mm) / self._half_range_mm(view)
         slope = 1e-3 * view.slope_x
-        # the ray itself leans: its own x moves with the depth that is gained
+        # the ray is inclined: its x changes with the depth
         slope = slope / (1.0 - view.slope_x * view.laser.slope_x)
         return slope, slope * along, slope * along * away
 

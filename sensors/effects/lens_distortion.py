@@ -1,4 +1,4 @@
-"""What the lens leaves after calibration: errors that grow towards the field's corners."""
+"""Residual lens distortion: errors that grow towards the corners of the field."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -19,9 +19,7 @@ class LensDistortion(AdditiveEffect):
     """The cross term of x and range and the third order of x."""
 
     name: ClassVar = "lens_distortion"
-    summary: ClassVar = (
-        "Distances and angles are distorted towards the corners of the field of view."
-    )
+    summary: ClassVar = "Depths are distorted towards the corners of the field of view."
     equation: ClassVar = "a3 x (z - WD) + a4 x³, given by their values at the field's corner"
     source: ClassVar = (
         "Lowest odd orders of a residual lens distortion over (x, z), Brown, Photogramm. Eng. 37 "

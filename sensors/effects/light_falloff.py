@@ -1,4 +1,4 @@
-"""The laser line is weaker towards its ends: noisier readings there, and fewer."""
+"""Falloff of the laser line's light towards its ends: more noise and missing readings."""
 
 import math
 from dataclasses import dataclass, replace
@@ -19,12 +19,12 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LightFalloff(Effect):
-    """A Gaussian of the place along the line, as the signal that noise and dropout follow."""
+    """Signal as a Gaussian of the position along the line; noise and dropout depend on it."""
 
     name: ClassVar = "light_falloff"
     summary: ClassVar = (
-        "The line's light falls off from its middle to its ends: noise grows there and readings "
-        "are missing."
+        "The line's light falls off from its middle to its ends, where the noise grows and "
+        "readings are missing."
     )
     equation: ClassVar = (
         "ln S = ln(ends) ((x - middle) / (x_fov/2))²; noise × S^(-noise_exponent); "
@@ -32,12 +32,12 @@ class LightFalloff(Effect):
     )
     source: ClassVar = (
         "Gaussian beam spread by a cylindrical lens, Siegman, Lasers (1986), ch. 17, and cos⁴ of "
-        "the imaging lens, which is a Gaussian to lowest order; deviation of a peak's place over "
-        "the root of its photons: Winick, J. Opt. Soc. Am. A 3 (1986) 1809"
+        "the imaging lens, which is a Gaussian to lowest order; standard deviation of a peak's "
+        "position over the root of its photons: Winick, J. Opt. Soc. Am. A 3 (1986) 1809"
     )
     statement: ClassVar = (
-        "The laser line has {ends:.0%} of its light at the ends: readings there are noisier and "
-        "up to {share:.0%} of them are missing."
+        "The laser line has {ends:.0%} of its light at the ends: the noise there is larger, and "
+        "up to {share:.0%} of the readings are missing."
     )
     channels: ClassVar = ("missing", "variance")
     frame: ClassVar = "sensor"
@@ -48,8 +48,8 @@ class LightFalloff(Effect):
     )
     rivals: ClassVar = ("random_dropout", "specular_dropout", "incidence_noise")
     separating: ClassVar = (
-        "shift the part along the line: what is missing or noisy by the line's light stays at the "
-        "ends of the line"
+        "shift the part along the line: noise and missing readings caused by the line's light "
+        "stay at the ends of the line"
     )
 
     ends: float = parameter(
@@ -68,21 +68,21 @@ class LightFalloff(Effect):
         typical=0.0,
     )
     noise_exponent: float = parameter(
-        "power of the signal by which the noise grows: 0.5 where photons limit it, 1 where the "
-        "camera's own noise does, 0 where neither is seen",
+        "power of the signal by which the noise grows: 0.5 for photon noise, 1 for read-out noise "
+        "of the camera, 0 for neither",
         low=0.0,
         high=1.0,
         typical=0.5,
         fixed=True,
     )
     share: float = parameter(
-        "largest probability of a missing return",
+        "largest probability of a missing reading",
         low=0.0,
         high=1.0,
         typical=0.9,
     )
     threshold: float = parameter(
-        "signal at which half of `share` is missing",
+        "signal at which the probability is half of `share`",
         low=0.0001,
         high=1.0,
         typical=0.3,
@@ -97,7 +97,7 @@ class LightFalloff(Effect):
     )
 
     def changed(self, law: Law, view: View) -> Law:
-        """Scale the noise by the signal's power, add the probability of a missing return."""
+        """Scale the noise by the signal's power, add the probability of a missing reading."""
         log_signal = self.log_signal(view)
         gain = np.exp(-self.noise_exponent * log_signal)
         missing = self.share * expit((math.log(self.threshold) - log_signal) / self.softness)
@@ -109,7 +109,7 @@ class LightFalloff(Effect):
         )
 
     def log_signal(self, view: View) -> Floats:
-        """Logarithm of the light over that at the brightest place, (n, m); 0 without a return."""
+        """Logarithm of the light over its maximum, (n, m); 0 at missing readings."""
         half_mm = view.datasheet.x_fov_mm / 2
         away = np.where(view.valid, view.off_axis_mm - self.middle_mm, 0.0) / half_mm
         return np.asarray(math.log(self.ends) * np.square(away))

@@ -1,4 +1,4 @@
-"""The calibration leaves a bow over the line: a depth error quadratic in x."""
+"""Line bow: a residual calibration error quadratic in x."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -19,7 +19,7 @@ class LineBow(AdditiveEffect):
     """A parabola over the sensor's x."""
 
     name: ClassVar = "line_bow"
-    summary: ClassVar = "A straight edge along the line is read as an arc."
+    summary: ClassVar = "A straight edge along the laser line is read as an arc."
     equation: ClassVar = "a2 x², given by its value at the ends of the line"
     source: ClassVar = "Second order of a residual calibration error over x; 5 to 100 µm"
     statement: ClassVar = (
@@ -32,8 +32,8 @@ class LineBow(AdditiveEffect):
     relaxed: ClassVar = (Relaxed(channel="mean", along=("x",), even=True),)
     rivals: ClassVar = ("form_error", "column_offset", "lens_distortion")
     separating: ClassVar = (
-        "shift or turn the part under the sensor: the bow stays with the line, a warped part "
-        "takes it along"
+        "shift or turn the part under the sensor: the bow stays with the line, a warp moves with "
+        "the part"
     )
 
     sag_um: float = parameter(

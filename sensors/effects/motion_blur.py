@@ -12,30 +12,30 @@ from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.line.beam import listed_sd_mm, listed_shift_mm, read_beam, standing
 from sensors.line.line_operator import STEEPEST, between_rows
-from sensors.line.line_spread import Smear, smear
+from sensors.line.line_spread import LineSpread, line_spread
 from sensors.view.view import Reason, View
 
 Floats = NDArray[np.float64]
 
 SHARES = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
-"""Exposures that are tried first, in times between profiles."""
+"""Starting exposures of a search, over the time between profiles."""
 NOTHING_MM = 1e-9
-"""Less than this other effects don't move a reading."""
+"""Changes of the mean by other effects that count as zero, mm."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MotionBlur(Effect):
-    """Centre of gravity of a line that travels during the exposure.
+    """Centroid of a line that travels during the exposure.
 
-    Light from every place counts as much as a matt surface sends of it to the camera, as far as it
-    isn't spread too thinly over the camera's rows (sensors/line/thin_light.py), and speckle makes
-    it flicker: where the depth changes on the way, the reading scatters for it.
+    Light is weighted by what a matt surface sends to the camera, as far as its density on the
+    camera's rows exceeds the finder's threshold (sensors/line/peak_finder.py). Speckle makes the
+    light flicker, so a reading scatters where the depth changes during the exposure.
     """
 
     name: ClassVar = "motion_blur"
     summary: ClassVar = (
-        "The sensor travels during the exposure: edges are blurred along the travel and "
-        "everything lags by half the way."
+        "The sensor travels during the exposure: edges are blurred along the travel, and readings "
+        "lag by half the distance travelled."
     )
     equation: ClassVar = (
         "z_m = Σ L S V [z(y+d) + κ η cot θ] / Σ L S V, L the line over d = η + v t, t from 0 "
@@ -49,8 +49,8 @@ class MotionBlur(Effect):
         "f v·t_exp ∂z/∂y / √12 on a slope"
     )
     statement: ClassVar = (
-        "The sensor moves on during an exposure of {exposure_ms:.2f} ms: edges are blurred along "
-        "the travel{shifted}."
+        "The sensor moves during an exposure of {exposure_ms:.2f} ms: edges are blurred along the "
+        "travel{shifted}."
     )
     channels: ClassVar = ("mean", "variance")
     frame: ClassVar = "travel"
@@ -58,7 +58,8 @@ class MotionBlur(Effect):
     relaxed: ClassVar = (Relaxed(channel="mean", spanned=True),)
     rivals: ClassVar = ("finite_spot", "travel_ripple", "pose_error")
     separating: ClassVar = (
-        "vary the speed: blur and shift grow with it; reverse the travel: the shift changes sides"
+        "vary the speed: blur and shift grow with the speed; reverse the travel: the shift changes "
+        "its sign"
     )
 
     exposure_ms: float | None = parameter(
@@ -83,9 +84,9 @@ class MotionBlur(Effect):
     )
 
     def grid(self, view: View) -> tuple[Self, ...]:
-        """Return exposures from a quarter of the time between profiles to six times that.
+        """Return exposures from a quarter of the time between profiles to six times that time.
 
-        Where a recording was registered its poses are those of the exposures' middle.
+        The poses of a registered recording are those of the exposures' middle.
         """
         step_s = float(np.median(np.diff(view.time_s))) if len(view.time_s) > 1 else 0.0
         longest = self.parameter("exposure_ms").high
@@ -93,11 +94,12 @@ class MotionBlur(Effect):
         return tuple(self.with_parameters(exposure_ms=t, stamped="middle") for t in times)
 
     def words(self) -> dict[str, str]:
-        """Say what becomes of the place."""
-        return {"shifted": " and shifted by half the way" if self.stamped == "start" else ""}
+        """Return the shift for the statement."""
+        shifted = " and shifted by half the distance travelled"
+        return {"shifted": shifted if self.stamped == "start" else ""}
 
     def changed(self, law: Law, view: View) -> Law:
-        """Read the line as it is smeared over the way, and scatter by the depths on it."""
+        """Read the line blurred over the exposure, and add the scatter of the depths in it."""
         start, end = self.way_mm(view)
         way = np.abs(end - start)
         if not way.any():
@@ -105,24 +107,24 @@ class MotionBlur(Effect):
         sd = listed_sd_mm(view)
         if np.ptp(start) + np.ptp(end) <= 1e-9 * way.max():
             start, end = start[:1], end[:1]
-        moving = smear(sd, start, end)
+        moving = line_spread(sd, start, end)
         line = read_beam(view, moving)
         lit = np.isfinite(line.depth_mm) & (line.light >= view.sensor.beam.weakest)
         mean = line.depth_mm + _beside(law, view, moving, line.depth_mm)
-        still = smear(sd, 0.0, 0.0, step_mm=moving.step_mm)
+        still = line_spread(sd, 0.0, 0.0, step_mm=moving.step_mm)
         own: Floats | float = 0.0
         if sd > 0:
             stood = standing(view, still)
-            # what the file says of a standing line beyond this reading fades in a longer one
-            told = view.depth_mm + listed_shift_mm(view) - stood.depth_mm
-            told = np.where(np.abs(told) <= STEEPEST * sd, told, 0.0)
-            mean += np.sqrt(still.variance / moving.variance)[:, None] * told
-            # a standing line has its spread, too: that is in the law's noise
+            # the file's bias of a standing line beyond this reading decreases in a longer line
+            listed = view.depth_mm + listed_shift_mm(view) - stood.depth_mm
+            listed = np.where(np.abs(listed) <= STEEPEST * sd, listed, 0.0)
+            mean += np.sqrt(still.variance / moving.variance)[:, None] * listed
+            # the noise of the law contains the spread of a standing line
             own = np.square(stood.spread_mm)
         wider = moving.variance - still.variance
         share = way**2 / 12 / np.where(wider > 0, wider, 1.0)
         spread = np.sqrt(np.fmax(np.square(line.spread_mm) - own, 0.0) * share[:, None])
-        # what the camera sees during a part of the exposure it reads
+        # a point visible during a part of the exposure is read
         hidden = law.reason == Reason.HIDDEN_FROM_CAMERA
         return replace(
             law,
@@ -141,28 +143,29 @@ class MotionBlur(Effect):
         return start, start + way
 
     def lasting_ms(self, view: View) -> float:
-        """Return the exposure, ms: its own, else the datasheet's."""
+        """Return the exposure, ms: the effect's, else the datasheet's."""
         if self.exposure_ms is None:
             return 1e3 * float(view.datasheet.require("exposure_s"))
         return self.exposure_ms
 
     def quieter(self, view: View) -> float:
-        """Return the size of speckle's noise over that of a line that stands: about 2 s / way."""
+        """Return the speckle's standard deviation over that of a standing line: about 2 s / way."""
         sd = listed_sd_mm(view)
         way = self.longest_way_mm(view)
         if sd == 0.0 or way == 0.0:
             return 1.0
-        moving = smear(sd, -0.5 * way, 0.5 * way)
-        return float((moving.speckle / smear(sd, 0.0, 0.0, step_mm=moving.step_mm).speckle)[0])
+        moving = line_spread(sd, -0.5 * way, 0.5 * way)
+        still = line_spread(sd, 0.0, 0.0, step_mm=moving.step_mm)
+        return float((moving.speckle / still.speckle)[0])
 
     def longest_way_mm(self, view: View) -> float:
-        """Return how far the sensor gets during an exposure at most."""
+        """Return the longest distance travelled during an exposure, mm."""
         start, end = self.way_mm(view)
         return float(np.max(np.abs(end - start)))
 
 
-def _beside(law: Law, view: View, line: Smear, read_mm: Floats) -> Floats:
-    """Average over the line what effects other than its width do, on the level that is read."""
+def _beside(law: Law, view: View, line: LineSpread, read_mm: Floats) -> Floats:
+    """Average over the line the bias by effects other than its width, on the level read."""
     other = law.mean_mm - view.depth_mm - listed_shift_mm(view)
     total, count = np.zeros(view.shape), np.zeros(view.shape)
     if np.nanmax(np.abs(other), initial=0.0) > NOTHING_MM:

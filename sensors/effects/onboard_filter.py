@@ -31,28 +31,28 @@ DRAWN_POINTS = 192
 class OnboardFilter(DeliveryEffect):
     """Gap filling along the line, then a median, then a mean, each over a window.
 
-    Windows are odd; an even number counts as the next odd one. Readings of a flat are averaged by
-    the filter's linear equivalent; those of a slope steeper than the noise pass a median as they
-    are, by the share of the window that lies at its level.
+    Windows are odd; an even number counts as the next odd one. The filter's linear equivalent
+    averages readings of a flat. On a slope steeper than the noise a median averages less, in
+    proportion to the share of the window within the noise of its centre.
     """
 
     name: ClassVar = "onboard_filter"
     summary: ClassVar = (
-        "The sensor's firmware smooths readings and fills gaps before it delivers them: less "
-        "noise, correlated from point to point, and rounded edges."
+        "The sensor's firmware smooths readings and fills gaps before delivery: the noise is "
+        "smaller and correlated, edges are rounded."
     )
     equation: ClassVar = (
         "z = mean over (mean_profiles × mean_points) of the median over (median_profiles × "
         "median_points); variance of a median Σp(1-p)/(Σf)² · 2c/(2c + π - 2), c = (Σf)²/Σf²; of "
-        "both n Σk² as much, k the equivalent kernel"
+        "both together n Σk² times that, k the equivalent kernel"
     )
     source: ClassVar = (
         "Filters that makers document (Gocator: gap filling, median, smoothing; Keyence LJ-X: "
         "median, averaging); variance of a median: sensors/noise/window_filters.py"
     )
     statement: ClassVar = (
-        "Readings were filtered before they were delivered ({windows}): their noise is less and "
-        "correlated over the window, which says nothing of the surface."
+        "The firmware filtered the readings ({windows}): their noise is smaller and correlated "
+        "over the window, which is no property of the surface."
     )
     channels: ClassVar = ("variance", "correlation")
     also: ClassVar = ("mean", "missing", "tails")
@@ -113,7 +113,7 @@ class OnboardFilter(DeliveryEffect):
         return _odd(self.mean_profiles), _odd(self.mean_points)
 
     def filtered(self, depth_mm: Floats) -> Floats:
-        """Put readings (n, m) through the filters."""
+        """Apply the filters to readings (n, m)."""
         if self.gap_points:
             depth_mm = gaps_filled(depth_mm, self.gap_points)
         return self._smoothed(depth_mm)
@@ -128,13 +128,13 @@ class OnboardFilter(DeliveryEffect):
     def deliver(
         self, depth_mm: Floats, reason: NDArray[np.uint8], rng_of: RngOf
     ) -> tuple[Floats, NDArray[np.uint8]]:
-        """Filter the readings; what fills a gap counts as a reading."""
+        """Filter the readings; a filled gap counts as readings."""
         delivered = self.filtered(depth_mm)
         found = np.isfinite(delivered)
         return delivered, np.where(found, np.uint8(Reason.VALID), reason).astype(np.uint8)
 
     def claimed(self, law: Law, view: View) -> Law:
-        """Filter the mean, reduce noise and outliers, fill what the gaps' length allows."""
+        """Filter the mean, reduce noise and outliers, fill gaps up to the stated length."""
         shape, before = law.shape, np.asarray(law.mean_mm)
         mean = gaps_filled(before, self.gap_points) if self.gap_points else before
         seen = np.isfinite(mean)
@@ -175,12 +175,12 @@ class OnboardFilter(DeliveryEffect):
         return np.asarray(np.convolve(wide, narrow), dtype=np.float64)
 
     def _windows(self) -> tuple[tuple[int, int], ...]:
-        """Windows of a median that averages neither way, along the line, the travel, or both."""
+        """Windows of a median that averages along no axis, the line, the travel, or both."""
         down, across = self.median_window
         return (1, 1), (1, across), (down, 1), (down, across)
 
     def _averaged(self, seen: NDArray[np.bool_], median: tuple[int, int]) -> Floats:
-        """Variance that the equivalent linear filter leaves of white noise, (n, m)."""
+        """Variance of white noise of unit variance after the equivalent linear filter, (n, m)."""
         weighted = mass = seen.astype(np.float64)
         for axis in (0, 1):
             kernel = self._kernel(axis, median)
@@ -189,10 +189,10 @@ class OnboardFilter(DeliveryEffect):
         return weighted / np.square(np.where(seen, mass, 1.0))
 
     def _speckle_kept(self, law: Law, view: View) -> list[float]:
-        """Shares of the speckle's variance that are left, for each of the median's windows.
+        """Ratios of the speckle's variance after the filter to that before, per median window.
 
-        Of one draw from a seed of its own, on the scan's pitches: no closed form is known for the
-        median of correlated heights.
+        Estimated on one draw from a fixed seed at the scan's pitches: no closed form is known for
+        the median of correlated heights.
         """
         if law.speckle is None:
             return [1.0] * 4
@@ -204,7 +204,7 @@ class OnboardFilter(DeliveryEffect):
         return [value / (float(np.var(field)) or 1.0) for value in left]
 
     def _spikes(self, share: Floats | float) -> Floats | float:
-        """Share of readings with a spike: most of a median's window are, or one of a mean's."""
+        """Share of outliers after the filter: a majority in a median's window, any in a mean's."""
         count, width = math.prod(self.median_window), math.prod(self.mean_window)
         if not np.any(share):
             return share
@@ -216,8 +216,8 @@ class OnboardFilter(DeliveryEffect):
     def _still_missing(self, law: Law, view: View) -> Floats | float:
         """Probability of a missing reading whose gap is too long to be filled.
 
-        Readings that are lost one by one, with probability p, make gaps of which a lost reading
-        lies in one of length l with probability l p^(l-1) (1-p)².
+        Where readings are missing independently with probability p, a missing reading lies in a
+        gap of length l with probability l p^(l-1) (1-p)².
         """
         p = law.p_missing
         if not self.gap_points or not np.any(p):
@@ -230,7 +230,7 @@ class OnboardFilter(DeliveryEffect):
         return np.asarray(share * (1.0 - short))
 
     def words(self) -> dict[str, Any]:
-        """Say which filters there are."""
+        """Return the filters for the statement."""
         (a, b), (c, d) = self.median_window, self.mean_window
         found = []
         if self.gap_points:

@@ -1,4 +1,4 @@
-"""Now and then a reading is far off."""
+"""Outliers: a small share of the readings has a much larger variance."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -17,16 +17,16 @@ class OutlierSpikes(Effect):
     """A second, wide Gaussian with a small weight."""
 
     name: ClassVar = "outlier_spikes"
-    summary: ClassVar = "Isolated readings are far off: wide tails."
+    summary: ClassVar = "Isolated readings are outliers: the distribution has wide tails."
     equation: ClassVar = "(1-p) N(z, σ²) + p N(z, σ² + width²)"
     source: ClassVar = "Contaminated normal distribution, Tukey 1960; 0.1 to 2 % of readings"
-    statement: ClassVar = "{share:.2%} of the readings are spikes of about {width_um:.0f} µm."
+    statement: ClassVar = "{share:.2%} of the readings are outliers of about {width_um:.0f} µm."
     channels: ClassVar = ("tails",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "time"
     relaxed: ClassVar = (Relaxed(channel="outliers", grows=True),)
     rivals: ClassVar = ("edge_mixing",)
-    separating: ClassVar = "look where they sit: spikes are anywhere, mixed readings at edges"
+    separating: ClassVar = "map the outliers: they lie anywhere, mixed readings lie at edges"
 
     share: float = parameter(
         "share p of the readings",
@@ -37,7 +37,7 @@ class OutlierSpikes(Effect):
         grid=(0.001, 0.005, 0.02),
     )
     width_um: float = parameter(
-        "standard deviation of a spike beyond the noise",
+        "standard deviation of an outlier beyond the noise",
         unit="µm",
         low=1.0,
         high=50000.0,
@@ -46,7 +46,7 @@ class OutlierSpikes(Effect):
     )
 
     def changed(self, law: Law, view: View) -> Law:
-        """Add weight to the second Gaussian; two such effects mix by weight and variance."""
+        """Add weight to the second Gaussian; two outlier effects mix by weight and variance."""
         width = self.width_um * 1e-3
         before = law.p_outlier
         both = 1.0 - (1.0 - before) * (1.0 - self.share)

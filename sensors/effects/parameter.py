@@ -1,4 +1,4 @@
-"""One parameter of an effect: what it means, its unit, its bounds, whose it is."""
+"""One parameter of an effect: meaning, unit, bounds, owner."""
 
 import dataclasses
 from typing import Any, Literal
@@ -11,31 +11,31 @@ Value = float | int | str | tuple[float, ...] | None
 
 @dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
 class Parameter(Quantity):
-    """What is known about one field of an effect, beyond what is of any quantity.
+    """Description of one field of an effect, beyond that of a `Quantity`.
 
     `typical` is a value to start from or to show; the field's default unless that is None.
 
     Attributes
     ----------
     null : float or None
-        The value at which the effect vanishes (all parameters that have one must be there).
+        The value at which the effect vanishes (once all parameters with a null are at theirs).
     owner : "instrument" or "recording"
-        Whether all recordings share it, or each has its own: then None means 'draw it', uniformly
-        within `prior`.
+        Whether all recordings share the parameter, or each recording has a value. None in a
+        per-recording parameter stands for a uniform draw from `prior`.
     linear : bool
         Whether the mean depth is linear in it.
     grid : tuple of float
-        Coarse values that a search should try; empty where the parameter is linear or drawn.
+        Coarse values of a search; empty where the parameter is linear or drawn.
     sheet : str
         Key of the datasheet that stands in where the value is None; "" without one.
     known : str
-        Attribute of the view that makes a recording's parameter needless where it isn't None.
+        Attribute of the view that replaces the per-recording parameter where it is not None.
     prior : (float, float) or None
-        Range of the uniform prior of a recording's parameter.
+        Range of the uniform prior of a per-recording parameter.
     choices : tuple of str
-        For a parameter that is a word.
+        Allowed values of a text parameter.
     fixed : bool
-        Whether a fit leaves it as it is: known of the instrument or material, or hardly seen.
+        Whether a fit holds the parameter constant: known or weakly identifiable.
     kind : "number", "integer", "list" or "choice"
     """
 
@@ -52,7 +52,7 @@ class Parameter(Quantity):
 
     @property
     def searched(self) -> bool:
-        """Whether a fit may move it: a number that isn't fixed."""
+        """Whether the parameter is free in a fit: a number that is not fixed."""
         return self.kind == "number" and not self.fixed
 
     def fits(self, value: object) -> bool:
@@ -73,7 +73,7 @@ class Parameter(Quantity):
         return self.allowed
 
 
-def parameter(  # noqa: PLR0913 - a keyword for each thing that may be said of a parameter
+def parameter(  # noqa: PLR0913 - a keyword for each attribute of a parameter
     meaning: str,
     *,
     unit: str = "",

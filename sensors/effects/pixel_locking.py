@@ -1,4 +1,4 @@
-"""Readings lean towards the camera's pixel rows: an error periodic in range."""
+"""Pixel locking: an error of the peak position that is periodic in the camera's rows."""
 
 import math
 from dataclasses import dataclass, replace
@@ -18,21 +18,21 @@ Floats = NDArray[np.float64]
 
 
 ROUNDING = (0.0, -0.5, 0.5)
-"""Rows by which the stated number may be off where a grid looks for the effect."""
+"""Rounding errors of the stated number of rows in a search."""
 LEAST_SLOPE = 0.2
-"""Of the curve from true to located row: what higher harmonics leave where the sine has none."""
+"""Smallest slope from true to located row; higher harmonics keep the slope above zero."""
 BENDS = (0.0, -0.3, 0.3, -0.6, 0.6, -1.0, 1.0)
-"""Smiles, in rows, that a grid looks for."""
+"""Smiles in a search, rows."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PixelLocking(AdditiveEffect):
-    """A sine of the fractional camera row, turned into depth."""
+    """A sine of the fractional camera row, converted to depth."""
 
     name: ClassVar = "pixel_locking"
     summary: ClassVar = (
-        "The peak is located between pixel rows with an error that repeats from row to row: a "
-        "fine ripple in range."
+        "The peak's position between pixel rows has an error with a period of one row: a fine "
+        "ripple in range."
     )
     equation: ClassVar = (
         "δv = A sin(2π v + φ) rows, δz = δv dz/dv, σ = σ0 |1 + 2π A cos(2π v + φ)|; centre of "
@@ -43,7 +43,8 @@ class PixelLocking(AdditiveEffect):
         "(1991) 1320"
     )
     statement: ClassVar = (
-        "The depth ripples with the camera's pixel rows, by {amplitude_px:.3f} of a row."
+        "The depth has a ripple with the period of a camera row and an amplitude of "
+        "{amplitude_px:.3f} row."
     )
     channels: ClassVar = ("mean", "variance")
     frame: ClassVar = "sensor"
@@ -68,7 +69,7 @@ class PixelLocking(AdditiveEffect):
         linear=True,
     )
     phase_rad: float = parameter(
-        "phase φ against the rows",
+        "phase φ relative to the rows",
         unit="rad",
         low=0.0,
         high=6.2831853072,
@@ -83,20 +84,20 @@ class PixelLocking(AdditiveEffect):
     )
 
     smile_rows: float = parameter(
-        "bend of a level line's image: rows by which the ends of the line are off",
+        "bend of a level line's image: displacement of its ends, rows",
         low=-8.0,
         high=8.0,
         typical=0.0,
     )
     keystone_rows: float = parameter(
-        "turn of a level line's image: rows at the corners of the working range",
+        "rotation of a level line's image: displacement at the corners of the range, rows",
         low=-8.0,
         high=8.0,
         typical=0.0,
     )
 
     def changed(self, law: Law, view: View) -> Law:
-        """Add the ripple; noise of the row passes through the same curve, by its slope."""
+        """Add the ripple; the slope of the same curve scales the noise of the row."""
         law = AdditiveEffect.changed(self, law, view)
         _, turn = self._turn(view)
         slope = 1 + 2 * math.pi * self.amplitude_px * np.cos(turn + self.phase_rad)
@@ -111,7 +112,7 @@ class PixelLocking(AdditiveEffect):
         return height * np.sin(turn), height * np.cos(turn)
 
     def covariate_values(self, view: View) -> Floats:
-        """Return the fraction of the row, (n, m), with the rows and bends that are the effect's."""
+        """Return the fraction of the row, (n, m), by the effect's rows and bends."""
         return np.asarray(self._turn(view)[1] / (2 * math.pi) % 1.0)
 
     def _turn(self, view: View) -> tuple[Floats, Floats]:
@@ -127,7 +128,7 @@ class PixelLocking(AdditiveEffect):
         return depth_per_row(view.depth_mm, sheet, rows), np.asarray(2 * math.pi * row)
 
     def grid(self, view: View) -> tuple["PixelLocking", ...]:
-        """Return bends beside the rows that are stated, to the rounding; else half cycles."""
+        """Return bends at the stated rows and their rounding; without rows, half cycles."""
         stated = view.datasheet.camera_rows if self.rows is None else self.rows
         if stated is not None:
             return tuple(

@@ -1,8 +1,8 @@
-"""The sensor is mounted a little turned and displaced against its commanded pose."""
+"""Mounting error: the sensor is rotated and displaced relative to its commanded pose."""
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,28 @@ from sensors.view.view import View
 Floats = NDArray[np.float64]
 
 
+def _rotation(axis: str) -> Any:
+    return parameter(
+        f"rotation about {axis}",
+        unit="°", low=-5.0, high=5.0, typical=0.1, null=0.0, linear=True,
+    )  # fmt: skip
+
+
+def _displacement(axis: str) -> Any:
+    return parameter(
+        f"displacement along {axis}",
+        unit="mm", low=-20.0, high=20.0, typical=0.0, null=0.0, linear=True,
+    )  # fmt: skip
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PoseError(MotionEffect):
     """A rigid error of the mounting, the same in every profile and recording."""
 
     name: ClassVar = "pose_error"
     summary: ClassVar = (
-        "The sensor isn't where it is said to be: everything it reads is turned or displaced."
+        "The sensor's true pose differs from the commanded one: all readings are rotated or "
+        "displaced."
     )
     equation: ClassVar = "pose_true = pose · T(x, y, z) Rz(yaw) Ry(roll) Rx(pitch)"
     source: ClassVar = (
@@ -30,7 +45,7 @@ class PoseError(MotionEffect):
         " (n·d)"
     )
     statement: ClassVar = (
-        "The sensor is mounted off its commanded pose: roll {roll_deg:.3f}°, pitch "
+        "The sensor's mounting differs from the commanded pose: roll {roll_deg:.3f}°, pitch "
         "{pitch_deg:.3f}°, yaw {yaw_deg:.3f}°, offsets {x_mm:.3f}, {y_mm:.3f}, {z_mm:.3f} mm."
     )
     channels: ClassVar = ("mean", "missing")
@@ -41,63 +56,15 @@ class PoseError(MotionEffect):
         "scan a sphere or a stepped artefact in several orientations and solve for the mounting"
     )
 
-    roll_deg: float = parameter(
-        "turn about the travel (sensor y)",
-        unit="°",
-        low=-5.0,
-        high=5.0,
-        typical=0.1,
-        null=0.0,
-        linear=True,
-    )
-    pitch_deg: float = parameter(
-        "turn about the laser line (sensor x)",
-        unit="°",
-        low=-5.0,
-        high=5.0,
-        typical=0.1,
-        null=0.0,
-        linear=True,
-    )
-    yaw_deg: float = parameter(
-        "turn about the laser's axis (sensor z)",
-        unit="°",
-        low=-5.0,
-        high=5.0,
-        typical=0.1,
-        null=0.0,
-        linear=True,
-    )
-    x_mm: float = parameter(
-        "displacement along the line",
-        unit="mm",
-        low=-20.0,
-        high=20.0,
-        typical=0.0,
-        null=0.0,
-        linear=True,
-    )
-    y_mm: float = parameter(
-        "displacement along the travel",
-        unit="mm",
-        low=-20.0,
-        high=20.0,
-        typical=0.0,
-        null=0.0,
-        linear=True,
-    )
-    z_mm: float = parameter(
-        "displacement along the laser's axis",
-        unit="mm",
-        low=-20.0,
-        high=20.0,
-        typical=0.0,
-        null=0.0,
-        linear=True,
-    )
+    roll_deg: float = _rotation("the travel (sensor y)")
+    pitch_deg: float = _rotation("the laser line (sensor x)")
+    yaw_deg: float = _rotation("the laser's axis (sensor z)")
+    x_mm: float = _displacement("the line")
+    y_mm: float = _displacement("the travel")
+    z_mm: float = _displacement("the laser's axis")
 
     def fields(self, view: View) -> tuple[Floats, ...]:
-        """Return the first order for each turn and displacement."""
+        """Return the first order for each rotation and displacement."""
         push = rigid_jacobian(view)
         turn = math.radians(1.0)
         return turn * push[4], turn * push[3], turn * push[5], push[0], push[1], push[2]

@@ -1,4 +1,4 @@
-"""Returns are missing at random, one by one or in patches."""
+"""Random dropout: readings are missing one by one or in patches."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -12,10 +12,10 @@ from sensors.view.view import View
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RandomDropout(Effect):
-    """A probability of no return that depends on nothing."""
+    """A constant probability of a missing reading."""
 
     name: ClassVar = "random_dropout"
-    summary: ClassVar = "Readings are missing at random, with no tie to geometry."
+    summary: ClassVar = "Readings are missing at random, independent of geometry."
     equation: ClassVar = "p_missing = 1 - (1 - p_missing)(1 - share)"
     source: ClassVar = "Bernoulli trials; patches by a thresholded Gaussian field"
     statement: ClassVar = "{share:.2%} of the readings are missing at random."
@@ -24,10 +24,12 @@ class RandomDropout(Effect):
     covariate: ClassVar = "time"
     relaxed: ClassVar = (Relaxed(channel="missing", grows=True),)
     rivals: ClassVar = ("specular_dropout", "camera_occlusion")
-    separating: ClassVar = "repeat the scan: random dropouts move, those of gloss and shadow stay"
+    separating: ClassVar = (
+        "repeat the scan: random dropouts move, dropouts by specular lobes and shadows stay"
+    )
 
     share: float = parameter(
-        "probability that a return is missing",
+        "probability that a reading is missing",
         low=0.0,
         high=0.9,
         typical=0.01,
@@ -35,7 +37,7 @@ class RandomDropout(Effect):
         grid=(0.002, 0.01, 0.05),
     )
     patch_mm: float = parameter(
-        "size of the patches in which they are missing; 0: single points",
+        "size of the patches of missing readings; 0: single readings",
         unit="mm",
         low=0.0,
         high=50.0,
@@ -43,7 +45,7 @@ class RandomDropout(Effect):
     )
 
     def changed(self, law: Law, view: View) -> Law:
-        """Add the probability; the larger patches hold where several effects have them."""
+        """Add the probability; of several effects the largest patch size holds."""
         return replace(
             law,
             p_missing=1.0 - (1.0 - law.p_missing) * (1.0 - self.share),

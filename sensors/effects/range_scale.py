@@ -1,4 +1,4 @@
-"""The scale of the range is wrong."""
+"""Scale error of the range."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -19,11 +19,11 @@ class RangeScale(AdditiveEffect):
     """An error proportional to the distance from the working distance."""
 
     name: ClassVar = "range_scale"
-    summary: ClassVar = "Heights come out too large or too small by a constant factor."
+    summary: ClassVar = "Heights have a constant relative error."
     equation: ClassVar = "e (z - WD)"
     source: ClassVar = "First order of a residual range calibration; 1e-4 to 1e-3"
     statement: ClassVar = (
-        "Heights are wrong by a factor: {error_ppm:.0f} parts per million of the distance from "
+        "Heights have a scale error of {error_ppm:.0f} parts per million of the distance from "
         "mid-range."
     )
     channels: ClassVar = ("mean",)

@@ -1,4 +1,4 @@
-"""A brightness edge across the line pulls its centre of gravity to the bright side."""
+"""An albedo edge across the line biases its centroid towards the brighter side."""
 
 import math
 from dataclasses import dataclass, replace
@@ -7,31 +7,31 @@ from typing import ClassVar, Self
 import numpy as np
 
 from sensors.effects.base import Effect
-from sensors.effects.parameter import parameter
+from sensors.effects.line_width import along, line_sd, rayleigh
 from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.line.beam import Beam
-from sensors.line.line_operator import lean_mm, line_sd_mm
+from sensors.line.line_operator import centroid_bias_mm, line_sd_mm
 from sensors.view.view import View
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ReflectanceEdge(Effect):
-    """The line's centre of gravity follows its brightness; needs a reflectance or an intensity.
+    """Centroid bias of the line by its brightness; needs a reflectance or an intensity.
 
-    A part's reflectance is averaged over the footprint along the line; a recorded intensity is
-    already.
+    A part's reflectance is averaged over the footprint along the line. A recorded intensity is an
+    average over that footprint already.
     """
 
     name: ClassVar = "reflectance_edge"
     summary: ClassVar = (
-        "Where the surface's brightness changes across the line, its centre of gravity moves to "
-        "the bright side and reads as depth."
+        "Where the surface's albedo changes across the line, the line's centroid is biased towards "
+        "the brighter side; triangulation turns the bias into depth."
     )
     equation: ClassVar = (
-        "κ s √(2/π) (1-r)/(1+r) cot θ at an edge of brightness ratio r, s/√(s² + w² tan² φ) of it "
-        "where the edge runs at φ to the line and w is the footprint along it; κ s² cot θ ∂y ln I "
-        "in a gradient"
+        "κ s √(2/π) (1-r)/(1+r) cot θ at an edge of brightness ratio r, times s/√(s² + w² tan² φ) "
+        "for an edge at the angle φ to the line and a footprint w along the line; "
+        "κ s² cot θ ∂y ln I in a gradient"
     )
     source: ClassVar = (
         "Centre of gravity of a Gaussian line, sensors/line/line_operator.py; "
@@ -40,8 +40,8 @@ class ReflectanceEdge(Effect):
         "1661 (1992) on reflectance edges in triangulation"
     )
     statement: ClassVar = (
-        "At brightness edges (print, stains, machining marks) the depth shows a false ridge or "
-        "groove, as a line of {line_sd_um:.0f} µm (standard deviation) would make."
+        "At albedo edges (ink, stains, machining marks) the depth shows a false ridge or groove, "
+        "as a line of {line_sd_um:.0f} µm (standard deviation) predicts."
     )
     channels: ClassVar = ("mean",)
     frame: ClassVar = "sensor"
@@ -50,53 +50,29 @@ class ReflectanceEdge(Effect):
     rivals: ClassVar = ("edge_mixing", "form_error")
     separating: ClassVar = (
         "compare with the intensity image, and turn the sensor by 180°: true relief keeps its "
-        "sign, this changes it"
+        "sign, the bias changes its sign"
     )
     needs: ClassVar = ("triangulation_angle_deg",)
 
-    line_sd_um: float | None = parameter(
-        "standard deviation of the line across its width at the working distance",
-        unit="µm",
-        low=0.0,
-        high=500.0,
-        typical=30.0,
-        null=0.0,
-        grid=(15.0, 30.0, 60.0, 120.0),
-        sheet="line_width_um",
-    )
-    along_um: float = parameter(
-        "standard deviation of the footprint along the line (lens and pixel); 0: that of the "
-        "listed `finite_spot`",
-        unit="µm",
-        low=0.0,
-        high=500.0,
-        typical=0.0,
-        fixed=True,
-    )
-    rayleigh_mm: float = parameter(
-        "distance from focus at which the line is √2 wider; 0: no defocus",
-        unit="mm",
-        low=0.0,
-        high=10000.0,
-        typical=0.0,
-        fixed=True,
-    )
+    line_sd_um: float | None = line_sd()
+    along_um: float = along("; 0: that of the listed `finite_spot`")
+    rayleigh_mm: float = rayleigh()
 
     def stated_on(self, beam: Beam) -> Beam:
         """State the footprint along the line."""
         return replace(beam, along_um=max(beam.along_um, self.along_um))
 
     def variants(self, view: View) -> tuple[Self, ...]:
-        """Return the line with a footprint as long as a column is wide, where none is told."""
+        """Return the line with a footprint of a column's width, where none is stated."""
         if view.reflectance is None or self.along_um or view.sensor.beam.along_um:
             return ()
         pitch_mm = float(np.median(np.abs(np.diff(view.column_x_mm))))
         return (self.with_parameters(along_um=1e3 * pitch_mm / math.sqrt(12.0)),)
 
     def changed(self, law: Law, view: View) -> Law:
-        """Add the pull of the bright side; nothing where no brightness is known."""
+        """Add the centroid bias; zero where no brightness is known."""
         if view.intensity is None and view.reflectance is None:
             return law
         sd = line_sd_mm(view, self.line_sd_um, self.rayleigh_mm)
         along = 1e-3 * (self.along_um or view.sensor.beam.along_um)
-        return replace(law, mean_mm=law.mean_mm + lean_mm(view, sd, along_mm=along))
+        return replace(law, mean_mm=law.mean_mm + centroid_bias_mm(view, sd, along_mm=along))

@@ -1,4 +1,4 @@
-"""The surface is rougher or smoother than its figures say."""
+"""The surface is rougher or smoother than its stated figures."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -12,17 +12,19 @@ from sensors.view.view import View
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RoughnessLevel(Effect):
-    """Factors on the speckle's height and on its number of peaks."""
+    """Factors on the speckle's height and on its peak density."""
 
     name: ClassVar = "roughness_level"
-    summary: ClassVar = "The noise is stronger or finer everywhere than the surface's figures say."
+    summary: ClassVar = (
+        "The noise is larger or finer everywhere than the surface's stated figures predict."
+    )
     equation: ClassVar = "heights × amplitude, peaks per mm × peaks"
     source: ClassVar = (
         "Amplitude and control points of the Perlin model, Sensors 2023, 23, 7624, section 2.2.2"
     )
     statement: ClassVar = (
-        "The surface's noise is {amplitude:.2f} times as strong and has {peaks:.2f} times as many"
-        " peaks per mm as its figures say."
+        "The surface's noise has {amplitude:.2f} times the amplitude and {peaks:.2f} times the "
+        "peaks per mm of its stated figures."
     )
     channels: ClassVar = ("variance", "correlation")
     frame: ClassVar = "part"
@@ -33,8 +35,8 @@ class RoughnessLevel(Effect):
     )
     rivals: ClassVar = ("incidence_noise", "anisotropic_lay")
     separating: ClassVar = (
-        "scan a plate of the same finish flat: this level holds everywhere, incidence noise on "
-        "slopes"
+        "scan a flat plate of the same surface texture: the roughness level holds everywhere, "
+        "incidence noise on slopes only"
     )
 
     amplitude: float = parameter(

@@ -1,4 +1,4 @@
-"""Profiles are delivered twice: the same readings again where the next should be."""
+"""Repeated profiles: a profile is delivered again in place of the next."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -17,20 +17,20 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RowRepeat(DeliveryEffect):
-    """A chance, for each profile but the first, that the one before stands in its place."""
+    """Each profile but the first repeats the previous one with a constant probability."""
 
     name: ClassVar = "row_repeat"
     summary: ClassVar = (
-        "Some profiles repeat the one before, reading for reading, while the encoder moves on."
+        "Some profiles repeat the previous one, reading for reading, while the encoder advances."
     )
-    equation: ClassVar = "profile i = profile i-1 with probability share, as it was delivered"
+    equation: ClassVar = "profile i = delivered profile i-1 with probability share"
     source: ClassVar = (
         "Encoder pulses faster than the profile rate, as Bernoulli trials; 14, 23 and 41 % of the "
         "profiles of three public recordings (sick-appspace-samples), none in three others"
     )
     statement: ClassVar = (
-        "{share:.1%} of the profiles are delivered twice: they measured nothing, and what they "
-        "show lies one profile back."
+        "{share:.1%} of the profiles repeat the previous profile: they are no measurements, and "
+        "their readings belong one profile back."
     )
     channels: ClassVar = ("mean", "variance")
     also: ClassVar = ("missing", "correlation")
@@ -38,11 +38,11 @@ class RowRepeat(DeliveryEffect):
     covariate: ClassVar = "time"
     rivals: ClassVar = ("motion_blur", "travel_ripple")
     separating: ClassVar = (
-        "compare each profile with the one before, reading for reading; scan more slowly"
+        "compare each profile with the previous one, reading for reading; scan more slowly"
     )
 
     share: float = parameter(
-        "probability that a profile repeats the one before",
+        "probability that a profile repeats the previous one",
         low=0.0,
         high=0.9,
         typical=0.15,
@@ -51,10 +51,10 @@ class RowRepeat(DeliveryEffect):
     )
 
     def claimed(self, law: Law, view: View) -> Law:
-        """Mix each profile's law with what was delivered before it.
+        """Mix each profile's law with that of the profile delivered before.
 
-        Moments of the mixture by recursion over the profiles: a share of what is delivered as
-        profile i is what was delivered as profile i-1.
+        The moments of the mixture follow by recursion over the profiles: with probability `share`,
+        the delivered profile i is the delivered profile i-1.
         """
         shape = law.shape
         seen = np.isfinite(law.mean_mm)
@@ -88,7 +88,7 @@ class RowRepeat(DeliveryEffect):
     def deliver(
         self, depth_mm: Floats, reason: NDArray[np.uint8], rng_of: RngOf
     ) -> tuple[Floats, NDArray[np.uint8]]:
-        """Repeat profiles, each with the share's chance."""
+        """Repeat profiles, each with probability `share`."""
         again = rng_of(self.name).random(len(depth_mm)) < self.share
         again[0] = False
         source = _source(again)
@@ -98,11 +98,11 @@ class RowRepeat(DeliveryEffect):
 def brightness_delivered(levels: NDArray[np.uint8], depth_mm: Floats) -> NDArray[np.uint8]:
     """Return the brightness (n, m) that comes with readings of which profiles repeat.
 
-    A profile that is delivered again is so with its brightness.
+    A repeated profile repeats its brightness.
     """
     return levels[_source(repeated_rows(depth_mm))]
 
 
 def _source(again: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Profile whose readings stand in each one's place."""
+    """Index of the profile whose readings each delivered profile holds."""
     return np.maximum.accumulate(np.where(again, 0, np.arange(again.size)))

@@ -1,4 +1,4 @@
-"""No return where a glossy surface sends too little light to the camera, or too much."""
+"""Missing readings where a specular surface sends the camera too little light, or too much."""
 
 import math
 from dataclasses import dataclass, replace
@@ -13,38 +13,37 @@ from sensors.effects.parameter import parameter
 from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.line.line_operator import Line, bright_line, line_sd_mm
-from sensors.view.kept import Kept
 from sensors.view.view import View
+from sensors.view.view_cache import ViewCache
 
 Floats = NDArray[np.float64]
 
-_EVEN: Kept[Line] = Kept(4)
+_EVEN: ViewCache[Line] = ViewCache(4)
 STEEPEST_DEG = 80.0
-"""Incidence beyond which the law is held constant."""
+"""Incidence beyond which the signal is held constant."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SpecularDropout(Effect):
-    """Logistic in the logarithm of a signal: a matt part and a lobe about the half vector."""
+    """Logistic in the log signal of a diffuse part and a specular lobe about the half vector."""
 
     name: ClassVar = "specular_dropout"
     summary: ClassVar = (
-        "A glossy surface sends its light past the camera (no return), or straight into it "
-        "(saturation)."
+        "A specular surface reflects the light past the camera (dropout) or straight into the "
+        "camera (saturation)."
     )
     equation: ClassVar = (
         "S = ρ cos β + (1-ρ) exp(-tan²α / m²); p = share · logistic(±(ln S - ln threshold) / "
-        "softness); of a line of stated width Σ L S / Σ L counts, and its mean leans to the bright "
-        "side: Σ L S [z + κ η cot θ] / Σ L S; so does a listed footprint along the line: "
-        "Σ L S z / Σ L S"
+        "softness); a line of stated width has the signal Σ L S / Σ L and the centroid "
+        "Σ L S [z + κ η cot θ] / Σ L S; a listed footprint along the line: Σ L S z / Σ L S"
     )
     source: ClassVar = (
-        "Lobe of microfacets about the half vector: Torrance and Sparrow, J. Opt. Soc. Am. 57 "
-        "(1967) 1105; Beckmann slope distribution"
+        "Specular lobe of microfacets about the half vector: Torrance and Sparrow, J. Opt. Soc. "
+        "Am. 57 (1967) 1105; Beckmann slope distribution"
     )
     statement: ClassVar = (
-        "Points are missing where the surface's angle to laser and camera makes its light too "
-        "{kind}, with a gloss lobe of {lobe_deg:.1f}°."
+        "Readings are missing where the reflected light is too {kind}, as a specular lobe of "
+        "{lobe_deg:.1f}° predicts."
     )
     channels: ClassVar = ("missing",)
     also: ClassVar = ("mean",)
@@ -53,12 +52,12 @@ class SpecularDropout(Effect):
     relaxed: ClassVar = (Relaxed(channel="missing", along=("half_vector",)),)
     rivals: ClassVar = ("camera_occlusion", "random_dropout", "reflectance_edge")
     separating: ClassVar = (
-        "spray the part matt: these come back; shadows, which are sharp and geometric, stay"
+        "spray the part matt: these readings return; shadows, which are sharp and geometric, stay"
     )
     needs: ClassVar = ("triangulation_angle_deg",)
 
     share: float = parameter(
-        "largest probability of a missing return",
+        "largest probability of a missing reading",
         low=0.0,
         high=1.0,
         typical=0.9,
@@ -66,7 +65,7 @@ class SpecularDropout(Effect):
         grid=(0.1, 0.9),
     )
     lobe_deg: float = parameter(
-        "width m of the gloss lobe, as an angle of microfacets",
+        "width m of the specular lobe, as an angle of microfacets",
         unit="°",
         low=1.0,
         high=45.0,
@@ -74,13 +73,13 @@ class SpecularDropout(Effect):
         grid=(3.0, 6.0, 10.0, 15.0, 25.0),
     )
     matt: float = parameter(
-        "share ρ of the matt part in the signal at the lobe's peak",
+        "share ρ of the diffuse part in the signal at the lobe's peak",
         low=0.0,
         high=1.0,
         typical=0.05,
     )
     threshold: float = parameter(
-        "signal at which half of `share` is missing",
+        "signal at which the probability is half of `share`",
         low=0.0001,
         high=2.0,
         typical=0.03,
@@ -93,13 +92,13 @@ class SpecularDropout(Effect):
         typical=0.3,
     )
     kind: str = parameter(
-        "whether too little or too much light loses the return",
+        "whether too little or too much light loses the reading",
         typical="weak",
-        choices=('weak', 'strong'),
+        choices=("weak", "strong"),
     )
 
     def variants(self, view: View) -> tuple[Self, ...]:
-        """Return darker matt parts: flats tell them over the threshold alone."""
+        """Return weaker diffuse parts: flats constrain only their ratio to the threshold."""
         low = self.parameter("threshold").low
         return tuple(
             self.with_parameters(matt=self.matt * k, threshold=self.threshold * k)
@@ -108,7 +107,7 @@ class SpecularDropout(Effect):
         )
 
     def changed(self, law: Law, view: View) -> Law:
-        """Add the probability of a missing return, and lean to what does return."""
+        """Add the probability of a missing reading, and the centroid bias towards lit parts."""
         mean = law.mean_mm
         if self.kind == "weak" and view.datasheet.line_width_um is not None:
             lean, signal = self._lit(view)
@@ -122,11 +121,11 @@ class SpecularDropout(Effect):
         return replace(law, mean_mm=mean, p_missing=np.asarray(1.0 - kept))
 
     def _lit(self, view: View) -> tuple[Floats, Floats]:
-        """How far a line leans to what is lit of it, (n, m) mm, and its signal, (n, m).
+        """Centroid bias of a line towards its lit part, (n, m) mm, and its signal, (n, m).
 
-        A line that lies half on a dark facet is read by its other half; so is a footprint along
-        the line, where the file lists one. Both leans add; of the two signals the larger change
-        counts where one is brighter, the smaller signal where none is.
+        A line with one half on a dark facet is read by its other half. The same holds for a
+        footprint along the line, where the file lists one. The biases add. Of the two signals the
+        larger change counts where one is brighter, and the smaller signal where none is.
         """
         across = float(line_sd_mm(view, None, None))
         lean, signal = self._lit_along(view, across, "y", 1e-3 * view.sensor.beam.merge_um)
@@ -142,7 +141,7 @@ class SpecularDropout(Effect):
     ) -> tuple[Floats, Floats]:
         even = _even(view, sd_mm, axis, merge_mm)
         line = bright_line(view, sd_mm, self._signal, axis=axis, merge_mm=merge_mm)
-        # what the camera doesn't see of the line makes no facet darker
+        # a part of the line hidden from the camera makes no facet darker
         signal = line.light / np.where(even.light > 0, even.light, 1.0)
         return np.nan_to_num(line.depth_mm - even.depth_mm), signal
 
@@ -152,16 +151,16 @@ class SpecularDropout(Effect):
 
 
 def returned_light(view: View, matt: float, lobe_deg: float) -> Floats:
-    """Return the light that reaches the camera, (n, m), 1 at a white surface's lobe's peak.
+    """Return the light that reaches the camera, (n, m), 1 at the peak of a white surface's lobe.
 
     Parameters
     ----------
     view : View
         The scan; its part's reflectance scales the light, unless a recording gives the brightness.
     matt : float
-        Share of the matt part, of Lambert's cosine, at the lobe's peak.
+        Share of the diffuse part, Lambert's cosine, at the lobe's peak.
     lobe_deg : float
-        Width of the lobe, as an angle of microfacets.
+        Width of the specular lobe, as an angle of microfacets.
     """
     tangent = np.tan(np.minimum(view.half_vector_rad, math.radians(STEEPEST_DEG)))
     lobe = np.exp(-np.square(tangent / math.tan(math.radians(lobe_deg))))
@@ -172,7 +171,7 @@ def returned_light(view: View, matt: float, lobe_deg: float) -> Floats:
 
 
 def _even(view: View, sd_mm: float, axis: str, merge_mm: float | None) -> Line:
-    """Read the line as if it were equally bright; kept for the next who asks."""
+    """Read the line as if it were equally bright; cached by view."""
     return _EVEN.get(
         view, (sd_mm, axis, merge_mm),
         lambda: bright_line(

@@ -1,4 +1,4 @@
-"""The stage or the sensor vibrates: whole rows move."""
+"""Vibration of stage or sensor: whole profiles move."""
 
 import math
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sensors.effects.base import AdditiveEffect
 from sensors.effects.parameter import parameter
 from sensors.effects.relaxed import Relaxed
+from sensors.effects.sinusoid import phase, resolved_frequencies
 from sensors.view.view import View
 
 Floats = NDArray[np.float64]
@@ -17,15 +18,16 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StageVibration(AdditiveEffect):
-    """A sine of time, equal in all columns; its phase is the recording's."""
+    """A sine of time, equal in all columns; the phase is a per-recording parameter."""
 
     name: ClassVar = "stage_vibration"
-    summary: ClassVar = "Whole profiles move up and down at a fixed frequency."
-    equation: ClassVar = "A sin(2π f t + φ); above half the profile rate it shows aliased"
+    summary: ClassVar = "Whole profiles move in depth at a constant frequency."
+    equation: ClassVar = "A sin(2π f t + φ); aliased above half the profile rate"
     source: ClassVar = "Forced vibration of a stage, 2 to 50 µm, 5 to 250 Hz"
     statement: ClassVar = (
-        "Whole profiles move up and down by {amplitude_um:.1f} µm at {frequency_hz:.1f} Hz (or an"
-        " alias of it above half the profile rate): stage or mounting vibrates."
+        "Stage or mounting vibrates: whole profiles move in depth with an amplitude of"
+        " {amplitude_um:.1f} µm at {frequency_hz:.1f} Hz, or at an alias above half the profile"
+        " rate."
     )
     channels: ClassVar = ("mean",)
     frame: ClassVar = "time"
@@ -35,8 +37,8 @@ class StageVibration(AdditiveEffect):
     )
     rivals: ClassVar = ("travel_ripple", "form_error", "pixel_locking")
     separating: ClassVar = (
-        "change the speed: a vibration keeps its frequency in Hz, waviness of the part its length"
-        " in mm"
+        "change the speed: a vibration keeps its frequency in Hz, waviness of the part its "
+        "wavelength in mm"
     )
     sinusoid: ClassVar = True
 
@@ -56,14 +58,7 @@ class StageVibration(AdditiveEffect):
         high=5000.0,
         typical=25.0,
     )
-    phase_rad: float | None = parameter(
-        "phase φ at the first profile",
-        unit="rad",
-        low=0.0,
-        high=6.2831853072,
-        typical=0.0,
-        owner="recording",
-    )
+    phase_rad: float | None = phase()
 
     def fields(self, view: View) -> tuple[Floats, ...]:
         """Return sine and cosine of time, equal in all columns."""
@@ -72,11 +67,9 @@ class StageVibration(AdditiveEffect):
 
     def grid(self, view: View) -> tuple["StageVibration", ...]:
         """Return frequencies half a resolution element apart, up to half the profile rate."""
-        span = float(np.ptp(view.time_s))
-        if len(view.time_s) < 4 or span == 0.0:
+        found = resolved_frequencies(view.time_s)
+        if not found.size:
             return (self,)
-        top = 0.5 / float(np.median(np.diff(view.time_s)))
         low, high = self.parameter("frequency_hz").low, self.parameter("frequency_hz").high
-        found = np.arange(0.5 / span, top, 0.5 / span)
         found = found[(found >= low) & (found <= high)]
         return tuple(self.with_parameters(frequency_hz=float(f)) for f in found)

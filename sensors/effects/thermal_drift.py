@@ -1,4 +1,4 @@
-"""The instrument warms up: the depth creeps towards a final offset."""
+"""Warm-up drift: the depth approaches a final offset."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Self
@@ -17,21 +17,21 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ThermalDrift(AdditiveEffect):
-    """An exponential approach over time since the instrument's start.
+    """An exponential approach over the time since the instrument's start.
 
-    What warms is the camera, whose readings shift alike, or the mount, which moves the sensor along
-    its axis: the same but where a slanted ray meets a slope, by a part in a hundred.
+    A camera that warms shifts all readings equally. A mount that warms moves the sensor along its
+    axis; the two differ by about one hundredth, where an inclined ray meets a slope.
     """
 
     name: ClassVar = "thermal_drift"
-    summary: ClassVar = "Readings creep while the instrument warms up."
+    summary: ClassVar = "Readings drift while the instrument warms up."
     equation: ClassVar = (
         "D (1 - exp(-(t0 + t)/τ)), as a displacement times (n·z) / (n·d): n the surface's normal, "
         "z the sensor's axis, d the ray per mm of depth"
     )
     source: ClassVar = "First-order warming, 5 to 100 µm over minutes"
     statement: ClassVar = (
-        "The depth drifts by {amplitude_um:.0f} µm in all with a time constant of "
+        "The depth drifts towards {amplitude_um:.0f} µm with a time constant of "
         "{time_constant_s:.0f} s as the instrument warms up."
     )
     channels: ClassVar = ("mean",)
@@ -40,11 +40,11 @@ class ThermalDrift(AdditiveEffect):
     relaxed: ClassVar = (Relaxed(channel="mean", along=("clock",)),)
     rivals: ClassVar = ("range_scale", "pose_error", "stage_vibration")
     separating: ClassVar = (
-        "repeat the same scan after some minutes, with a clock common to all recordings"
+        "repeat the scan after some minutes, with a clock common to all recordings"
     )
 
     amplitude_um: float = parameter(
-        "offset D reached in the end",
+        "final offset D",
         unit="µm",
         low=-1000.0,
         high=1000.0,
@@ -72,7 +72,7 @@ class ThermalDrift(AdditiveEffect):
     )
 
     shifts: str = parameter(
-        "what creeps away from the part: the readings alone, or the sensor itself",
+        "what drifts: the readings alone, or the sensor itself",
         typical="reading",
         choices=("reading", "sensor"),
     )

@@ -1,4 +1,4 @@
-"""The travel isn't even: profiles lie a little before or behind their place."""
+"""Periodic error of the travel: profiles lie before or behind their stated position."""
 
 import math
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sensors.effects.base import MotionEffect
 from sensors.effects.parameter import parameter
 from sensors.effects.relaxed import Relaxed
+from sensors.effects.sinusoid import phase, resolved_frequencies
 from sensors.view.rigid import rigid_jacobian
 from sensors.view.view import View
 
@@ -18,18 +19,18 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TravelRipple(MotionEffect):
-    """A sine of the travel, displacing each profile along y; its phase is the recording's."""
+    """A sine of the travel displaces each profile along y; the phase is per recording."""
 
     name: ClassVar = "travel_ripple"
     summary: ClassVar = (
-        "The stage runs unevenly: profiles are taken a little before or behind where they should,"
-        " which shows on slopes."
+        "The travel has a periodic error: profiles are taken before or behind their stated "
+        "position, which biases readings on slopes."
     )
     equation: ClassVar = "δy = A sin(2π s / period + φ); to first order δz = dz/dy · δy"
     source: ClassVar = "Periodic error of lead screw, belt or encoder, 5 to 100 µm"
     statement: ClassVar = (
-        "The travel is uneven: profiles lie up to {amplitude_um:.0f} µm off along it, repeating "
-        "every {period_mm:.2f} mm; it shows on slopes, not on flats."
+        "The travel has a periodic error of {amplitude_um:.0f} µm with a period of {period_mm:.2f} "
+        "mm, which biases readings on slopes and not on flats."
     )
     channels: ClassVar = ("mean",)
     frame: ClassVar = "travel"
@@ -39,8 +40,8 @@ class TravelRipple(MotionEffect):
     )
     rivals: ClassVar = ("stage_vibration", "form_error", "incidence_bias")
     separating: ClassVar = (
-        "compare flats with slopes: uneven travel leaves flats alone; change the speed: it keeps "
-        "its length in mm"
+        "compare flats with slopes: a travel error biases slopes only; change the speed: a travel "
+        "error keeps its period in mm"
     )
     sinusoid: ClassVar = True
 
@@ -54,20 +55,13 @@ class TravelRipple(MotionEffect):
         linear=True,
     )
     period_mm: float = parameter(
-        "length of travel after which it repeats",
+        "period along the travel",
         unit="mm",
         low=0.01,
         high=5000.0,
         typical=5.0,
     )
-    phase_rad: float | None = parameter(
-        "phase φ at the first profile",
-        unit="rad",
-        low=0.0,
-        high=6.2831853072,
-        typical=0.0,
-        owner="recording",
-    )
+    phase_rad: float | None = phase()
 
     def fields(self, view: View) -> tuple[Floats, ...]:
         """Return slope times sine and cosine of the travel: the first order."""
@@ -76,17 +70,16 @@ class TravelRipple(MotionEffect):
         return 1e-3 * push * np.sin(turn), 1e-3 * push * np.cos(turn)
 
     def moved(self, view: View) -> View:
-        """Return the view with each profile where it really was taken."""
+        """Return the view with each profile at its true position."""
         turn = 2 * math.pi / self.period_mm * view.travel_mm + (self.phase_rad or 0.0)
         return view.shifted(dy_mm=1e-3 * self.amplitude_um * np.sin(turn))
 
     def grid(self, view: View) -> tuple["TravelRipple", ...]:
         """Return periods half a resolution element apart, down to two profiles."""
-        span = float(np.ptp(view.travel_mm))
-        if len(view.travel_mm) < 4 or span == 0.0:
+        found = resolved_frequencies(view.travel_mm)
+        if not found.size:
             return (self,)
-        top = 0.5 / float(np.median(np.abs(np.diff(view.travel_mm))))
         low, high = self.parameter("period_mm").low, self.parameter("period_mm").high
-        found = 1.0 / np.arange(0.5 / span, top, 0.5 / span)
+        found = 1.0 / found
         found = found[(found >= low) & (found <= high)]
         return tuple(self.with_parameters(period_mm=float(p)) for p in found)

@@ -1,4 +1,4 @@
-"""Light enters a translucent material and comes back from below its surface."""
+"""Subsurface scattering: light enters a translucent material and returns from below."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -18,24 +18,25 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class VolumeScattering(Effect):
-    """Readings sink by the mean depth from which light seems to return.
+    """Bias by the mean apparent depth from which light returns.
 
-    The laser is refracted at the surface and travels d on average. Seen back through the surface,
-    the part of its way along the normal looks shorter by n: a unit of way is displaced by
+    The laser is refracted at the surface and travels the mean free path d. Seen through the
+    surface, the path's component along the normal appears shorter by the factor n. A unit of path
+    is displaced by
 
         q = (l + (cos β - cos βt) N) / n,   sin βt = sin β / n
 
-    with l the laser's direction and N the outward normal. What lies off the laser's plane the
-    camera reads deeper or less deep: slopes along the travel sink by different amounts. What lies
-    aside in that plane is seen by another column: a slope p_x along the line is read where light
-    came in beside it, e = q_x - q_z tan a off the column's line at the angle a. Where the line's
-    width is known, the sinking is the mean over it: faces meet within the line.
+    with l the laser's direction and N the outward normal. A displacement out
+    of the laser's plane changes the triangulated depth, so the bias depends on the slope along the
+    travel. A displacement within that plane moves the light to another column: a slope p_x along
+    the line is read e = q_x - q_z tan a beside the column's line, which lies at the angle a. Where
+    the line's width is known, the bias is the mean over the width: faces may meet within the line.
     """
 
     name: ClassVar = "volume_scattering"
     summary: ClassVar = (
-        "Plastics, wax or ceramics let the light in: readings lie below the surface, by an amount"
-        " that depends on angle and wall thickness."
+        "Light penetrates plastics, wax or ceramics: readings lie below the surface, by an amount"
+        " that depends on incidence and wall thickness."
     )
     equation: ClassVar = (
         "d (1 - exp(-t/d)) (q_z + q_y z / b - e p_x / (1 - p_x tan a)), "
@@ -47,8 +48,8 @@ class VolumeScattering(Effect):
         "reported for plastics and marble (Godin et al., Proc. SPIE 4298 (2001))"
     )
     statement: ClassVar = (
-        "The material is translucent: light returns from about {depth_um:.0f} µm of way below the "
-        "surface, by an amount that depends on the slope and on thin walls."
+        "The material is translucent, with a mean free path of {depth_um:.0f} µm: readings lie "
+        "below the surface, by an amount that depends on slope and wall thickness."
     )
     channels: ClassVar = ("mean", "variance")
     frame: ClassVar = "sensor"
@@ -70,7 +71,7 @@ class VolumeScattering(Effect):
         grid=(20.0, 80.0, 300.0),
     )
     grain: float = parameter(
-        "factor on the speckle: light from many depths averages it",
+        "factor on the speckle, which light from many depths averages",
         low=0.05,
         high=1.0,
         typical=1.0,
@@ -84,11 +85,11 @@ class VolumeScattering(Effect):
     )
 
     def fields(self, view: View) -> tuple[Floats, ...]:
-        """Return the sinking per µm of free path, exact where the material is thick."""
+        """Return the bias per µm of free path, exact where the material is thick."""
         return (1e-3 * self._sinking(view),)
 
     def changed(self, law: Law, view: View) -> Law:
-        """Add the sinking to the mean, and average the speckle."""
+        """Add the bias to the mean, and average the speckle."""
         return replace(
             law,
             mean_mm=law.mean_mm + 1e-3 * self.depth_um * self._sinking(view),
@@ -104,7 +105,7 @@ class VolumeScattering(Effect):
         return np.asarray(filled * line_mean(view, line_sd_mm(view, None, None), self._thick))
 
     def _thick(self, view: View) -> Floats:
-        """Sinking for each unit of free path in a part that is thick everywhere."""
+        """Bias per unit of free path in a part that is thick everywhere."""
         cosine = view.cos_incidence
         bent = cosine - np.sqrt(1.0 - (1.0 - np.square(cosine)) / self.index**2)
         sunk = view.ray[:, 2] + bent * view.normal[..., 2]
@@ -118,10 +119,10 @@ class VolumeScattering(Effect):
 
 
 def _slope_between_columns(view: View) -> Floats:
-    """Return the change of depth with the way off a column's line, (n, m), sensor frame.
+    """Return the change of depth with the distance from a column's line, (n, m), sensor frame.
 
-    The smallest of the facet's and those to the neighbours, none where they differ in sign: light
-    comes in on the facet that is hit only where that is wider than a pixel.
+    The smallest of the facet's slope and the slopes to both neighbours; zero where their signs
+    differ. Light enters through the facet that is hit only where the facet is wider than a pixel.
     """
     slope, line, depth = view.slope_x, view.laser.slope_x, view.depth_mm
     pitch = np.diff(view.laser.x_mm) + np.diff(line) * 0.5 * (depth[:, 1:] + depth[:, :-1])

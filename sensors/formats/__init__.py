@@ -61,12 +61,12 @@ READERS: Final[Mapping[str, Callable[[Path, str | None], HeightMap]]] = {
 def read_height_map(
     path: str | Path, unit: str | None = None, *, columns: Mapping[str, str] | None = None
 ) -> HeightMap:
-    """Read an instrument's file as it stands: no reading is moved, averaged or filled.
+    """Read an instrument's file; no reading is moved, averaged or filled.
 
     Parameters
     ----------
     path : path
-        The file; its suffix tells the format.
+        The file; its suffix determines the format.
     unit : str, optional
         Unit of the readings (of x, y and z in a point cloud); where it isn't given, the file's
         own, else mm.
@@ -77,7 +77,7 @@ def read_height_map(
     Raises
     ------
     RecipeError
-        Where it can't be read or isn't what its suffix says.
+        Where the file is unreadable, or not of the format of its suffix.
     """
     path = Path(path)
     if path.suffix.lower() not in READERS:

@@ -1,4 +1,4 @@
-"""Point clouds whose points stand on a grid: which column and row each point belongs to.
+"""Point clouds on a grid: which column and row each point belongs to.
 
 A grid is found, never made: points off a grid are an error, since a reading moved onto one has
 another noise.
@@ -35,7 +35,7 @@ def to_height_map(cloud: Cloud, path: Path) -> HeightMap:
     Raises
     ------
     RecipeError
-        Where the points stand on no grid.
+        Where the points form no grid.
     """
     if cloud.shape is not None and min(cloud.shape) > 1:
         return _organised(cloud, cloud.shape, path)

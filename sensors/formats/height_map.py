@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class HeightMap:
-    """Readings in mm, one row a profile, and what the file says about how they were taken.
+    """Readings in mm, one row per profile, and the file's facts about the measurement.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class HeightMap:
     step_mm : float or None
         Resolution of the readings, mm.
     note : str
-        What the file says of itself: instrument, frame number.
+        What the file states about itself: instrument, frame number.
     unit_mm : float
         mm in one of the file's own numbers, where it is a bare table or image.
     slope_x : (n_points,) float64 or None
@@ -71,7 +71,7 @@ def scale_mm(unit: str | None, held: str | None = None) -> float:
 
 
 def unit_decision(unit: str | None, held: str | None) -> tuple[str, ...]:
-    """Return what to tell the user of the heights' unit: contradicted, or obeyed."""
+    """Return the note on the heights' unit: contradicted or accepted."""
     if held is None:
         return ()
     if unit is not None and scale_mm(unit) != scale_mm(held):

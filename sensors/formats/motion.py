@@ -25,7 +25,7 @@ _EULER = {"wpr": ("w", "p", "r"), "abc": ("c", "b", "a")}
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Rows:
-    """What a file says of each row.
+    """What a file states for each row.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ def read_poses(path: Path, convention: str | None = None) -> Floats:
     kind = convention or _convention(base, table.shape[1])
     if kind is None:
         raise RecipeError(
-            "holds poses in no convention that its columns' names tell", where=path,
+            "holds poses in a convention that its column names do not state", where=path,
             value=", ".join(names) or f"{table.shape[1]} columns",
             allowed="; ".join(f"{key}: {words}" for key, words in CONVENTIONS.items()),
         )  # fmt: skip

@@ -9,7 +9,7 @@ from sensors.formats.height_map import Floats
 from sensors.typed_yaml import RecipeError
 
 LEAST_READINGS = 40
-"""Fewer readings say nothing about what repeats."""
+"""Smallest number of readings for a test of repetition."""
 APART = 0.5
 """A value stands apart where it is further from all other readings than this share of their span.
 A measured part has readings on its flanks and noise around its levels."""
@@ -34,14 +34,14 @@ INTEGER_MARKS = (-32768.0, 32767.0, 65535.0, -2147483648.0, 2147483647.0, 429496
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Sentinel:
-    """One exact number that stands apart from all readings and repeats.
+    """One exact number, isolated from all readings, that repeats.
 
     Attributes
     ----------
     value
         In the file's own numbers.
     count
-        How often it stands there.
+        Number of occurrences.
     low, high
         Range of the other readings, in the file's own numbers.
     """
@@ -53,7 +53,7 @@ class Sentinel:
 
 
 def sentinels(values: Floats) -> tuple[Sentinel, ...]:
-    """Find the numbers at either end of the range that stand apart and repeat.
+    """Find isolated, repeated numbers at either end of the range.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def _apart(levels: Floats, counts: NDArray[np.int64], end: int) -> Sentinel | No
 
 
 def check_sentinels(values: Floats) -> None:
-    """Stop where readings look like a mark for missing points.
+    """Stop where a number may mark missing points.
 
     Raises
     ------
@@ -118,8 +118,8 @@ def check_sentinels(values: Floats) -> None:
     )
     options = " ".join(f"--missing {one.value:.9g}" for one in found)
     raise RecipeError(
-        f"holds what looks like a mark for missing points: {words}",
-        allowed=f"{options} where it is one, --no-check where it is a reading",
+        f"holds a number that may mark missing points: {words}",
+        allowed=f"{options} if the number marks missing points, --no-check if it is a reading",
     )
 
 
@@ -140,7 +140,7 @@ def check_sizes(
     Returns
     -------
     doubts
-        What is odd though the unit is stated: said, and obeyed.
+        Note on implausible values despite a stated unit.
 
     Raises
     ------

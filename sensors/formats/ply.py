@@ -62,7 +62,7 @@ def _read(blob: bytes, path: Path, unit: str | None) -> HeightMap:
         elif vertex:
             break
         else:
-            raise RecipeError("holds something before its vertices", where=path, value=name)
+            raise RecipeError("holds an element before its vertices", where=path, value=name)
     if not {"x", "y", "z"} <= set(vertex):
         raise RecipeError("has no vertices with x, y and z", where=path)
     points = np.stack([vertex[k] for k in "xyz"], axis=1) * scale_mm(unit)

@@ -21,7 +21,7 @@ MISSING = ("BAD", "NAN")
 
 
 def read_sdf(path: Path, unit: str | None) -> HeightMap:
-    """Read heights; scales stand in the file, `unit` overrides that of heights."""
+    """Read heights; the file states scales, `unit` overrides that of heights."""
     blob = path.read_bytes()
     if blob[:8].strip(b"\0 ") == b"bISO-1.0":
         head, values = _binary(blob, path)

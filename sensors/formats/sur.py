@@ -14,7 +14,7 @@ MIRROR_COLUMNS, MIRROR_ROWS = 2, 3  # of the inversion flag; 1, 2 and 3 invert t
 
 
 def read_sur(path: Path, unit: str | None) -> HeightMap:
-    """Read a profile or surface; units stand in the file, `unit` overrides that of heights."""
+    """Read a profile or surface; the file states units, `unit` overrides that of heights."""
     blob = path.read_bytes()
     if blob[:12] not in (b"DIGITAL SURF", b"DSCOMPRESSED"):
         raise RecipeError("isn't a SUR file", where=path)

@@ -16,7 +16,7 @@ WANTED = "pip install 'flawforge[instruments]'"
 
 
 def read_topography(path: Path, unit: str | None) -> HeightMap:
-    """Read the file's default height map; units stand in it, `unit` overrides that of heights.
+    """Read the file's default height map; the file states units, `unit` overrides that of heights.
 
     Raises
     ------

@@ -6,17 +6,17 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.line.light import matt
+from sensors.line.lambertian_light import lambertian_light
 from sensors.line.line_operator import STEEPEST, Line, line_sd_mm, read_line
-from sensors.line.line_spread import Smear, smear, step_between
-from sensors.line.thin_light import above_threshold
-from sensors.view.kept import Kept
+from sensors.line.line_spread import LineSpread, line_spread, step_between
+from sensors.line.peak_finder import above_threshold
 from sensors.view.view import View
+from sensors.view.view_cache import ViewCache
 
 FINELY = 0.4
 """Longest step, in standard deviations, with which a line is sampled that edges may cut."""
-_SHIFTS: Kept[NDArray[np.float64]] = Kept(2)
-_STANDING: Kept[Line] = Kept(4)
+_SHIFTS: ViewCache[NDArray[np.float64]] = ViewCache(2)
+_STANDING: ViewCache[Line] = ViewCache(4)
 
 
 class Width(Protocol):
@@ -27,7 +27,7 @@ class Width(Protocol):
         """Standard deviation of the line for which it holds, µm; None: the datasheet's."""
         ...
 
-    def as_told(self) -> Self:
+    def as_measured(self) -> Self:
         """Return the effect of the line as it was when the file's figures were measured."""
         ...
 
@@ -43,8 +43,7 @@ class Beam:
     Attributes
     ----------
     spot, cut : how its width rounds readings, and mixes them where an edge cuts it; None: unsaid
-    sd_um : standard deviation that the line has by now; 0: as it was when spot and cut were
-        measured
+    sd_um : current standard deviation of the line; 0: that at which spot and cut were measured
     along_um : standard deviation of the footprint along the line
     merge_um : how far apart two levels that are lit may lie to be read as one
     weakest : share of the line's light that makes a peak; 0 if unsaid
@@ -59,76 +58,77 @@ class Beam:
 
     @property
     def widths(self) -> tuple[Width, ...]:
-        """What the file says of the line's width and readings."""
+        """The listed effects of the line's width on readings."""
         return tuple(one for one in (self.spot, self.cut) if one is not None)
 
     @property
-    def told_um(self) -> float | None:
+    def stated_um(self) -> float | None:
         """Width of the line where it is cut, else where it rounds; None: unsaid or the sheet's."""
         return self.widths[-1].line_sd_um if self.widths else None
 
 
-def told_sd_mm(view: View) -> float:
-    """Return the line's standard deviation for which the file tells what edges do, mm; or 0."""
+def stated_sd_mm(view: View) -> float:
+    """Return the standard deviation for which the file states what edges do, mm; or 0."""
     beam = view.sensor.beam
-    return float(line_sd_mm(view, beam.told_um, None)) if beam.widths else 0.0
+    return float(line_sd_mm(view, beam.stated_um, None)) if beam.widths else 0.0
 
 
 def listed_sd_mm(view: View) -> float:
     """Return the listed line's standard deviation, mm; 0 without one."""
-    return 1e-3 * view.sensor.beam.sd_um or told_sd_mm(view)
+    return 1e-3 * view.sensor.beam.sd_um or stated_sd_mm(view)
 
 
 def wider_mm(view: View, sd_mm: float) -> NDArray[np.float64]:
-    """How much deeper a line that wide reads than the one the file tells of, (n, m) mm.
+    """Return the depth that a line of this width reads beyond the stated one, (n, m) mm.
 
     The difference of two lines on matt material; where the file has another level than the
     narrow one reads, what the wide one reads.
     """
-    told = told_sd_mm(view)
-    if told == 0.0:
+    stated = stated_sd_mm(view)
+    if stated == 0.0:
         return np.zeros(view.shape)
     now = read_beam(view, _finely(sd_mm))
-    stood = standing(view, _finely(told)).depth_mm
-    filed = view.depth_mm + listed_shift_mm(view, told=True)
-    change = now.depth_mm - np.where(np.abs(filed - stood) <= STEEPEST * told, stood, filed)
+    stood = standing(view, _finely(stated)).depth_mm
+    filed = view.depth_mm + listed_shift_mm(view, measured=True)
+    change = now.depth_mm - np.where(np.abs(filed - stood) <= STEEPEST * stated, stood, filed)
     return np.where(np.isfinite(change) & (now.light >= view.sensor.beam.weakest), change, 0.0)
 
 
-def _finely(sd_mm: float) -> Smear:
+def _finely(sd_mm: float) -> LineSpread:
     """Sample a line that stands finely enough for one that an edge cuts."""
-    return smear(sd_mm, 0.0, 0.0, step_between(FINELY * sd_mm, 0.0))
+    return line_spread(sd_mm, 0.0, 0.0, step_between(FINELY * sd_mm, 0.0))
 
 
-def read_beam(view: View, line: Smear) -> Line:
+def read_beam(view: View, line: LineSpread) -> Line:
     """Read a line; where the camera's place is stated, matt light that it sees."""
     beam, seen = view.sensor.beam, view.datasheet.triangulation_angle_deg is not None
     merge_mm = 1e-3 * beam.merge_um
     read = read_line(
         view, line.offsets_mm, list(line.light[..., None]), within_mm=line.within_mm,
-        camera=seen, visible=seen, radiance=matt if seen else None, merge_mm=merge_mm,
+        camera=seen, visible=seen, radiance=lambertian_light if seen else None,
+        merge_mm=merge_mm,
     )  # fmt: skip
     if not seen:
         return read
     return above_threshold(view, line, read, least=beam.weakest, merge_mm=merge_mm)
 
 
-def standing(view: View, line: Smear) -> Line:
-    """Read a line that doesn't move; kept for the next who asks."""
+def standing(view: View, line: LineSpread) -> Line:
+    """Read a line that doesn't move; cached with the view."""
     key = float(line.variance[0]), line.step_mm
     return _STANDING.get(view, key, lambda: read_beam(view, line))
 
 
-def listed_shift_mm(view: View, *, told: bool = False) -> NDArray[np.float64]:
+def listed_shift_mm(view: View, *, measured: bool = False) -> NDArray[np.float64]:
     """Return what the listed line's width makes of each reading, (n, m) mm; kept with the view.
 
     Parameters
     ----------
-    told : of the line as it was when the file's figures were measured, not as it is by now
+    measured : of the line at which the file's figures were measured, not of the current one
     """
     widths = view.sensor.beam.widths
-    if told:
-        widths = tuple(one.as_told() for one in widths)
+    if measured:
+        widths = tuple(one.as_measured() for one in widths)
 
     def shift() -> NDArray[np.float64]:
         known = [s for s in (one.shift(view) for one in widths) if s is not None]

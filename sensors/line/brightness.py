@@ -36,11 +36,11 @@ class Brightness:
         low=0, above=True, high=1000, default=0.5,
     )
     matt: float = quantity(
-        "share of the matt part in the light at the lobe's peak",
+        "share of the diffuse part in the light at the lobe's peak",
         low=1e-3, high=1, default=0.05, source="as typical of `specular_dropout`",
     )
     lobe_deg: float = quantity(
-        "width of the gloss lobe, as an angle of microfacets",
+        "width of the specular lobe, as an angle of microfacets",
         unit="°", low=1, high=45, default=8.0, source="as typical of `specular_dropout`",
     )
 

@@ -252,7 +252,7 @@ def bright_line(
 
 
 def line_mean(view: View, sd_mm: Floats | float, of: ViewFunction) -> Floats:
-    """Mean over the line of what a function says of its sub-lines' views, (n, m).
+    """Mean over the line of a function of its sub-lines' views, (n, m).
 
     Only of those whose depth runs on from the centre's; the centre's own value where none does.
     """
@@ -268,10 +268,10 @@ def line_mean(view: View, sd_mm: Floats | float, of: ViewFunction) -> Floats:
     return np.where(light > 0, total / np.where(light > 0, light, 1.0), of(view))
 
 
-def lean_mm(
+def centroid_bias_mm(
     view: View, sd_mm: Floats | float, *, along_mm: float = 0.0, creases: bool = False
 ) -> Floats:
-    """How far a line leans to the bright side of a surface that runs on, (n, m) mm.
+    """Bias of the line's centroid towards the brighter side of a surface that runs on, (n, m) mm.
 
     0 where the line lies on two levels: little of it is lit there, whatever the
     surface's brightness.

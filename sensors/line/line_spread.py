@@ -26,11 +26,11 @@ FEWEST_STEPS = 8
 CUT = 4.0
 """Standard deviations at which a Gaussian ends."""
 LEAST_LIGHT = 1e-12
-"""Share of the light below which nothing is said about where in the line it lies."""
+"""Share of the light below which its position in the line is undefined."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Smear:
+class LineSpread:
     """Light of a moving line over displacements.
 
     Attributes
@@ -67,10 +67,10 @@ class Smear:
         return np.asarray(np.sqrt(np.sum(np.square(self.light * self.within_mm), axis=0)))
 
 
-def smear(
+def line_spread(
     sd_mm: float, start_mm: ArrayLike, end_mm: ArrayLike, step_mm: float | None = None
-) -> Smear:
-    """Spread a line over the way that it goes.
+) -> LineSpread:
+    """Blur a line over its path during the exposure.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def smear(
     light = light / light.sum(axis=0)
     known = light > LEAST_LIGHT
     within = np.where(known, moment / np.where(known, light, 1.0), 0.0)
-    return Smear(offsets_mm=d[:, 0], light=light, within_mm=within, sd_mm=sd_mm)
+    return LineSpread(offsets_mm=d[:, 0], light=light, within_mm=within, sd_mm=sd_mm)
 
 
 def step_between(sd_mm: float, way_mm: float) -> float:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.noise.heights import HeightMap
-from sensors.noise.measured import Measured, distribution
+from sensors.noise.noise_target import NoiseTarget, distribution
 from sensors.noise.perlin import GRID_LIMIT, PerlinField
 from sensors.noise.uncertainty import gaussian_sd_mm, quantise
 from sensors.surface.form import remove_form
@@ -64,7 +64,7 @@ class _Bench:
     persistence.
     """
 
-    def __init__(self, wanted: Measured, octaves: int, points: int) -> None:
+    def __init__(self, wanted: NoiseTarget, octaves: int, points: int) -> None:
         self.wanted = wanted
         self.octaves = octaves
         self.windows = int(np.clip(points // (wanted.profiles * wanted.points), 1, 40))
@@ -176,7 +176,7 @@ class _Bench:
 
 
 @lru_cache(maxsize=32)
-def calibrate(wanted: Measured, *, octaves: int = 4) -> Solution:
+def calibrate(wanted: NoiseTarget, *, octaves: int = 4) -> Solution:
     """Solve the noise for what is wanted of the scan; the same inputs are solved once a process."""
     bench = _Bench(wanted, octaves, FINE_POINTS)
     coarse = _Bench(wanted, octaves, COARSE_POINTS)
@@ -204,7 +204,7 @@ def calibrate(wanted: Measured, *, octaves: int = 4) -> Solution:
     )
 
 
-def _first_guess(wanted: Measured, persistence: float) -> Floats:
+def _first_guess(wanted: NoiseTarget, persistence: float) -> Floats:
     figures = wanted.figures()
     rq_mm = figures.get("rq_mm")
     if rq_mm is None:

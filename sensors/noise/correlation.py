@@ -1,7 +1,7 @@
 """Correlation of Perlin speckle between two points: closed form, or measured on drawn fields.
 
 With unit gradients of uniform direction an octave is the sum over control points of
-gx·ramp(x)·bump(y) + gy·bump(x)·ramp(y) (see `sensors.noise.perlin.octave_spectrum`), so that at the
+gx·ramp(x)·bump(y) + gy·bump(x)·ramp(y) (w and t·w of `sensors.noise.perlin`), so that at the
 lag (s, t) in cells its covariance, averaged over the place in the cell, is
 ½ (R(s) B(t) + B(s) R(t)), B and R the autocorrelations of bump and ramp. It ends at two cells.
 """

@@ -40,7 +40,12 @@ class HeightMap:
         """Replace u by amplitude times its height, in place."""
         knots = np.asarray(self.knots, dtype=np.float64)
         values = np.asarray(self.values, dtype=np.float64)
-        _apply(u.reshape(-1), knots, amplitude * values, amplitude * _slopes(knots, values))
+        values, slopes = amplitude * values, amplitude * _slopes(knots, values)
+        step, rise = np.diff(knots), np.diff(values)
+        first = step * slopes[:-1]
+        cubic = np.stack([first, 3 * rise - 2 * first - step * slopes[1:],
+                          first + step * slopes[1:] - 2 * rise])  # fmt: skip
+        _apply(u.reshape(-1), knots, values, slopes, cubic)
 
 
 def _slopes(knots: Floats, values: Floats) -> Floats:
@@ -51,20 +56,16 @@ def _slopes(knots: Floats, values: Floats) -> Floats:
     slopes[0], slopes[-1] = secant[0], secant[-1]
     left, right = 2.0 * step[1:] + step[:-1], step[1:] + 2.0 * step[:-1]
     flat = (secant[:-1] <= 0.0) | (secant[1:] <= 0.0)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):  # a secant of nothing: its mean is nothing
         mean = (left + right) / (left / secant[:-1] + right / secant[1:])
     slopes[1:-1] = np.where(flat, 0.0, mean)
     return slopes
 
 
 @njit(cache=True)
-def _apply(u: Floats, knots: Floats, values: Floats, slopes: Floats) -> None:
+def _apply(u: Floats, knots: Floats, values: Floats, slopes: Floats, cubic: Floats) -> None:
+    """Replace u by heights; `cubic` (3, k - 1) are each interval's coefficients, s, s² and s³."""
     last = knots.size - 1
-    step = np.diff(knots)
-    rise = np.diff(values)
-    c1 = step * slopes[:-1]
-    c2 = 3.0 * rise - 2.0 * c1 - step * slopes[1:]
-    c3 = c1 + step * slopes[1:] - 2.0 * rise
     # evenly spaced bins that name the first interval to look at
     bins = 16 * last
     per_bin = bins / (knots[last] - knots[0])
@@ -85,5 +86,6 @@ def _apply(u: Floats, knots: Floats, values: Floats, slopes: Floats) -> None:
             low = first[min(int((t - knots[0]) * per_bin), bins - 1)]
             while low < last - 1 and knots[low + 1] <= t:
                 low += 1
-            s = (t - knots[low]) / step[low]
-            u[i] = values[low] + s * (c1[low] + s * (c2[low] + s * c3[low]))
+            s = (t - knots[low]) / (knots[low + 1] - knots[low])
+            bend = cubic[1, low] + s * cubic[2, low]
+            u[i] = values[low] + s * (cubic[0, low] + s * bend)

@@ -27,8 +27,8 @@ Floats = NDArray[np.float64]
 GRID_LIMIT = 1.2
 """Closest control points in grid steps.
 
-The spectrum of an octave is highest at about 0.56 cycles a cell (the transform of t·w(t), see
-`octave_spectrum`); at 1.2 grid steps a cell that is 0.47 cycles a step, just below Nyquist's 0.5.
+The spectrum of an octave is highest at about 0.56 cycles a cell (the transform of t·w(t)); at 1.2
+grid steps a cell that is 0.47 cycles a step, just below Nyquist's 0.5.
 """
 
 BUMP_ENERGY = 181.0 / 231.0
@@ -39,9 +39,6 @@ RAMP_ENERGY = 535.0 / 9009.0
 
 OCTAVE_SD = math.sqrt(BUMP_ENERGY * RAMP_ENERGY)
 """Standard deviation of one octave with unit gradients, averaged over the cell (about 0.216)."""
-
-OCTAVE_MAX = math.sqrt(0.5)
-"""Largest value of one octave: all four gradients of a cell pointing to its middle."""
 
 
 def smoothstep(t: Floats) -> Floats:
@@ -68,9 +65,9 @@ class PerlinField:
         Monotone map from the standardised sum (zero mean, unit variance) to heights. Without one
         the sum of the octaves is used as it stands.
     aligned : bool
-        All octaves share the origin of the grid as a control point, as the text says.
+        All octaves share the origin of the grid as a control point, as the paper states.
     band_limited : bool
-        Leave out what the grid can't show; off only to look at what aliasing does.
+        Omit octaves beyond the grid's limit; False shows the aliasing.
     """
 
     amplitude_mm: float
@@ -171,40 +168,6 @@ def grid_pitch(positions_mm: Floats) -> float:
     if positions_mm.size < 2:
         return 0.0
     return float(np.median(np.abs(np.diff(positions_mm))))
-
-
-def octave_spectrum(fx: Floats, fy: Floats) -> Floats:
-    """Two-sided power spectral density of one octave of unit cell, closed form up to quadrature.
-
-    With unit gradients of uniform direction the field is the sum over control points of
-    gx·ramp(x)·bump(y) + gy·bump(x)·ramp(y), bump w(t) = 1 - smoothstep(|t|), ramp t·w(t), so that
-    S(fx, fy) = ½ (|R(fx)|²|B(fy)|² + |B(fx)|²|R(fy)|²), R and B their Fourier transforms.
-
-    Parameters
-    ----------
-    fx, fy : arrays that broadcast
-        Frequencies in cycles a cell.
-    """
-    bump_x, ramp_x = _transforms(fx)
-    bump_y, ramp_y = _transforms(fy)
-    return 0.5 * (ramp_x * bump_y + bump_x * ramp_y)
-
-
-def octave_line_spectrum(f: Floats) -> Floats:
-    """Two-sided power spectral density of one octave along a line parallel to an axis."""
-    bump, ramp = _transforms(f)
-    return 0.5 * (ramp * BUMP_ENERGY + bump * RAMP_ENERGY)
-
-
-def _transforms(f: Floats) -> tuple[Floats, Floats]:
-    """Return |B|² and |R|² at frequency f (cycles a cell) by Gauss-Legendre quadrature."""
-    nodes, weights = np.polynomial.legendre.leggauss(96)
-    t = 0.5 * (nodes + 1.0)
-    w = 0.5 * weights * (1.0 - smoothstep(t))
-    phase = 2.0 * np.pi * np.asarray(f, dtype=np.float64)[..., None] * t
-    bump = 2.0 * np.sum(w * np.cos(phase), axis=-1)
-    ramp = 2.0 * np.sum(w * t * np.sin(phase), axis=-1)
-    return bump * bump, ramp * ramp
 
 
 def _lattice(cells: Floats) -> tuple[NDArray[np.int64], Floats]:

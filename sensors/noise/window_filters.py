@@ -51,14 +51,24 @@ def windowed_median(depth_mm: Floats, profiles: int, points: int) -> Floats:
         for j in range(m):
             if np.isnan(depth_mm[i, j]):
                 continue
-            count = 0
-            for a in range(max(0, i - half_i), min(n, i + half_i + 1)):
-                for b in range(max(0, j - half_j), min(m, j + half_j + 1)):
-                    if not np.isnan(depth_mm[a, b]):
-                        window[count] = depth_mm[a, b]
-                        count += 1
+            count = _gather(depth_mm, i, j, half_i, half_j, window)
             out[i, j] = np.median(window[:count])
     return out
+
+
+@njit(cache=True)
+def _gather(
+    depth_mm: Floats, i: int, j: int, half_i: int, half_j: int, values: Floats
+) -> int:
+    """Write the readings of the window about (i, j) into values; return how many they are."""
+    n, m = depth_mm.shape
+    count = 0
+    for a in range(max(0, i - half_i), min(n, i + half_i + 1)):
+        for b in range(max(0, j - half_j), min(m, j + half_j + 1)):
+            if not np.isnan(depth_mm[a, b]):
+                values[count] = depth_mm[a, b]
+                count += 1
+    return count
 
 
 def windowed_mean(depth_mm: Floats, profiles: int, points: int) -> Floats:
@@ -118,12 +128,7 @@ def median_law(
         for j in range(m):
             if np.isnan(depth_mm[i, j]):
                 continue
-            count = 0
-            for a in range(max(0, i - half_i), min(n, i + half_i + 1)):
-                for b in range(max(0, j - half_j), min(m, j + half_j + 1)):
-                    if not np.isnan(depth_mm[a, b]):
-                        values[count] = depth_mm[a, b]
-                        count += 1
+            count = _gather(depth_mm, i, j, half_i, half_j, values)
             found = values[:count]
             sd = sd_mm[i, j]
             if sd <= 0.0:

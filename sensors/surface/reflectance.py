@@ -29,7 +29,7 @@ class Stripes:
 
 @record
 class Patch:
-    """A rectangle of the part's x-y plane with a brightness of its own."""
+    """A rectangle of the part's x-y plane with a reflectance."""
 
     value: float = quantity("reflectance of the patch", low=0, high=1)
     x_mm: tuple[float, float]

@@ -1,25 +1,23 @@
 """Roughness figures of a scan, profile by profile and averaged (Sensors 2023, 23, 7624, 2.2.2).
 
-Readings of the paper's definitions, where its words leave them open. Each was tried on the
-paper's own model (its equation 9, drawn at its windows and at full profiles) and compared with
-the ratios of the figures that the paper prints for its own simulation; `docs/paper.md` holds the
-table.
+Choices where the paper's definitions are ambiguous. Each choice was applied to the paper's model
+(equation 9, drawn at the windows and at full profiles) and compared with the published ratios of
+the figures of the paper's simulation; `docs/paper.md` holds the table.
 
 - *Rpm, Rvm*, "the mean of the height of the 10 highest peaks": the ten highest readings of the
   profile, and the ten lowest. Taking local maxima instead makes Rpm/Rp smaller by 1 to 3 % in a
-  window of 501 points, where even so it stays below the ratios that the paper prints (0.89 to
-  0.92); in full profiles of 4096 points, where those ratios are met, the two readings can't be
-  told apart.
+  window of 501 points, where the ratio is below the published 0.89 to 0.92 in any case; in full
+  profiles of 4096 points, which meet the published ratios, the two definitions agree.
 - *Pc*: "the distance between the current peak and the previous one is greater than 10 % of the
-  maximum height". Read as a height (a peak must stand out by 10 %), the paper's model gives a
-  Pc 15 to 30 % below what the paper prints for it; read as a distance along the profile it is
-  met within 5 to 20 %. At its pitches such a distance, in points, excludes no peak (in mm it
-  would exclude every second peak of the plate, whose Pc then white noise couldn't reach), so
-  every local maximum counts: a plateau once, the ends of a profile never, ripples below 1 % of
-  Rq not. `peak_height_share` gives the other reading.
+  maximum height". As a height (a peak must rise by 10 %), the paper's model has a Pc 15 to 30 %
+  below the published one; as a distance along the profile, Pc agrees within 5 to 20 %. At the
+  paper's pitches such a distance, in points, excludes no peak. In mm it would exclude every second
+  peak of the plate, whose Pc would then exceed that of white noise. So every local maximum counts:
+  a plateau once, the ends of a profile never, ripples below 1 % of Rq not. `peak_height_share`
+  gives the other definition.
 - *Mean line*: each profile's mean, after whatever form was removed.
 
-Figures are those of the readings as they stand: of depths, a peak lies further from the sensor.
+The sign of the readings is kept: a peak of depths lies farther from the sensor.
 """
 
 from dataclasses import dataclass, fields

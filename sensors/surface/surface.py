@@ -1,4 +1,4 @@
-"""A surface as the sensor sees it: its roughness figures and the noise that reproduces them."""
+"""A surface in the sensor's readings: roughness figures, and the noise that reproduces them."""
 
 import hashlib
 import json
@@ -10,26 +10,26 @@ from quantity import quantity
 from sensors.datasheet import preset_path
 from sensors.noise.calibration import METHOD, Solution, calibrate
 from sensors.noise.heights import HeightMap
-from sensors.noise.measured import Measured
+from sensors.noise.noise_target import NoiseTarget
 from sensors.noise.perlin import PerlinField
 from sensors.surface.roughness import FIGURES
 from sensors.typed_yaml import RecipeError, dump_yaml, load_yaml, parse, plain, record
+from sensors.whole_file import write_whole
 
 
 @record
 class Calibration:
     """Parameters of the noise that were solved for a surface's figures (`calibration`).
 
-    `inputs` names what they were solved for: figures, pitch, window and method. A surface whose
-    figures were changed since then is calibrated anew. `worst_error` is the largest relative error
-    of a figure that was left.
+    `inputs` identifies figures, pitch, window and method of the solution. A surface with changed
+    figures is calibrated again. `worst_error` is the largest residual relative error of a figure.
     """
 
     inputs: str
-    worst_error: float = quantity("largest relative error of a figure that was left", low=0)
-    z_resolution_um: float = quantity("ΔZ that it was solved for", unit="µm", low=0)
+    worst_error: float = quantity("largest residual relative error of a figure", low=0)
+    z_resolution_um: float = quantity("resolution ΔZ of the solution", unit="µm", low=0)
     repeatability_um: float = quantity(
-        "repeatability that it was solved for", unit="µm", low=0, default=0.0
+        "repeatability of the solution", unit="µm", low=0, default=0.0
     )
     cutoff_mm: float | None = quantity(
         "cut-off wavelength of the profile filter", unit="mm", low=0, above=True, default=None
@@ -39,7 +39,7 @@ class Calibration:
     )
     cell_y_mm: float = quantity("cell of the noise along the travel", unit="mm", low=0, above=True)
     octaves: int = quantity("octaves of the noise", low=1, whole=True)
-    persistence: float = quantity("amplitude of an octave over the one before", low=0, high=1)
+    persistence: float = quantity("amplitude ratio of successive octaves", low=0, high=1)
     knots: tuple[float, ...]
     heights_mm: tuple[float, ...]
 
@@ -84,18 +84,18 @@ class Surface:
     rvm_mm: float = quantity("Rvm, mean of the ten lowest readings", unit="mm", low=0, above=True)
     pc_per_mm: float = quantity("Pc, peaks per mm", unit="1/mm", low=0, above=True)
     pitch_x_mm: float | None = quantity(
-        "distance of the points that the figures hold at",
+        "pitch of the points at which the figures hold",
         unit="mm", low=0, above=True, default=None,
     )
     pitch_y_mm: float | None = quantity(
-        "distance of the profiles that the figures hold at",
+        "pitch of the profiles at which the figures hold",
         unit="mm", low=0, above=True, default=None,
     )
     points_per_profile: int | None = quantity(
-        "points of the windows that the figures hold in", low=16, whole=True, default=None
+        "points of the windows in which the figures hold", low=16, whole=True, default=None
     )
     profiles: int | None = quantity(
-        "profiles of the windows that the figures hold in", low=1, whole=True, default=None
+        "profiles of the windows in which the figures hold", low=1, whole=True, default=None
     )
     source: str | None = None
     calibration: Calibration | None = None
@@ -107,17 +107,17 @@ class Surface:
         Raises
         ------
         RecipeError
-            Where there is no such file or preset, or the file isn't a surface.
+            For an unknown file or preset, or a file that is no surface.
         """
         return parse(cls, load_yaml(preset_path("surfaces", source, "surface")))
 
     def save(self, path: str | Path) -> None:
-        """Write the surface in the form that `load` reads, without what isn't known."""
-        Path(path).write_text(dump_yaml(_without_none(plain(self))), encoding="utf-8")
+        """Write the surface in the form that `load` reads, without unknown values."""
+        write_whole(path, dump_yaml(_without_none(plain(self))))
 
     @property
     def is_calibrated(self) -> bool:
-        """Whether a calibration is stored that was solved for these very figures."""
+        """Whether the stored calibration was solved for these figures."""
         return self.calibration is not None and self.calibration.inputs == self._inputs()
 
     def ready(
@@ -128,19 +128,19 @@ class Surface:
         z_resolution_um: float = 3.8,
         repeatability_um: float = 0.0,
     ) -> "Surface":
-        """Return this surface with a calibration that fits its figures; solve it where it's needed.
+        """Return this surface with a calibration for its figures; solve it where necessary.
 
         Parameters
         ----------
         pitch_x_mm, pitch_y_mm : float, optional
-            The scan's pitch, taken where the surface states none.
+            The scan's pitch, used where the surface states none.
         z_resolution_um, repeatability_um : float
             The sensor's, by which the simulated readings are blurred and rounded (equation 10).
 
         Raises
         ------
         RecipeError
-            Where there is no pitch, or no noise at that pitch can have these figures.
+            Without a pitch, or where no noise at that pitch has these figures.
         """
         surface = replace(
             self,
@@ -151,10 +151,10 @@ class Surface:
             return surface
         where = f"surface '{self.name}'"
         if surface.pitch_x_mm is None or surface.pitch_y_mm is None:
-            raise RecipeError("figures hold at a pitch; key 'pitch_x_mm' is missing", where=where)
+            raise RecipeError("figures refer to a pitch; key 'pitch_x_mm' is missing", where=where)
         try:
             solution = calibrate(
-                Measured(
+                NoiseTarget(
                     **{name: getattr(surface, name) for name in FIGURES},
                     pitch_x_mm=surface.pitch_x_mm,
                     pitch_y_mm=surface.pitch_y_mm,
@@ -204,8 +204,8 @@ class Surface:
     def field(self, *, verbatim: bool = False, normalised: bool = False) -> PerlinField:
         """Return the speckle noise of this surface, calibrated unless `verbatim`.
 
-        Where no calibration is stored it is solved on the spot (seconds): have `ready` do that
-        once before generating many scans.
+        Without a stored calibration the method solves one, which takes seconds: call `ready` once
+        before generating many scans.
 
         Parameters
         ----------

@@ -47,7 +47,7 @@ def load_topography(
         `x_mm,z_um` in its first line give the units.
     unit : str, optional
         Unit of the readings in a file that isn't a recording (mm, um, nm, m); the file's own, or
-        mm, where nothing else is said.
+        mm, without a stated unit.
     pitch_x_mm, pitch_y_mm : float, optional
         Pitch in mm, where the file doesn't hold it or holds it wrong.
     sensor : Datasheet, optional
@@ -84,7 +84,7 @@ def load_topography(
     pitch_x = pitch_x_mm or held[0]
     if pitch_x is None or not pitch_x > 0.0:
         raise RecipeError(
-            "doesn't say how far apart its points are; give --pitch-x-mm"
+            "states no pitch of its points; give --pitch-x-mm"
             + (" (or --sensor)" if kind in (".h5", ".hdf5") else ""),
             where=path,
         )

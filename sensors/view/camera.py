@@ -13,14 +13,14 @@ Floats = NDArray[np.float64]
 def row_of_depth(depth_mm: Floats, datasheet: Datasheet, rows: float) -> Floats:
     """Fractional camera row on which a depth is imaged, 0 to `rows` over the working range.
 
-    A pinhole at distance b beside the emitter looks at the working distance; its image plane is
+    A pinhole at distance b beside the emitter is aimed at the working distance; its image plane is
     normal to that axis. A point (x, 0, z) appears at t(z) = tan(θ(z) - θ0) above the axis, with
     tan θ(z) = b / z, whatever its x:  t = (b/z - b/WD) / (1 + b²/(z WD)).
 
     Raises
     ------
     RecipeError
-        Where the datasheet doesn't state the triangulation angle.
+        Where the datasheet does not state the triangulation angle.
     """
     first, last = (_height(d, datasheet) for d in (datasheet.depth_min_mm, datasheet.depth_max_mm))
     return np.asarray(rows * (_height(depth_mm, datasheet) - first) / (last - first))

@@ -1,4 +1,4 @@
-"""Covariates of a reading: what a mismatch may depend on, by name, with the frame it belongs to."""
+"""Covariates of a reading, by name, with their frames."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -68,7 +68,7 @@ def _curvature_y(view: View) -> Floats:
 def hidden_from(view: View, camera_y_mm: float) -> Floats:
     """Return 1 where a camera at (0, camera_y_mm, 0) doesn't see the hit, 0 where it does, (n, m).
 
-    NaN without a return.
+    NaN at missing readings.
     """
     return np.where(view.valid, (~view.visible_from(camera_y_mm)).astype(np.float64), np.nan)
 
@@ -137,7 +137,7 @@ ALL = (
     ),
     Covariate(
         name="half_vector",
-        words="angle from the mirror direction of laser and camera",
+        words="angle between surface normal and half vector",
         unit="rad",
         frame="sensor",
         values=lambda v: v.half_vector_rad,
@@ -145,7 +145,7 @@ ALL = (
     ),
     Covariate(
         name="hidden",
-        words="whether the part stands between point and camera",
+        words="occlusion of the camera by the part",
         unit="",
         frame="sensor",
         values=lambda v: hidden_from(v, v.datasheet.camera_offset_mm),
@@ -153,7 +153,7 @@ ALL = (
     ),
     Covariate(
         name="camera_row",
-        words="fraction of the camera's row",
+        words="fractional camera row",
         unit="",
         frame="sensor",
         values=_camera_row,
@@ -175,7 +175,7 @@ ALL = (
     ),
     Covariate(
         name="edge_height",
-        words="how much farther the level beyond the nearest depth edge lies",
+        words="depth step at the nearest depth edge",
         unit="mm",
         frame="part",
         values=edge_height_mm,

@@ -76,7 +76,7 @@ def concave_creases(scene: Scene) -> Creases:
 def filled_mm(
     view: View, radius_mm: float, corners_mm: ArrayLike = ()
 ) -> tuple[Floats, NDArray[np.int64]]:
-    """Tell how much shorter the laser's way is where concave corners hold a fillet.
+    """Return by how much fillets in concave corners shorten the laser's path.
 
     The fillet touches both faces at t = r tan(τ/2) from the crease, τ the angle between their
     normals. In the plane across the crease the ray meets its arc of radius r about C before the
@@ -88,7 +88,7 @@ def filled_mm(
 
     Returns
     -------
-    filled : (n, m) mm, NaN without a return
+    filled : (n, m) mm, NaN at missing readings
     crease : (n, m) number of the crease whose fillet is met, -1 elsewhere
     """
     creases = concave_creases(view.scene)
@@ -134,7 +134,7 @@ def filled_mm(
 
 
 def _through(creases: Creases, points_mm: Floats) -> NDArray[np.bool_]:
-    """Tell which creases run through one of some points (k, 3); all do where there is none.
+    """Return which creases run through one of the points (k, 3); all without points.
 
     What was cut off a crease's end still belongs to it, up to the length that is left.
     """

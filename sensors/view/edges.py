@@ -1,4 +1,4 @@
-"""Depth edges along the travel: where they are, how far from each point, on which level it lies."""
+"""Depth edges along the travel: distance from each point, and height of the step."""
 
 from typing import TYPE_CHECKING
 
@@ -19,7 +19,7 @@ def edge_offset_mm(view: "View") -> Floats:
 
     Positive: the edge lies towards +y of the sensor. An edge lies halfway between two profiles
     whose depths differ by more than `STEEPEST` times their distance, or of which one alone has
-    a return. NaN without a return, or in a column without an edge.
+    a return. NaN at missing readings, or in a column without an edge.
     """
     n, m = view.shape
     if n < 2:
@@ -39,7 +39,7 @@ def edge_offset_mm(view: "View") -> Floats:
 
 
 def edge_height_mm(view: "View") -> Floats:
-    """How much farther the level beyond the nearest edge lies, (n, m) mm.
+    """Depth step at the nearest edge, (n, m) mm.
 
     Positive on the near (upper) level; infinite where nothing lies beyond; NaN without an edge.
     """

@@ -23,11 +23,11 @@ LEAST_COSINE = 0.05
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Mirror:
-    """Where the light that a point reflects like a mirror meets the part again.
+    """Second hits of the light that a point reflects specularly.
 
     Attributes
     ----------
-    distance_mm : (n, m) way from the point to the facing wall; NaN without one
+    distance_mm : (n, m) path length to the facing wall; NaN without one
     landed_mm : (n, m) depth as which the camera reads second spots that fall into this column,
         their mean where there are several; NaN without one, or where no camera is stated
     landed_way_mm : (n, m) way from the first spot to them
@@ -45,8 +45,8 @@ def mirror(view: "View") -> Mirror:
     """Follow the mirror reflection of every ray once.
 
     The second spot Q = (x, y, z) lies off the laser's plane. The camera at (0, κb, 0) sees it
-    along a line that meets the plane at Q / (1 - y / κb): there it pulls the reading of the
-    column that looks at that place, which isn't always the column it came from.
+    along a line that meets the plane at Q / (1 - y / κb): there it biases the reading of the
+    column of that position, which may differ from the spot's own column.
     """
     distance, depth, way, light = (np.full(view.shape, np.nan) for _ in range(4))
     has_camera = view.datasheet.triangulation_angle_deg is not None

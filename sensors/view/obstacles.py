@@ -1,4 +1,4 @@
-"""A map of what may stand between laser points and the camera: the least depth of obstacles.
+"""A map of obstacles between laser points and the camera: their least depth.
 
 Only triangles that face away from some sight line can stop one that leaves a closed solid. Their
 least depth is drawn, always on the safe side, into a grid over the leg's x-y plane, and into

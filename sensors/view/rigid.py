@@ -1,4 +1,4 @@
-"""How a depth image changes when the sensor is moved a little: the rigid Jacobian."""
+"""The rigid Jacobian: change of a depth image with small motions of the sensor."""
 
 from typing import TYPE_CHECKING
 
@@ -23,7 +23,7 @@ def rigid_jacobian(view: "View") -> Floats:
     Returns
     -------
     (6, n, m) array
-        Along x, y, z in mm per mm, about x, y, z in mm per rad; NaN without a return.
+        Along x, y, z in mm per mm, about x, y, z in mm per rad; NaN at missing readings.
     """
     normal, point = view.normal, view.sensor_mm
     length = np.hypot(1.0, view.laser.slope_x)

@@ -1,8 +1,8 @@
-"""What geometry says at each point of one scan: depth, slopes, angles, sight lines.
+"""Geometry at each point of one scan: depth, slopes, angles, lines of sight.
 
-A view is lazy: each property is computed when first asked for, kept, and never written to. It
-belongs to one set of poses; effects that act below the profile pitch or on the pose ask for
-another view through `shifted` and `posed`.
+A view is lazy: each property is computed on first access, kept, and never changed. A view belongs
+to one set of poses; effects that act below the profile pitch or on the pose use another view, from
+`shifted` and `posed`.
 """
 
 import math
@@ -18,9 +18,9 @@ from sensors.casting.hits import Hits
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
-from sensors.surface.brightness import Reflectance
-from sensors.view.kept import Kept
+from sensors.surface.albedo import Albedo
 from sensors.view.mirror import Mirror, mirror, thickness_mm
+from sensors.view.view_cache import ViewCache
 from sensors.view.visibility import camera_visible
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ KEPT_IN_ALL = 32_000_000
 
 
 class Reason(IntEnum):
-    """Why a point has no return; stored as `invalid_reason`."""
+    """Reason of a missing reading; stored as `invalid_reason`."""
 
     VALID = 0
     NO_HIT = 1
@@ -61,7 +61,7 @@ class View:
         Rays of a profile; the datasheet's where left out.
     hits : Hits, optional
         First hits where they are already known; cast when needed otherwise.
-    reflectance : Reflectance, optional
+    reflectance : Albedo, optional
         Brightness of the part over its own coordinates; the scene's where left out.
     intensity : (n, m) array, optional
         Brightness that a recording gives, 0 to 1; comes before `reflectance`.
@@ -81,7 +81,7 @@ class View:
         *,
         laser: Laser | None = None,
         hits: Hits | None = None,
-        reflectance: Reflectance | None = None,
+        reflectance: Albedo | None = None,
         intensity: Floats | None = None,
         start_time_s: float | None = None,
         travel_mm: Floats | None = None,
@@ -113,7 +113,7 @@ class View:
 
     @property
     def datasheet(self) -> Datasheet:
-        """What the sensor's maker states."""
+        """Datasheet of the sensor."""
         return self.sensor.datasheet
 
     @property
@@ -147,7 +147,7 @@ class View:
 
     @cached_property
     def reason(self) -> NDArray[np.uint8]:
-        """Why a point has no return by geometry alone, (n, m), see `Reason`."""
+        """Reason of a missing reading by geometry alone, (n, m), see `Reason`."""
         missing = np.isnan(self.hits.depth_mm)
         reason = np.where(missing, np.uint8(Reason.NO_HIT), np.uint8(Reason.VALID))
         reason[~self.in_range & ~missing] = Reason.OUT_OF_RANGE
@@ -160,19 +160,19 @@ class View:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Where geometry gives a return, (n, m)."""
+        """Where geometry gives a reading, (n, m)."""
         return self.in_range
 
     # ---- places
 
     @cached_property
     def x_mm(self) -> Floats:
-        """Sensor x of the hit, (n, m) mm, NaN without a return."""
+        """Sensor x of the hit, (n, m) mm, NaN at missing readings."""
         return self.laser.x_mm + self.depth_mm * self.laser.slope_x
 
     @property
     def off_axis_mm(self) -> Floats:
-        """Place along the line: sensor x of the hit from the optical axis, (n, m) mm."""
+        """Position along the line: sensor x of the hit from the optical axis, (n, m) mm."""
         return self.x_mm - self.datasheet.optical_axis_x_mm
 
     @property
@@ -229,7 +229,7 @@ class View:
 
     @cached_property
     def normal(self) -> Floats:
-        """Outward unit normal of the facet hit, (n, m, 3), sensor frame; NaN without a return."""
+        """Outward unit normal of the facet hit, (n, m, 3), sensor frame; NaN without a reading."""
         part = self.scene.normals[self.triangle]
         part[~self.valid] = np.nan
         flat = part.reshape(len(part), -1, 3)
@@ -237,12 +237,12 @@ class View:
 
     @cached_property
     def slope_x(self) -> Floats:
-        """Depth slope dz/dx of the surface, (n, m), sensor frame, signed; NaN without a return."""
+        """Depth slope dz/dx of the surface, (n, m), sensor frame, signed; NaN without a reading."""
         return self._slope(0)
 
     @cached_property
     def slope_y(self) -> Floats:
-        """Depth slope dz/dy of the surface, (n, m), sensor frame, signed; NaN without a return."""
+        """Depth slope dz/dy of the surface, (n, m), sensor frame, signed; NaN without a reading."""
         return self._slope(1)
 
     def _slope(self, axis: int) -> Floats:
@@ -302,7 +302,7 @@ class View:
 
     @property
     def visible(self) -> NDArray[np.bool_]:
-        """Where the sight line to the datasheet's camera is free, (n, m); False without a return.
+        """Where the line of sight to the datasheet's camera is free, (n, m); else False.
 
         Raises
         ------
@@ -314,7 +314,7 @@ class View:
     def visible_from(self, camera_y_mm: float) -> NDArray[np.bool_]:
         """Where a camera at (0, camera_y_mm, 0) of the sensor frame sees the laser's hit.
 
-        A point is seen where its facet faces the camera and nothing of the part lies between.
+        A point is seen where its facet faces the camera and the part blocks no line of sight.
 
         Parameters
         ----------
@@ -335,12 +335,12 @@ class View:
 
     @cached_property
     def mirror(self) -> Mirror:
-        """Where the laser's mirror reflection meets the part again."""
+        """Second hits of the laser's specular reflection on the part."""
         return mirror(self)
 
     @cached_property
     def thickness_mm(self) -> Floats:
-        """Way of the laser's ray through the part behind each point, (n, m) mm."""
+        """Path length of the laser's ray through the part behind each point, (n, m) mm."""
         return thickness_mm(self)
 
     # ---- brightness
@@ -417,6 +417,6 @@ class View:
         return self.posed(poses)
 
 
-_SHIFTED: Kept[View] = Kept(64, room=KEPT_IN_ALL)
+_SHIFTED: ViewCache[View] = ViewCache(64, room=KEPT_IN_ALL)
 # A quantity at each point of a view, broadcastable to (n, m).
 ViewFunction = Callable[[View], Floats]

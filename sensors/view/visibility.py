@@ -1,4 +1,4 @@
-"""Sight lines of a whole scan: which laser points the camera sees.
+"""Lines of sight of a whole scan: laser points visible to the camera.
 
 A point is seen if its triangle faces the camera and nothing stands on the straight line from it to
 the camera of its own profile, at (0, ±b, 0) in the sensor frame. A sight line that leaves a solid
@@ -30,7 +30,7 @@ _HIDDEN, _SEEN, _OPEN = 0, 1, 2
 
 
 class Lines(NamedTuple):
-    """Sight lines of a leg: where the sensor stands, its rays, their depths, the camera's y."""
+    """Lines of sight of a leg: sensor positions, rays, their depths, the camera's y."""
 
     place: Floats
     x_mm: Floats
@@ -48,7 +48,7 @@ def camera_visible(
     *,
     exhaustive: bool = False,
 ) -> NDArray[np.bool_]:
-    """Tell which hits of a scan the camera sees.
+    """Return which hits of a scan the camera sees.
 
     Parameters
     ----------

@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from benchmarks import measured, page
+from benchmarks import page, results
 from benchmarks.casting import GrowthRow, Row
 from benchmarks.end_to_end import HOME, SCANS, BatchCost, batches, scan_cost
 from pipeline.recipe import Recipe
@@ -57,10 +57,10 @@ def found(cost):
     scanned = dataclasses.replace(
         cost, triangles=4 * cost.triangles, processor_s=2.25 * cost.processor_s
     )
-    return measured.Measured(
+    return results.Results(
         machine=dataclasses.asdict(page.Machine.here()),
-        load=dict.fromkeys(measured.SECTIONS, 0.25),
-        seconds=dict.fromkeys(measured.SECTIONS, 90.0),
+        load=dict.fromkeys(results.SECTIONS, 0.25),
+        seconds=dict.fromkeys(results.SECTIONS, 90.0),
         scans=[cost, larger],
         datasets=[
             BatchCost(
@@ -105,16 +105,16 @@ def test_sections_are_kept_and_read_one_by_one(found, tmp_path):
         "growth": ["triangles", "scanned", "points"],
         "noise": ["noise"],
     }
-    for section in measured.SECTIONS:
-        assert section in measured.missing(tmp_path)
+    for section in results.SECTIONS:
+        assert section in results.missing(tmp_path)
         facts = {name: getattr(found, name) for name in of[section]}
         own = {"machine": found.machine, "load": 0.25, "seconds": 90.0}
-        measured.keep(tmp_path, section, facts | own)
-    assert not measured.missing(tmp_path)
-    assert page.write(measured.read(tmp_path)) == page.write(found)
-    measured.keep(tmp_path, "noise", {"noise": {}, "load": 0.0, "seconds": 0.0, "machine": {}})
+        results.keep(tmp_path, section, facts | own)
+    assert not results.missing(tmp_path)
+    assert page.write(results.read(tmp_path)) == page.write(found)
+    results.keep(tmp_path, "noise", {"noise": {}, "load": 0.0, "seconds": 0.0, "machine": {}})
     with pytest.raises(ValueError, match="noise is of another machine"):
-        measured.read(tmp_path)
+        results.read(tmp_path)
 
 
 def test_the_page_on_scaling_is_filled_and_can_be_filled_again(cost, found):

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from benchmarks.diagnose import CASES, NOT_SEARCHED, OF
-from benchmarks.strength import finish_nats, plain, strength
+from benchmarks.strength import finish_nats, strength
 from diagnosis.noise import calibrate
 from sensors.effects import CATALOGUE
 from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.effects.roughness_level import RoughnessLevel
+from tests.support.effect_case import plain
 
 
 def test_the_bench_has_every_effect() -> None:

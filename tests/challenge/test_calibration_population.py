@@ -14,7 +14,7 @@ def test_nulls_cover_every_part_and_every_switch_is_there_once():
 
 
 def test_a_set_keeps_its_seed_whatever_else_is_made():
-    few, many = planned(nulls=3, effects=False), planned()
+    few, many = planned(nulls=3, each=0), planned()
     assert all(many[name] == secret for name, secret in few.items())
     assert len({s.seed for s in many.values()}) == len(many)
 

@@ -18,7 +18,7 @@ from challenge.instrument.motion import Motion
 from challenge.instrument.peaks import KINDS, locate
 from challenge.instrument.rays import nearest, plant
 from challenge.instrument.sheet import LaserSheet
-from tests.challenge.conftest import DISTANCE, path, strip
+from tests.support.optical_targets import DISTANCE, path, strip
 
 
 def test_rays_meet_a_sphere_within_its_sagitta():
@@ -26,10 +26,7 @@ def test_rays_meet_a_sphere_within_its_sagitta():
     tree = plant(np.asarray(ball.vertices), np.asarray(ball.faces))
     rng = np.random.default_rng(0)
     for x, y in rng.uniform(-3, 3, (200, 2)):
-        far, which = nearest(
-            tree.corner, tree.edge_1, tree.edge_2, tree.box, tree.child,
-            x, y, -50.0, 0.0, 0.0, 1.0, 0.0, 1e9, False,
-        )  # fmt: skip
+        far, which = nearest(tree, (x, y, -50.0), (0.0, 0.0, 1.0), 0.0, 1e9, False)
         assert which >= 0
         z = -50.0 + far
         assert 0 <= 5.0 - np.sqrt(x * x + y * y + z * z) < 0.01
@@ -43,9 +40,7 @@ def test_rays_equal_brute_force():
     soup = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(180).reshape(-1, 3), process=False)
     for _ in range(100):
         o, d = rng.normal(size=3) * 5, rng.normal(size=3)
-        t, _ = nearest(
-            tree.corner, tree.edge_1, tree.edge_2, tree.box, tree.child, *o, *d, 0.0, 1e9, False
-        )
+        t, _ = nearest(tree, tuple(o), tuple(d), 0.0, 1e9, False)
         best = np.inf
         for a, b, c in soup.triangles:
             m = np.stack([b - a, c - a, -d], 1)

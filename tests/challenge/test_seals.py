@@ -20,11 +20,12 @@ from challenge.cases.seeds import child
 from challenge.cases.switches import DECOY, SINGLE, UNKNOWN
 from challenge.cases.truth import facts, levelled
 from challenge.judge import judge
-from challenge.proof import _stopped, scoreboard, write_page
+from challenge.proof import Judged, stopped, write_page
 from challenge.regions import draw_again, drawn_again
 from challenge.run import run
 from challenge.score import clopper_pearson, judge_case, overlap
-from challenge.sealed import FULL, SMALL, commitment, draw, seal
+from challenge.scoreboard import figures, table
+from challenge.sealed import FULL, commitment, counts_of, draw, seal
 from challenge.shuffle import SHUFFLED, moved_blocks, shuffle
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -100,7 +101,9 @@ def test_a_set_has_all_kinds_and_no_order():
     assert len({c.seed for c in cases}) == 160
     assert draw(1, FULL) == cases
     assert draw(2, FULL) != cases
-    assert len(draw(1, SMALL)) == sum(SMALL.values())
+    assert len(draw(1, counts_of(24))) == 24
+    with pytest.raises(ValueError, match="12 or more"):
+        counts_of(11)
 
 
 def test_commitment_binds():
@@ -318,18 +321,33 @@ def test_judge_scores_and_writes_a_page(judged, bowed, tmp_path, monkeypatch):
     scored = judge(judged)
     score = scored["cases"]["case-001"]["score"]
     assert score["top_1"] == 1
-    assert score["recovered"] == pytest.approx(min(np.log(5) / 0.4, 2))
+    assert score["recovered"] == 1.0  # more than the oracle counts as much
     page = tmp_path / "docs" / "proof.md"
     page.parent.mkdir()
-    write_page(scored, judged, page)
+    mine = [Judged.of(scored, judged)]
+    write_page(mine, page, commit="abc")
     assert (page.parent / "pictures" / "proof-instrument.png").exists()
     monkeypatch.setattr("challenge.proof._show_instrument", lambda scored, file: None)
-    write_page(scored, judged, page)
+    write_page(mine, page, commit="abc")
     text = page.read_text()
     assert text.count("- seed 1 ") == 1  # one record for a run, however often it is judged
-    assert "case-001" in text
+    assert "Single faults, medium and strong: named rightly, first | 1 of 1" in text
     assert (page.parent / "pictures" / "proof-power.png").exists()
-    assert any("alarms on nulls" in line for line in scoreboard(scored))
+    assert any(f.name == "alarms on nulls" for f in figures(scored))
+
+
+def test_a_page_shows_no_case_of_a_test_set_and_no_seed(judged, tmp_path):
+    scored = {**judge(judged), "population": "test", "family": "second", "seed": 424242}
+    page = tmp_path / "proof.md"
+    page.write_text("## Record of sealed runs\n\n- seed 9 (160 cases): alarms 0 of 60\n")
+    write_page([Judged.of(scored, judged)], page, commit="abc")
+    text = page.read_text()
+    assert "case-001" not in text
+    assert "line_bow |" not in text.split("What was hidden, what was reported")[0]
+    assert "424242" not in text
+    assert "- seed 9 (160 cases)" in text
+    assert "- test set, commit abc (1 cases)" in text
+    assert not list(tmp_path.glob("pictures/proof-story*"))
 
 
 def test_judge_scores_the_shuffled_baseline(judged):
@@ -338,8 +356,8 @@ def test_judge_scores_the_shuffled_baseline(judged):
     answer.write_text(json.dumps(_answer("explained", "thermal_drift")))
     scored = judge(judged)
     assert scored["cases"]["case-001"]["shuffled"]["top_1"] == 0
-    board = "\n".join(scoreboard(scored))
-    assert "| shuffled covariates: top-1, one effect | 0.00 (1) |" in board
+    board = "\n".join(table({"first": figures(scored)}))
+    assert "| shuffled covariates: top-1, one effect (chance is right) | 0.00 (1) |" in board
     assert "| - the same cases as they are | 1.00 (1) |" in board
 
 
@@ -381,7 +399,9 @@ def test_a_run_that_the_clock_stopped_is_judged_only_where_asked(judged):
     scored = judge(judged, partial=True)
     assert scored["sealed"] == len(public["cases"])
     assert len(scored["cases"]) == scored["sealed"] - 1
-    assert f"{scored['sealed'] - 1} of {scored['sealed']} sealed cases" in _stopped(scored)[0]
+    assert f"{scored['sealed'] - 1} of {scored['sealed']} sealed cases" in stopped(
+        Judged.of(scored, judged)
+    )[0]
 
 
 def test_run_refuses_an_unsealed_set(tmp_path):

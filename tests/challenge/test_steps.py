@@ -8,7 +8,7 @@ import pytest
 
 from challenge import make as making
 from challenge.judge import judge
-from challenge.run import run
+from challenge.run import command, run
 from flawforge.cli import main
 
 
@@ -18,9 +18,9 @@ def sealed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("set")
     counts = {"null": 1, "one": 0, "two": 0, "unknown": 0, "decoy": 0, "undecidable": 0}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("challenge.make.SMALL", counts)
+        patch.setattr("challenge.make.counts_of", lambda _: counts)
         patch.setattr("challenge.cases.nulls.NULL_DRAWS", 25)
-        assert making.make(folder, seed=3, small=True, jobs=1) == 0
+        assert making.make(folder, seed=3, cases=12, jobs=1) == 0
     return folder
 
 
@@ -36,10 +36,10 @@ def test_a_set_is_public_without_its_keys(sealed):
 
 def test_making_again_changes_nothing_and_another_seed_is_refused(sealed):
     before = (sealed / "keys" / "case-001.seal.json").read_bytes()
-    assert making.make(sealed, seed=None, small=True, jobs=1) == 0
+    assert making.make(sealed, seed=None, cases=12, jobs=1) == 0
     assert (sealed / "keys" / "case-001.seal.json").read_bytes() == before
     with pytest.raises(ValueError, match="another seed"):
-        making.make(sealed, seed=4, small=True, jobs=1)
+        making.make(sealed, seed=4, cases=12, jobs=1)
 
 
 def test_run_shows_no_key_and_continues(sealed, monkeypatch):
@@ -60,6 +60,15 @@ def test_run_shows_no_key_and_continues(sealed, monkeypatch):
     assert (answer / "run.json").read_bytes() == first
     assert judge(sealed)["cases"]["case-001"]["score"]["alarm"] is False
     assert judge(sealed)["seed"] == 3
+
+
+def test_a_case_without_plates_or_baselines_is_diagnosed_without_them():
+    words = command(["a.h5"], [])
+    assert "--reference" not in words
+    assert "--baseline" not in words
+    words = command(["a.h5"], ["plate-1.h5"], ["base-1.h5", "base-2.h5"])
+    assert words[words.index("--reference") + 1] == "plate-1.h5"
+    assert words[words.index("--baseline") + 1 :][:2] == ["base-1.h5", "base-2.h5"]
 
 
 def test_a_diagnosis_that_fails_is_kept_and_told(sealed, monkeypatch, tmp_path):

@@ -9,7 +9,7 @@ import pytest
 from challenge.instrument.finish import Finish
 from challenge.instrument.instrument import Solid
 from challenge.instrument.stripes import spacings
-from tests.challenge.conftest import DISTANCE, path, strip
+from tests.support.optical_targets import DISTANCE, path, strip
 
 TRIANGULATION = radians(30)
 WAVELENGTH = 405e-6

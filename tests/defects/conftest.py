@@ -7,8 +7,8 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
-from defects.solid import Solid
-from defects.surface import Surface
+from defects.carving.solid import Solid
+from defects.surface.surface import Surface
 
 Floats = NDArray[np.float64]
 

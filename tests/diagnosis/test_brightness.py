@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from benchmarks.relief import datasheet, part, poses
 from diagnosis.brightness import (
     borders,
     by_direction,
@@ -11,6 +10,7 @@ from diagnosis.brightness import (
 )
 from sensors.model import SensorModel
 from sensors.view.view import View
+from tests.support.small_parts import datasheet, part, poses
 
 
 def speckled(base: np.ndarray, seed: int) -> np.ndarray:

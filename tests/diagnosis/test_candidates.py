@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.relief import VIEWS, datasheet, part, record
-from benchmarks.strength import bench_workspace
 from diagnosis.candidates import Candidates, candidates_of, place_at
 from diagnosis.heldout import judge
 from diagnosis.maps import expected
@@ -17,6 +15,8 @@ from diagnosis.workspace import Model
 from sensors.casting.laser import Laser
 from sensors.effects.line_bow import LineBow
 from sensors.effects.stage_vibration import StageVibration
+from tests.support.effect_case import bench_workspace
+from tests.support.small_parts import VIEWS, datasheet, part, record
 
 BOW = LineBow(sag_um=60.0)
 WAVE = StageVibration(amplitude_um=25.0, frequency_hz=9.0, phase_rad=1.0)

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.relief import VIEWS, datasheet, part, record
 from diagnosis.diagnose import Diagnosis, diagnose
 from sensors.recording import Recording
 from sensors.typed_yaml import RecipeError
+from tests.support.small_parts import VIEWS, datasheet, part, record
 
 
 def recordings(

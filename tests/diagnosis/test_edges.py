@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from benchmarks.relief import datasheet, part, poses
 from diagnosis.edges import edge_softness, near_edges
 from diagnosis.prediction import law_of
 from sensors.model import SensorModel
 from sensors.view.view import View
+from tests.support.small_parts import datasheet, part, poses
 
 FINITE = {"name": "finite_spot", "line_sd_um": 200.0}
 

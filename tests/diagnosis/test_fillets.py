@@ -7,7 +7,6 @@ import manifold3d
 import numpy as np
 import pytest
 
-from benchmarks.relief import Floats, datasheet, poses, record, solid
 from diagnosis.diagnose import diagnose
 from diagnosis.fit import _as_silent
 from sensors.casting.laser import Laser
@@ -17,6 +16,7 @@ from sensors.model import SensorModel
 from sensors.typed_yaml import RecipeError
 from sensors.view.creases import concave_creases, filled_mm
 from sensors.view.view import View
+from tests.support.small_parts import Floats, datasheet, poses, record, solid
 
 TURN = math.radians(50)
 AT_MM = 10.0

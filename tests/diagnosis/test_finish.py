@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.relief import SPECKLE, datasheet, part, poses, record, solid
 from diagnosis import finish
 from diagnosis.diagnose import diagnose
 from diagnosis.finish import _stretch
@@ -19,6 +18,7 @@ from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.model import SensorModel
 from sensors.recording import Recording
 from sensors.view.view import View
+from tests.support.small_parts import SPECKLE, datasheet, part, poses, record, solid
 
 
 @pytest.mark.parametrize(("ratio", "angle_deg"), [(1.0, 0.0), (2.5, 0.0), (2.5, 35.0), (2.0, 90.0)])

@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.relief import datasheet, part, poses
-from benchmarks.strength import bench_workspace
 from diagnosis.found import at_limits, heldout_gains, plainly_found, sheet_with
 from diagnosis.heldout import judge
 from diagnosis.prediction import law_of
@@ -19,6 +17,8 @@ from sensors.effects.line_bow import LineBow
 from sensors.effects.motion_blur import MotionBlur
 from sensors.model import SensorModel
 from sensors.view.view import View
+from tests.support.effect_case import bench_workspace
+from tests.support.small_parts import datasheet, part, poses
 
 LISTED = (
     {"name": "finite_spot", "line_sd_um": 60.0},

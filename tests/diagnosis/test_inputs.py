@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import diagnosis.diagnose
-from benchmarks.relief import datasheet, part, record
 from diagnosis.inputs import check_marks, repeats
 from sensors.surface.surface import Surface
 from sensors.typed_yaml import RecipeError
+from tests.support.small_parts import datasheet, part, record
 
 
 def test_repeated_profiles_are_a_finding_from_one_in_a_hundred() -> None:

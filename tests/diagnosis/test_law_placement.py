@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from benchmarks.relief import VIEWS, datasheet, part, record
-from benchmarks.strength import bench_workspace
 from diagnosis.law_placement import placed_by_law
 from diagnosis.patch import cut
 from diagnosis.registration import PRIOR_SD, Placement, move
 from diagnosis.workspace import Model
 from sensors.casting.laser import Laser
 from sensors.effects.motion_blur import MotionBlur
+from tests.support.effect_case import bench_workspace
+from tests.support.small_parts import VIEWS, datasheet, part, record
 
 PITCH_MM = 0.4
 SHADOWS = {"name": "camera_occlusion", "line_sd_um": 100.0, "weakest": 0.03}

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.relief import VIEWS, datasheet, part, record
 from diagnosis.diagnose import diagnose
 from sensors.view.covariates import COVARIATES
+from tests.support.small_parts import VIEWS, datasheet, part, record
 
 WITHHELD = ("line_bow", "lens_distortion", "form_error", "column_offset", "pixel_locking")
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from benchmarks.strength import bench_workspace, taken_with
 from diagnosis.fit import fit_effect
 from diagnosis.linear import _robust, _Rows
 from diagnosis.workspace import Model
 from sensors.effects.form_error import FormError, orders
 from sensors.effects.line_bow import LineBow
+from tests.support.effect_case import bench_workspace, taken_with
 
 
 @pytest.mark.parametrize("spike", [30.0, 1000.0])

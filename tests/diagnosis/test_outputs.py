@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from benchmarks.relief import SPECKLE, VIEWS, datasheet, part, record
 from diagnosis.diagnose import Diagnosis, diagnose
 from diagnosis.outputs import write_outputs
 from flawforge.cli import main
@@ -21,6 +20,7 @@ from sensors.datasheet import Datasheet
 from sensors.model import SensorModel
 from sensors.recording import Recording
 from sensors.view.view import View
+from tests.support.small_parts import SPECKLE, VIEWS, datasheet, part, record
 
 BOW = [{"name": "line_bow", "sag_um": 40.0}]
 

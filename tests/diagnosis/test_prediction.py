@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from benchmarks.strength import bench_workspace
 from diagnosis.patch import in_range
 from diagnosis.prediction import law_of, predict
 from sensors.effects.outlier_spikes import OutlierSpikes
+from tests.support.effect_case import bench_workspace
 
 
 @pytest.mark.parametrize("width_um", [500.0, 20000.0, 50000.0])

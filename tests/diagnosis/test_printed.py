@@ -5,17 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.relief import datasheet, part, poses
 from diagnosis.inputs import with_brightness
 from diagnosis.printed import find_print
 from diagnosis.registration import Placement
 from sensors.casting.scene import Scene
-from sensors.line.line_operator import lean_mm
+from sensors.line.line_operator import centroid_bias_mm
 from sensors.model import SensorModel
 from sensors.recording import Recording
 from sensors.surface.reflectance import Picture, ReflectanceMap
 from sensors.typed_yaml import load_yaml
 from sensors.view.view import View
+from tests.support.small_parts import datasheet, part, poses
 
 PITCH_MM = 0.15
 PERIOD_MM = 4.0
@@ -101,7 +101,7 @@ def test_a_print_tells_more_of_a_lean_than_the_brightness_it_is_drawn_from() -> 
     true = View(
         view.scene.finished(Striped()), view.sensor, view.poses, view.time_s, laser=view.laser
     )
-    truth = lean_mm(true, LINE_SD_MM)
+    truth = centroid_bias_mm(true, LINE_SD_MM)
     made = [
         Recording(
             name=name, depth_mm=view.depth_mm, poses=view.poses, time_s=view.time_s,
@@ -122,7 +122,7 @@ def test_a_print_tells_more_of_a_lean_than_the_brightness_it_is_drawn_from() -> 
             part, view.sensor, view.poses, view.time_s, laser=view.laser,
             intensity=kept[0].intensity,
         )  # fmt: skip
-        left = lean_mm(seen, LINE_SD_MM) - truth
+        left = centroid_bias_mm(seen, LINE_SD_MM) - truth
         return float(1 - np.square(left).sum() / np.square(truth).sum())
 
     assert told(scene) > 0.5

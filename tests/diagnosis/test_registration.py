@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.relief import VIEWS, datasheet, part, poses, record
 from diagnosis.registration import hits_normal, move, pose_columns, register
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.model import SensorModel
 from sensors.typed_yaml import RecipeError
 from sensors.view.view import View
+from tests.support.small_parts import VIEWS, datasheet, part, poses, record
 
 
 def test_pose_columns_are_the_derivative_of_depth() -> None:

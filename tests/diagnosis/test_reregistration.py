@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.relief import datasheet, part, record
-from benchmarks.strength import bench_workspace, taken_with
 from diagnosis import reregistration
 from diagnosis.explain import left_by_placement, shows
 from diagnosis.finish import level_change
@@ -27,6 +25,8 @@ from sensors.effects.thermal_drift import ThermalDrift
 from sensors.effects.travel_ripple import TravelRipple
 from sensors.recording import Recording
 from sensors.view.view import View
+from tests.support.effect_case import bench_workspace, taken_with
+from tests.support.small_parts import datasheet, part, record
 
 
 def begun(view: View, start_time_s: float) -> View:

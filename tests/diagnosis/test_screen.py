@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.strength import bench_workspace
 from diagnosis.families import free_families
 from diagnosis.screen import screen_mean
 from diagnosis.workspace import Model
+from tests.support.effect_case import bench_workspace
 
 
 def test_a_strip_without_readings_is_passed_over() -> None:

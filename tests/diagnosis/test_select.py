@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.strength import bench_workspace
 from diagnosis import select, trials, workspace
 from diagnosis.families import Family, effect_families, free_families
 from diagnosis.finding import SUSPECT, Finding, Screening
@@ -16,6 +15,7 @@ from diagnosis.select import _of_kin
 from diagnosis.trials import fold_masks
 from diagnosis.workspace import Model, Workspace
 from sensors.effects import CATALOGUE
+from tests.support.effect_case import bench_workspace
 
 
 @pytest.fixture(scope="module")

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.strength import bench_workspace
 from diagnosis.expectation import STEPS, EdgeShares, bending_effects
 from diagnosis.shrinkage import edge_shares
 from diagnosis.workspace import Model, Workspace
 from sensors.effects.finite_spot import FiniteSpot
 from sensors.effects.travel_ripple import TravelRipple
+from tests.support.effect_case import bench_workspace
 
 WIDE = Model(effects=(FiniteSpot(line_sd_um=400.0),))
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from benchmarks.strength import bench_workspace
 from diagnosis.curvature import blocks_of, fitted_numbers
 from diagnosis.select import refit_linear
 from diagnosis.uncertainty import Estimate, intervals, refined, sandwich
@@ -14,6 +13,7 @@ from diagnosis.workspace import Model, Workspace
 from sensors.effects.finite_spot import FiniteSpot
 from sensors.effects.line_bow import LineBow
 from sensors.effects.stage_vibration import StageVibration
+from tests.support.effect_case import bench_workspace
 
 
 def test_the_sandwich_is_least_squares_covariance_where_noise_is_even() -> None:

@@ -1,23 +1,14 @@
 """The page of the catalogue says what the code says."""
 
-import importlib.util
-from pathlib import Path
-
 from sensors.effects import CATALOGUE
+from tests.support.page_script import DOCS, script
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
-
-
-def script():
-    spec = importlib.util.spec_from_file_location("make_effects", DOCS / "effects/make_effects.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+PAGE = script("effects/make_effects.py")
 
 
 def test_page_is_what_the_code_makes():
     page = (DOCS / "effects.md").read_text(encoding="utf-8")
-    assert page == script().text(), "run: python docs/effects/make_effects.py"
+    assert page == PAGE.text(), "run: python docs/effects/make_effects.py"
 
 
 def test_every_effect_has_its_picture():
@@ -27,4 +18,4 @@ def test_every_effect_has_its_picture():
 
 def test_shown_values_are_within_bounds():
     for name in CATALOGUE:
-        assert not script().shown(name).is_null
+        assert not PAGE.shown(name).is_null

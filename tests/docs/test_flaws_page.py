@@ -1,24 +1,15 @@
 """The page of the kinds of flaw says what the code says."""
 
-import importlib.util
-from pathlib import Path
-
-from defects import KINDS
+from defects.kinds import KINDS
 from pipeline.preview.annotation import COLOURS
+from tests.support.page_script import DOCS, script
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
-
-
-def script():
-    spec = importlib.util.spec_from_file_location("make_flaws", DOCS / "flaws/make_flaws.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+PAGE = script("flaws/make_flaws.py")
 
 
 def test_page_is_what_the_code_makes():
     page = (DOCS / "flaws.md").read_text(encoding="utf-8")
-    assert page == script().text(), "run: python docs/flaws/make_flaws.py"
+    assert page == PAGE.text(), "run: python docs/flaws/make_flaws.py"
 
 
 def test_every_kind_has_its_picture_and_a_colour_of_its_own():

@@ -23,7 +23,7 @@ SPLITS = ("train", "train", "val", "train", "test")
 
 
 def true_depth_mm(number: int) -> np.ndarray:
-    """Tilt a plane for each scan; one point in each profile has no return."""
+    """Tilt a plane for each scan; one reading of each profile is missing."""
     y, x = np.mgrid[:PROFILES, :POINTS].astype(float)
     depth = 400.0 + number + 0.1 * x - 0.2 * y
     depth[np.arange(PROFILES), np.arange(PROFILES)] = np.nan

@@ -120,21 +120,20 @@ def test_no_two_workers_or_ranks_repeat_a_scan() -> None:
     assert sorted(numbers) == list(range(16)), "all shares together: every scan once"
 
 
-def test_the_readmes_training_loop_lowers_its_loss(
+def test_the_documented_training_loop_lowers_its_loss(
     small_dataset: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    readme = (Path(__file__).parents[2] / "README.md").read_text()
+    page = (Path(__file__).parents[2] / "docs/how-to/train.md").read_text()
     code = next(
-        block for block in re.findall(r"```python\n(.*?)```", readme, re.DOTALL)
+        block for block in re.findall(r"```python\n(.*?)```", page, re.DOTALL)
         if "flawforge.torch" in block
     )  # fmt: skip
     assert len(code.strip().splitlines()) <= 14
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "quickstart").symlink_to(small_dataset)
+    (tmp_path / "plates").symlink_to(small_dataset)
     monkeypatch.chdir(tmp_path)
     torch.manual_seed(0)
     names: dict[str, object] = {}
-    exec(compile(code, "README.md", "exec"), names)  # noqa: S102  # our own README
+    exec(compile(code, "train.md", "exec"), names)  # our own page
     losses = names["losses"]
     assert isinstance(losses, list)
     assert np.mean(losses[-4:]) < 0.7 * np.mean(losses[:2])

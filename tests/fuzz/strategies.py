@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from benchmarks.campaign.mutate import of_data
-from defects import KINDS
+from defects.kinds import KINDS
 from pipeline.parts.builtin import NAMES, parameters_of
 from pipeline.recipe import Motion, PartEntry, RecipeFile
 from quantity import Quantity, quantities
 from sensors.datasheet import Datasheet
 from sensors.effects import CATALOGUE
 from sensors.surface.surface import Surface
+from tests.support.mutation import of_data
 
 SIZES = {name: quantities(parameters_of(name)) for name in NAMES}
 

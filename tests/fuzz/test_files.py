@@ -6,7 +6,6 @@ import pytest
 import yaml
 from hypothesis import example, given
 
-from benchmarks.campaign.recipes import RECIPE, SENSOR, SURFACE
 from pipeline.parts.part_error import PartError
 from pipeline.recipe import Recipe
 from sensors.model import SensorModel
@@ -14,6 +13,7 @@ from sensors.surface.surface import Surface
 from sensors.typed_yaml import RecipeError
 from tests.fuzz import strategies
 from tests.fuzz.effort import effort
+from tests.support.small_recipe import RECIPE, SENSOR, SURFACE
 
 
 @pytest.fixture(scope="module")

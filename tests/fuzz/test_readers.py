@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.campaign.inputs import files
-from benchmarks.campaign.mutate import of_bytes
 from sensors.formats import read_height_map
 from sensors.formats.height_map import HeightMap
 from sensors.typed_yaml import RecipeError
 from tests.fuzz.effort import effort
+from tests.support.instrument_files import files
+from tests.support.mutation import of_bytes
 
 WHOLE = files(np.random.default_rng(0))
 CASES = Path(__file__).parent / "cases"

@@ -89,7 +89,7 @@ def test_the_command_says_what_comes_next_and_that_works(
     assert main(words) == 0
     assert (tmp_path / "work" / "my plate-setup.png").stat().st_size > 10_000
     assert main(["init", str(part)]) == 2
-    assert "my plate.yaml: is there already; allowed: another name" in capsys.readouterr().err
+    assert "my plate.yaml: file exists; allowed: another name" in capsys.readouterr().err
     small = ["--set", "specimens=1", "--set", "profiles=12", "--set", "points=30"]
     assert main([*shlex.split(said[2])[1:], *small]) == 0
     # the mesh alone is enough for a look

@@ -7,7 +7,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from defects import KINDS
+from defects.kinds import KINDS
 from flawforge.cli import main
 from pipeline.injection.flawplan import FlawPlan
 from pipeline.recipe import RecipeFile

@@ -1,4 +1,4 @@
-"""A declared number: bounds, their words, and what a value out of them is answered with."""
+"""A declared number: bounds, their text, and the message for a value out of bounds."""
 
 import math
 from dataclasses import dataclass
@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from defects import KINDS
-from defects.sizes import Uniform
+from defects.kinds import KINDS
 from pipeline.parts.builtin import NAMES, describe
 from quantity import Quantity, quantities, quantity
+from quantity.distribution import Uniform
 from sensors.effects import CATALOGUE
 
 BOUND = st.floats(-1e6, 1e6)

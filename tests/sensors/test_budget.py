@@ -98,7 +98,7 @@ BOMB = "\n".join(
         ("a: &a [*a]", "isn't YAML|refers to itself"),
         ("a: !!timestamp x", "isn't YAML"),
         ("a: !!python/object:os.system []", "isn't YAML"),
-        ("a: " + "x" * 5_000_000, "too long for a file"),
+        ("a: " + "x" * 5_000_000, "too long for a hand-written file"),
     ],
     ids=["aliases", "digits", "surrogate", "nested", "itself", "timestamp", "object", "long"],
 )

@@ -1,4 +1,4 @@
-"""The law of a reading and draws from it."""
+"""Laws of readings and draws from them."""
 
 import dataclasses
 import math

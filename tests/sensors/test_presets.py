@@ -74,7 +74,7 @@ class TestEachPreset:
 
 
 def sheet_has_no_effects(data: dict[str, object]) -> bool:
-    """No maker states an effect; the plain model of a preset is the geometry alone."""
+    """No maker states an effect; the nominal model of a preset is the geometry alone."""
     return data["effects"] == []
 
 

@@ -67,7 +67,7 @@ def test_round_trip(tmp_path):
         ("name: a\ninner:\n  - size_mm: -1\n", [":3", "inner.0.size_mm", "-1", "above 0 mm"]),
         ("name: a\ninner:\n  - sise_mm: 1\n", [":3", "sise_mm", "did you mean 'size_mm'"]),
         ("inner: []\n", ["'name' is missing"]),
-        ("name: a\nname: b\n", [":2", "'name' stands twice"]),
+        ("name: a\nname: b\n", [":2", "'name' occurs twice"]),
         ("name: [a\n", ["isn't YAML"]),
         ("- name\n", ["should hold keys and values"]),
         ("name: !!python/object/apply:os.system [ls]\n", ["isn't YAML"]),

@@ -1,4 +1,4 @@
-"""The catalogue's own laws, with known parameters: whether intervals hold the truth.
+"""The catalogue's own laws, with known parameters: coverage of intervals.
 
 The law gives means, sizes and probabilities; noise, files and instrument are the bench's own.
 """

@@ -10,6 +10,7 @@ from pycocotools import mask as run_lengths
 
 from pipeline.dataset.export.image import Coding
 from pipeline.dataset.export.source import Labelled, Source, flaw_facts
+from sensors.whole_file import whole, write_whole
 
 
 def write(source: Source, out: Path) -> Iterator[Path]:
@@ -23,7 +24,7 @@ def write(source: Source, out: Path) -> Iterator[Path]:
     for split in source.splits:
         (out / split).mkdir(exist_ok=True)
         path = out / "annotations" / f"instances_{split}.json"
-        with path.open("w", encoding="utf-8") as file:
+        with whole(path) as aside, aside.open("w", encoding="utf-8") as file:
             yield from _split(source, split, coding, out / split, file)
         yield path
 
@@ -42,7 +43,7 @@ def _split(
     count = 0
     for number, scan in enumerate(source.scans(split), start=1):
         path = folder / f"{scan.scan_id}{coding.suffix}"
-        path.write_bytes(coding.file(scan))
+        write_whole(path, coding.file(scan), synced=False)
         yield path
         height, width = scan.mask.shape
         images.append({"id": number, "file_name": path.name, "height": height, "width": width})

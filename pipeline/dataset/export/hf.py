@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 from pipeline.dataset.export.image import Coding, encoded
 from pipeline.dataset.export.source import Labelled, Source, flaw_facts
 from sensors.typed_yaml import dump_yaml
+from sensors.whole_file import whole, write_whole
 
 SCANS_PER_FILE: Final = 256
 SPLITS: Final = {"val": "validation"}  # as the hub names it
@@ -52,12 +53,12 @@ def write(source: Source, out: Path) -> Iterator[Path]:
         sizes[name] = count
         for number in range(files):
             path = out / "data" / f"{name}-{number:05d}-of-{files:05d}.parquet"
-            with pq.ParquetWriter(path, schema) as writer:
+            with whole(path) as aside, pq.ParquetWriter(aside, schema) as writer:
                 for _, scan in zip(range(SCANS_PER_FILE), scans, strict=False):
                     row = _row(scan, coding, list(source.classes))
                     writer.write_table(pa.Table.from_pylist([row], schema=schema))
             yield path
-    (out / "README.md").write_text(_card(source, coding, names, sizes), encoding="utf-8")
+    write_whole(out / "README.md", _card(source, coding, names, sizes), synced=False)
     yield out / "README.md"
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from pipeline.dataset.export.cloud import points_mm
 from pipeline.dataset.export.source import Source
+from sensors.whole_file import whole
 
 SCALE_M: Final = 1e-7  # 0.1 µm, as finely as shards hold noise-free depths
 DAY_ZERO: Final = datetime.date(1970, 1, 1)  # the same bytes on any day
@@ -34,5 +35,6 @@ def write(source: Source, out: Path) -> Iterator[Path]:
         cloud.gps_time = np.broadcast_to(scan.arrays["time"][:, None], valid.shape)[valid]
         path = out / scan.split / f"{scan.scan_id}.las"
         path.parent.mkdir(exist_ok=True)
-        cloud.write(str(path))
+        with whole(path) as aside:
+            cloud.write(str(aside))
         yield path

@@ -15,6 +15,7 @@ import tifffile
 from pipeline.dataset.export.cloud import points_mm
 from pipeline.dataset.export.image import Coding, encoded
 from pipeline.dataset.export.source import Labelled, Source
+from sensors.whole_file import whole, write_whole
 
 LOG = logging.getLogger("flawforge.export")
 FOLDERS: Final = {"train": "train", "val": "validation", "validation": "validation"}
@@ -49,15 +50,16 @@ def write(source: Source, out: Path) -> Iterator[Path]:
         for name, array in pictures.items():
             path = out / folder / name / f"{number}.png"
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(encoded(array))
+            write_whole(path, encoded(array), synced=False)
             yield path
         path = out / folder / "xyz" / f"{number}.tiff"
         path.parent.mkdir(exist_ok=True)
-        tifffile.imwrite(path, xyz, photometric="rgb", software="flawforge", metadata=None)
+        with whole(path) as aside:
+            tifffile.imwrite(aside, xyz, photometric="rgb", software="flawforge", metadata=None)
         yield path
     text = io.StringIO(newline="")
     csv.writer(text, lineterminator="\n").writerows([("file", "scan_id"), *rows])
-    (out / "scans.csv").write_text(text.getvalue(), encoding="utf-8")
+    write_whole(out / "scans.csv", text.getvalue(), synced=False)
     yield out / "scans.csv"
     for line in _warnings(source, counts, left_out):
         LOG.warning(line, extra={"event": "warning", "facts": {"text": line}})

@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline.dataset.export.cloud import class_colours, points_mm
 from pipeline.dataset.export.source import Source
+from sensors.whole_file import write_whole
 
 FIELDS: Final = {  # float, uchar and int alone: what every reader knows
     "x": "<f4", "y": "<f4", "z": "<f4", "red": "u1", "green": "u1", "blue": "u1",
@@ -37,5 +38,6 @@ def write(source: Source, out: Path) -> Iterator[Path]:
         ]  # fmt: skip
         path = out / scan.split / f"{scan.scan_id}.ply"
         path.parent.mkdir(exist_ok=True)
-        path.write_bytes(("\n".join(head) + "\n").encode("ascii") + vertices.tobytes())
+        data = ("\n".join(head) + "\n").encode("ascii") + vertices.tobytes()
+        write_whole(path, data, synced=False)
         yield path

@@ -8,6 +8,7 @@ import numpy as np
 from pipeline.dataset.export.image import Coding, encoded
 from pipeline.dataset.export.source import Source
 from pipeline.dataset.export.texts import write_json
+from sensors.whole_file import write_whole
 
 
 def write(source: Source, out: Path) -> Iterator[Path]:
@@ -27,5 +28,5 @@ def write(source: Source, out: Path) -> Iterator[Path]:
         for name, array in files.items():
             path = out / scan.split / name
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(encoded(array))
+            write_whole(path, encoded(array), synced=False)
             yield path

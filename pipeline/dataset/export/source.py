@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.dataset.shards import read_scan
+from pipeline.dataset.tables import read_table
 from pipeline.dataset.verify import read_dataset
 from sensors.datasheet import Datasheet
 from sensors.typed_yaml import RecipeError, parse
@@ -98,17 +99,9 @@ class Source:
         RecipeError
             Where there is no dataset, no such scan or no such split.
         """
-        import pandas as pd
-
         info = read_dataset(folder)
-        tables = []
-        for name in ("manifest", "flaws"):
-            try:
-                tables.append(pd.read_parquet(folder / f"{name}.parquet"))
-            except (OSError, ValueError) as error:
-                said = " ".join(str(error).split())
-                raise RecipeError(f"{name}.parquet can't be read ({said})", where=folder) from None
-        manifest, flaws = tables
+        manifest = read_table(folder / "manifest.parquet")
+        flaws = read_table(folder / "flaws.parquet")
         manifest = _chosen(manifest, "scan_id", scans, "scan", folder)
         manifest = _chosen(manifest, "split", splits, "split", folder)
         if manifest.empty:

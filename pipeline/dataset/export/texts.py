@@ -4,9 +4,11 @@ import json
 from pathlib import Path
 from typing import Any
 
+from sensors.whole_file import write_whole
+
 
 def write_json(path: Path, value: Any) -> Path:
     """Write plain data as JSON with a line for each entry; return the path."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(value, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    write_whole(path, json.dumps(value, indent=1, allow_nan=False) + "\n", synced=False)
     return path

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pipeline.dataset.export.source import Source
 from pipeline.dataset.export.texts import write_json
 from pipeline.dataset.relief import pitch_mm
+from sensors.whole_file import whole
 
 GDAL_NODATA = 42113  # tag of GDAL: the value of missing readings, as text
 
@@ -34,16 +35,17 @@ def write(source: Source, out: Path) -> Iterator[Path]:
         for name, (array, tags) in files.items():
             path = out / scan.split / name / f"{scan.scan_id}.tiff"
             path.parent.mkdir(parents=True, exist_ok=True)
-            tifffile.imwrite(
-                path,
-                array,
-                photometric="minisblack",
-                resolution=(_per_cm(along_line), _per_cm(along_path)),
-                resolutionunit="CENTIMETER",
-                extratags=tags,
-                software="flawforge",
-                metadata=None,
-            )
+            with whole(path) as aside:
+                tifffile.imwrite(
+                    aside,
+                    array,
+                    photometric="minisblack",
+                    resolution=(_per_cm(along_line), _per_cm(along_path)),
+                    resolutionunit="CENTIMETER",
+                    extratags=tags,
+                    software="flawforge",
+                    metadata=None,
+                )
             yield path
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from pipeline.dataset.export.image import Coding, encoded
 from pipeline.dataset.export.source import Labelled, Source, flaw_facts
+from sensors.whole_file import whole
 
 SCANS_PER_TAR: Final = 256
 
@@ -26,7 +27,10 @@ def write(source: Source, out: Path) -> Iterator[Path]:
         scans = source.scans(split)
         for number in range(-(-count // SCANS_PER_TAR)):
             path = out / f"{split}-{number:06d}.tar"
-            with tarfile.open(path, "w", format=tarfile.USTAR_FORMAT) as tar:
+            with (
+                whole(path) as aside,
+                tarfile.open(aside, "w", format=tarfile.USTAR_FORMAT) as tar,
+            ):
                 for _, scan in zip(range(SCANS_PER_TAR), scans, strict=False):
                     for name, data in _members(scan, coding, source).items():
                         entry = tarfile.TarInfo(name)  # no time, no owner: the same bytes

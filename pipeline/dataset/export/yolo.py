@@ -8,6 +8,7 @@ from pipeline.dataset.export.outline import outline
 from pipeline.dataset.export.source import Labelled, Source
 from pipeline.dataset.export.texts import write_json
 from sensors.typed_yaml import dump_yaml
+from sensors.whole_file import write_whole
 
 
 def write(source: Source, out: Path) -> Iterator[Path]:
@@ -22,15 +23,17 @@ def write(source: Source, out: Path) -> Iterator[Path]:
     splits = {split: f"images/{split}" for split in source.splits}
     names = {at: source.classes[number] for number, at in index.items()}
     # without `path:`, the paths count from this file's folder
-    path.write_text(dump_yaml({**splits, "names": names}).replace("'", ""), encoding="utf-8")
+    text = dump_yaml({**splits, "names": names}).replace("'", "")
+    write_whole(path, text, synced=False)
     yield path
     for scan in source.scans():
         picture = out / "images" / scan.split / f"{scan.scan_id}{coding.suffix}"
         labels = out / "labels" / scan.split / f"{scan.scan_id}.txt"
         for file in (picture, labels):
             file.parent.mkdir(parents=True, exist_ok=True)
-        picture.write_bytes(coding.file(scan))
-        labels.write_text("".join(line + "\n" for line in _lines(scan, index)), encoding="ascii")
+        write_whole(picture, coding.file(scan), synced=False)
+        text = "".join(line + "\n" for line in _lines(scan, index))
+        write_whole(labels, text, synced=False)
         yield picture
         yield labels
 

@@ -48,7 +48,7 @@ def turn_outward(
     if flat.any():
         notes.append(f"{int(flat.sum())} bodies without volume dropped")
         keep = ~flat[body]
-        vertices, faces = _compact(vertices, faces[keep])
+        vertices, faces = mending.used(vertices, faces[keep])
         body = mending.bodies(faces)
         volume = volume[~flat]
     depth, inside = nesting(vertices, faces, body)
@@ -131,7 +131,7 @@ def united(
             owner[cavity] = around[np.argmax(depth[around])]
     solids = []
     for number in np.unique(owner):
-        solid = manifold(*_compact(vertices, faces[(owner == number)[body]]))
+        solid = manifold(*mending.used(vertices, faces[(owner == number)[body]]))
         if solid.status() != manifold3d.Error.NoError or solid.volume() <= 0.0:
             raise PartError(source, "bodies cross and can't be united", "unite them in CAD")
         solids.append(solid)
@@ -146,8 +146,3 @@ def united(
         np.array(mesh.vert_properties[:, :3], dtype=np.float64),
         np.array(mesh.tri_verts, dtype=np.int64),
     )
-
-
-def _compact(vertices: Vertices, faces: Faces) -> tuple[Vertices, Faces]:
-    used, corner = np.unique(faces, return_inverse=True)
-    return vertices[used], corner.reshape(-1, 3)

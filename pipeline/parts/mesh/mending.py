@@ -22,10 +22,15 @@ def halfedges(faces: Faces) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return directed, edge.reshape(-1)
 
 
+def used(vertices: Vertices, faces: Faces) -> tuple[Vertices, Faces]:
+    """Drop vertices that no face names; the others keep their order."""
+    named = np.bincount(faces.reshape(-1), minlength=len(vertices)) > 0
+    return vertices[named], (np.cumsum(named) - 1)[faces]
+
+
 def weld(vertices: Vertices, faces: Faces) -> tuple[Vertices, Faces]:
     """Join vertices of equal coordinates and drop unused ones; order by first use in faces."""
-    used, corner = np.unique(faces, return_inverse=True)
-    points = vertices[used] + 0.0
+    points, corner = used(vertices + 0.0, faces)
     kept, inverse = np.unique(points, axis=0, return_inverse=True)
     welded = inverse.reshape(-1)[corner.reshape(-1)]
     _, first, number = np.unique(welded, return_index=True, return_inverse=True)
@@ -132,7 +137,7 @@ def flip_needles(vertices: Vertices, faces: Faces, tolerance_mm: float) -> tuple
 def part_edges(vertices: Vertices, faces: Faces) -> tuple[Vertices, Faces, int, int]:
     """Take apart what meets in an edge of four faces or more, or in a vertex only.
 
-    Around such an edge the two faces of one body stay together. What is left is sorted by angle
+    Around such an edge the two faces of one body stay together. The rest is sorted by angle
     and paired so that each pair has solid between it: a face that runs against the edge and the
     next one that runs along it. Each surface then gets vertices of its own.
 

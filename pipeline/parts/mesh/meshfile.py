@@ -64,7 +64,7 @@ def read_mesh(
         raise
     except Exception as error:
         # trimesh raises whatever its parsers stumble over: IndexError, struct.error, KeyError ...
-        # only what is said of the file itself helps its owner
+        # only the loader's message on the file itself helps the user
         told = isinstance(error, OSError | ValueError) and str(error)
         reason = f" ({str(error).splitlines()[0][:120]})" if told else ""
         raise PartError(

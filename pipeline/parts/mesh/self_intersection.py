@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numba import njit
@@ -10,16 +11,18 @@ from numpy.typing import NDArray
 
 _ROUNDING = 1e-14  # of a distance from a plane, relative, where its triangle is no needle
 _CHUNK = 400_000
-_MOST_PAIRS = 60_000_000
+MOST_PAIRS: Final = 60_000_000
+"""Pairs of faces that are looked at: half a minute."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Crossings:
-    """Pairs of faces that cross, where, and whether all pairs could be looked at."""
+    """Pairs of faces that cross, where, whether these are all, and whether the budget ran out."""
 
     pairs: NDArray[np.int64]
     points_mm: NDArray[np.float64]
     complete: bool
+    over_budget: bool
 
 
 def crossings(
@@ -43,15 +46,15 @@ def crossings(
     tolerance_mm
         Depth up to which an overlap is taken for contact, mm.
     most
-        Stop after about so many crossing pairs. The work itself is bounded too (60 million pairs
-        of overlapping boxes); `Crossings.complete` says whether every pair was looked at.
+        Stop after about so many crossing pairs. The work itself is bounded too: `MOST_PAIRS` of
+        overlapping boxes.
     """
     corners = vertices_mm[faces]
     levels, order = _boxes(corners, tolerance_mm)
     depth = len(levels) - 1
     found: list[NDArray[np.int64]] = []
     where: list[NDArray[np.float64]] = []
-    count, looked, complete = 0, 0, True
+    count, looked, complete, over_budget = 0, 0, True, False
     stack = [(0, np.zeros((1, 2), dtype=np.int64))]
     while stack:
         level, pairs = stack.pop()
@@ -73,16 +76,20 @@ def crossings(
             found.append(np.sort(real[hit], axis=1))
             where.append(point[hit])
             count += int(hit.sum())
-        if count >= most or looked > _MOST_PAIRS:
+        if count >= most or looked > MOST_PAIRS:
             complete = not stack
+            over_budget = not complete and looked > MOST_PAIRS
             break
     if not found:
         return Crossings(
-            pairs=np.empty((0, 2), dtype=np.int64), points_mm=np.empty((0, 3)), complete=complete
-        )
+            pairs=np.empty((0, 2), dtype=np.int64), points_mm=np.empty((0, 3)),
+            complete=complete, over_budget=over_budget,
+        )  # fmt: skip
     pairs, points = np.concatenate(found), np.concatenate(where)
     rank = np.lexsort((pairs[:, 1], pairs[:, 0]))
-    return Crossings(pairs=pairs[rank], points_mm=points[rank], complete=complete)
+    return Crossings(
+        pairs=pairs[rank], points_mm=points[rank], complete=complete, over_budget=over_budget
+    )
 
 
 def _boxes(

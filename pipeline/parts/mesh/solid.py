@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.parts.mesh import mending
 from pipeline.parts.mesh.bodies import manifold, turn_outward, united
-from pipeline.parts.mesh.self_intersection import crossings
+from pipeline.parts.mesh.self_intersection import MOST_PAIRS, crossings
 from pipeline.parts.mesh.thicken import thicken
 from pipeline.parts.part_error import PartError
 
@@ -81,12 +81,12 @@ def make_solid(
 
 
 def _diagonal(source: str, vertices_mm: Vertices, faces: Faces) -> float:
-    used = vertices_mm[np.unique(faces)]
-    size = used.max(axis=0) - used.min(axis=0)
-    if np.abs(used).max() > LARGEST_MM:
+    points, _ = mending.used(vertices_mm, faces)
+    size = points.max(axis=0) - points.min(axis=0)
+    if np.abs(points).max() > LARGEST_MM:
         raise PartError(
             source,
-            f"coordinates up to {np.abs(used).max():.3g} mm, beyond {LARGEST_MM:g} mm",
+            f"coordinates up to {np.abs(points).max():.3g} mm, beyond {LARGEST_MM:g} mm",
             "give its unit, or repair the coordinates",
         )
     if size.max() < SMALLEST_MM:
@@ -168,7 +168,7 @@ def _filled(
 def _refuse_open(source: str, vertices: Vertices, faces: Faces, rim: NDArray[np.int64]) -> None:
     loops = mending.open_loops(faces)
     at = vertices[np.unique(rim)]
-    size = float(np.linalg.norm(np.ptp(vertices[np.unique(faces)], axis=0)))
+    size = float(np.linalg.norm(np.ptp(mending.used(vertices, faces)[0], axis=0)))
     thick = float(f"{max(size * 0.005, 1e-4):.1g}")
     raise PartError(
         source,
@@ -189,7 +189,7 @@ def _uncrossed(
 ) -> tuple[Vertices, Faces]:
     """Unite bodies that cross or share edges; refuse a body that crosses itself."""
     found = crossings(vertices, faces, tolerance_mm=CONTACT * diagonal)
-    if not found.complete and not len(found.pairs):
+    if found.over_budget and not len(found.pairs):
         notes.append("too large to be checked for self-intersection everywhere")
     body = mending.bodies(faces)
     own = body[found.pairs[:, 0]] == body[found.pairs[:, 1]]
@@ -201,6 +201,13 @@ def _uncrossed(
             "a smaller thicken_mm, or a negative one (the other side)"
             if thickened
             else "rebuild or unite it in CAD",
+        )
+    if found.over_budget and len(found.pairs):
+        raise PartError(
+            source,
+            f"bodies nearly coincide: over {MOST_PAIRS / 1e6:.0f} million pairs of faces may cross,"
+            f" first at {_place(found.points_mm[0])}",
+            "leave one of them out, or unite them in CAD",
         )
     count = int(body.max()) + 1
     if count == 1 or not (touching or len(found.pairs)):

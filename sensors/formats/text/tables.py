@@ -198,7 +198,7 @@ def _with_rows(
     found: HeightMap, table: Table, side: dict[str, int], along: int | None,
     units: list[str | None],
 ) -> HeightMap:  # fmt: skip
-    """Add what columns beside the readings say of the rows: place, encoder, time."""
+    """Add the rows' place, encoder and time from columns beside the readings."""
     words: list[str] = []
     if along is not None:
         found = replace(found, y_mm=table.values[:, along] * scale_mm(None, units[along]))

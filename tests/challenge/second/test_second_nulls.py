@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from challenge.second.nulls import Check, departure, off_edges
+from challenge.second.edges import off_edges
+from challenge.second.nulls import Check, departure
 
 
 def surface():
@@ -19,20 +20,22 @@ def test_edges_are_left_out_and_slopes_are_not():
 
 def test_noise_alone_departs_as_block_means_of_noise_do():
     truth, rng = surface(), np.random.default_rng(0)
-    got, lost = departure(truth + 0.01 * rng.standard_normal(truth.shape), truth)
+    got, lost, blocks = departure(truth + 0.01 * rng.standard_normal(truth.shape), truth)
     assert got == pytest.approx(1.96 / np.sqrt(12 * 24), rel=0.3)
     assert lost == 0.0
+    assert blocks > 20
 
 
 def test_a_bow_of_a_third_of_the_noise_is_seen():
     truth, rng = surface(), np.random.default_rng(0)
     bow = 0.01 * np.linspace(-1, 1, truth.shape[1]) ** 2
-    got, _ = departure(truth + bow + 0.01 * rng.standard_normal(truth.shape), truth)
+    got, *_ = departure(truth + bow + 0.01 * rng.standard_normal(truth.shape), truth)
     assert got > 0.3
 
 
 def test_a_null_may_depart_as_its_baselines_do_and_not_more():
-    good = {"baseline_sd": 0.2, "baseline_lost": 0.0, "lost": 0.001}
+    good = {"baseline_sd": 0.2, "baseline_lost": 0.0, "lost": 0.001, "blocks": 20}
     assert Check(departure_sd=0.35, **good).holds
     assert not Check(departure_sd=0.5, **good).holds
     assert not Check(departure_sd=0.1, **{**good, "lost": 0.02}).holds
+    assert not Check(departure_sd=0.0, **{**good, "blocks": 2}).holds

@@ -204,7 +204,7 @@ def test_signals_end_cleanly(recipe_path, tmp_path, number, code):
     _, errors = run.communicate(timeout=60)
     assert run.returncode == code
     assert "Traceback" not in errors
-    assert "goes on from there" in errors
+    assert "continues from there" in errors
 
 
 def test_the_second_of_two_runs_says_so(once, recipe_path):

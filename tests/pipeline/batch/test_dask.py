@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.batch.cluster import cluster
+from pipeline.dataset.manifest import versions
 from pipeline.dataset.shards import file_sha256
 from sensors.typed_yaml import RecipeError
 
@@ -159,10 +160,10 @@ def test_no_scheduler_gives_one_line(recipe_path, tmp_path):
 @pytest.mark.parametrize("address", ["localhost", "nonsense://here:1", "tcp://127.0.0.1:99999"])
 def test_what_is_no_address_is_said(address):
     with pytest.raises(RecipeError, match="no Dask scheduler answers"):
-        cluster(address).__enter__()
+        cluster(address, versions()).__enter__()
 
 
 def test_without_distributed_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(RecipeError, match=r"pip install 'flawforge\[dask\]'"):
-        cluster("tcp://127.0.0.1:1").__enter__()
+        cluster("tcp://127.0.0.1:1", versions()).__enter__()

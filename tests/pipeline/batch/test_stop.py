@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from flawforge import generate_command
 from flawforge.cli import main
+from flawforge.commands import generate as generate_command
 from pipeline.batch import stop
 from pipeline.batch.stop import Stopped, heard, stoppable
 
@@ -131,7 +131,7 @@ def test_the_command_ends_as_asked(number, code, becomes, tmp_path, monkeypatch,
     monkeypatch.setattr(stop, "REPEAT_S", 0.01)
     monkeypatch.setattr(generate_command, "run", run)
     assert main(["generate", "recipe.yaml", "--out", str(tmp_path)]) == code
-    assert "goes on from there" in capsys.readouterr().err
+    assert "continues from there" in capsys.readouterr().err
 
 
 def test_an_error_without_a_wish_is_no_stop(tmp_path, monkeypatch, capsys):

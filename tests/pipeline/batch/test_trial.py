@@ -33,3 +33,10 @@ def test_a_trial_warns_of_what_generate_warns_of(recipe_path, tmp_path):
     assert dataset["warnings"] == trial.dataset["warnings"]
     assert any("camera_occlusion" in text for text in dataset["warnings"])
     assert not list(recipe_path.parent.glob("*.h5"))
+
+
+def test_a_trial_tries_flawed_specimens_where_a_recipe_adds_good_ones(recipe_path):
+    sets = ["good_specimens=3", "motion.aim_at_flaws=1"]
+    trial = try_recipe(Recipe.load(recipe_path, sets=sets), specimens=2, scans=2)
+    by_class = trial.dataset["statistics"]["by_class"]
+    assert sum(counts["seen"] for counts in by_class.values()) > 0

@@ -57,7 +57,7 @@ def test_the_readmes_code_runs(made_once: Path, monkeypatch: pytest.MonkeyPatch)
     (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     monkeypatch.chdir(made_once)
     names: dict[str, object] = {}
-    exec(compile(code, "README.md", "exec"), names)  # noqa: S102  # our own README
+    exec(compile(code, "README.md", "exec"), names)  # our own README
     assert names["depth"].shape == names["mask"].shape  # type: ignore[attr-defined]  # arrays
     (recipe,) = re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)
     assert "steel_plate" in recipe

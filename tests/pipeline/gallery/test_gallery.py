@@ -128,10 +128,11 @@ def test_the_commands(
     assert main(["view", str(small_dataset), "--out", str(tmp_path / "v.html")]) == 0
     assert "v.html: 4 scans" in capsys.readouterr().out
     assert main(["view", str(small_dataset), "--out", "v.pdf"]) == 2
-    assert "--out: isn't a page's name, got 'v.pdf'; allowed: NAME.html" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert "--out: not an HTML file name, got 'v.pdf'; allowed: NAME.html" in error
     sheet = tmp_path / "sheet.png"
     assert main(["preview", str(small_dataset), "--all", "--out", str(sheet)]) == 0
     with Image.open(sheet) as image:
         assert min(image.size) > 200
     assert main(["preview", "quickstart", "--all", "--out", str(sheet)]) == 2
-    assert "--all goes with a dataset" in capsys.readouterr().err
+    assert "--all requires a dataset" in capsys.readouterr().err

@@ -10,7 +10,7 @@ from pipeline.batch.backend import Backend
 from pipeline.batch.run import generate
 from pipeline.recipe import Recipe
 from sensors.typed_yaml import RecipeError
-from tests.defects.reliefs import hollow_and_rim
+from tests.support.reliefs import hollow_and_rim
 
 FLAWS = """\
 flaws:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from defects.sizes import Uniform
 from pipeline.injection.flawplan import FlawPlan
+from quantity.distribution import Uniform
 
 
 def test_reads_kinds_options_and_tiers():

@@ -8,11 +8,12 @@ import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from defects.solid import Block, BooleanError, Solid
-from defects.stitch import is_closed
-from defects.surface import Surface
+from defects.carving.block import Block
+from defects.carving.solid import BooleanError, Solid
+from defects.carving.stitch import is_closed
+from defects.surface.surface import Surface
 from pipeline.injection.flawplan import FlawPlan, exactly
-from pipeline.injection.inject import PLACES, cutter_of, inject
+from pipeline.injection.inject import NO_ROOM, PLACES, cutter_of, inject
 from pipeline.parts.builtin import build
 from pipeline.parts.part import Part
 from pipeline.seeds import streams
@@ -288,6 +289,18 @@ def test_a_flaw_larger_than_the_part_is_given_up():
     assert result.misplaced == PLACES
     assert result.redrawn == 0
     assert result.dropped == ("dent 0: the flaw would cross an edge of the part",)
+
+
+def test_a_part_without_room_is_given_up_soon():
+    """Thousands of places would be tried for nothing; the rest of the kind is dropped at once."""
+    small = {"number": 200, "pits": 1, "diameter_mm": 1.0}
+    plan = FlawPlan.from_mapping({"pit": small, "min_distance_mm": 1000.0})
+    assert plan.most() == 200
+    result = inject(plate(), plan, rng_of=streams(0))
+    assert len(result.flaws) == 1
+    assert len(result.dropped) == 199
+    assert result.misplaced == NO_ROOM * PLACES
+    assert result.dropped[-1] == "pit 199: no room; 10 before it found none"
 
 
 def test_cracks_across_the_doors_recess_keep_their_depth_along_the_normal():

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from defects.sizes import Fixed, Uniform
 from pipeline.injection.flawplan import FlawPlan
 from pipeline.injection.inject import inject
 from pipeline.motion.aim import Aimer, Outlook
@@ -13,6 +12,7 @@ from pipeline.motion.limits import Motion
 from pipeline.motion.trajectory import sweeps
 from pipeline.parts import builtin
 from pipeline.seeds import streams
+from quantity.distribution import Fixed, Uniform
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet, preset_names

@@ -70,7 +70,7 @@ def test_what_is_not_a_path_is_said_in_one_line(tmp_path):
         with pytest.raises(RecipeError, match=match):
             replay(str(place), 1000.0, profiles)
 
-    refuses("can't be read")
+    refuses("no such file")
     write_h5(place, recorded(11), np.linspace(0, 0.05, 11))
     refuses("51 of 101 profiles fit")
     place = tmp_path / "q.h5"

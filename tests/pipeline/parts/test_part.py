@@ -14,7 +14,7 @@ from pipeline.parts.mesh.bodies import manifold
 from pipeline.parts.part import UNITS_MM, Part, find_parts, load_part
 from pipeline.parts.part_error import PartError
 
-# What independent readers (trimesh, per body) say of the volume, in the file's unit.
+# What independent readers (trimesh, per body) give for the volume, in the file's unit.
 CAD = {
     "1002_tray_bottom.STL": 347865.8964,
     "ADIS16480.STL": 2.8192470e-5,
@@ -204,6 +204,16 @@ def test_missing_file_and_bad_arguments(tmp_path: Path) -> None:
         load_part(tmp_path / "folder.stl")
     with pytest.raises(PartError, match="unknown unit 'feet'.*inch"):
         load_part(tmp_path / "none.stl", unit="feet")
+
+
+def test_a_long_check_is_announced(tmp_path: Path, monkeypatch, caplog) -> None:
+    path = tmp_path / "ball.stl"
+    trimesh.creation.icosphere(subdivisions=2).export(path)
+    load_part(path)
+    assert not caplog.records
+    monkeypatch.setattr("pipeline.parts.part.MANY", 320)
+    load_part(path)
+    assert caplog.messages == [f"{path}: checking 320 triangles; this may take minutes"]
 
 
 def test_part_is_frozen_and_picklable() -> None:

@@ -13,10 +13,10 @@ from pipeline.batch.run import generate
 from pipeline.batch.trial import try_recipe
 from pipeline.motion.recorded_path import replay
 from pipeline.parts.part import Part
-from pipeline.planning.cover import plan_cover
 from pipeline.planning.pareto import front, trade
 from pipeline.planning.passes import Pass, Samples, candidates
 from pipeline.planning.reference_flaw import PIT_MM, ReferencePit, smallest_depth_mm
+from pipeline.planning.set_cover import plan_cover
 from pipeline.recipe import Recipe
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet

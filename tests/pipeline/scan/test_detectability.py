@@ -15,7 +15,7 @@ from sensors.effects.onboard_filter import OnboardFilter
 from sensors.model import SensorModel
 from sensors.surface.surface import Surface
 from sensors.view.view import View
-from tests.pipeline.scan.test_labelled_scan import SHEET, plate, scanned
+from tests.support.flawed_scan import SHEET, plate, scanned
 
 N, M = 60, 160
 BOX = (slice(20, 40), slice(60, 100))

@@ -6,45 +6,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from defects import KINDS
-from defects.surface import Surface as Skin
-from pipeline.injection.flawplan import FlawPlan, exactly
-from pipeline.injection.inject import inject
-from pipeline.motion.trajectory import Trajectory, frame
+from defects.kinds import KINDS
+from defects.surface.surface import Surface as Skin
 from pipeline.parts.part import Part
-from pipeline.scan.labelled_scan import HIDDEN_BY_FLAW, take_scan
-from pipeline.seeds import streams
-from sensors.casting.laser import Laser
-from sensors.casting.scene import Scene
-from sensors.datasheet import Datasheet
-from sensors.model import SensorModel
+from pipeline.scan.labelled_scan import HIDDEN_BY_FLAW
 from sensors.surface.surface import Surface
 from sensors.view.view import Reason
-from tests.defects.reliefs import hollow_and_rim
-
-SHEET = Datasheet(
-    name="s",
-    working_distance_mm=100.0,
-    z_range_mm=60.0,
-    x_fov_mm=40.0,
-    points_per_profile=160,
-    z_resolution_um=1.0,
-    repeatability_um=2.0,
-    profile_rate_hz=500.0,
-    triangulation_angle_deg=30.0,
-)
-
-
-def plate(thickness=5.0):
-    box = trimesh.creation.box(extents=(60, 60, thickness))
-    for _ in range(4):
-        box = box.subdivide()
-    return Part(name="plate", vertices_mm=box.vertices, faces=box.faces)
-
-
-def middle_only(part):
-    centre = part.vertices_mm[part.faces].mean(axis=1)
-    return (np.abs(centre[:, :2]) < 6).all(axis=1) & (centre[:, 2] > 0)
+from tests.support.flawed_scan import SHEET, plate, scanned
+from tests.support.reliefs import hollow_and_rim
 
 
 def workpiece():
@@ -65,30 +34,6 @@ def upper(part):
     return surface.normals[:, 2] > 0.3
 
 
-def scanned(part, kind, *, sheet=SHEET, seed=1, surface=None, faces=middle_only, **sizes):
-    rng_of = streams(seed, "test")
-    flawed = inject(
-        part,
-        FlawPlan(kinds=(exactly(kind, 1, **sizes),)),
-        visible_faces=faces(part),
-        visible_at=lambda points: (np.abs(points[:, :2]) < 12).all(axis=1),
-        rng_of=rng_of,
-    )
-    assert len(flawed.flaws) == 1
-    poses = np.tile(np.eye(4), (160, 1, 1))
-    poses[:, :3, :3] = frame((0, 0, -1), (0, 1, 0))
-    poses[:, 1, 3] = np.linspace(-20, 20, 160)
-    poses[:, 2, 3] = 100 + part.vertices_mm[:, 2].max()
-    path = Trajectory(poses=poses, time_s=np.arange(160) / 500, facts={})
-    scenes = (Scene(flawed.vertices_mm, flawed.faces), Scene(part.vertices_mm, part.faces))
-    scan = take_scan(
-        flawed=flawed, scenes=scenes, trajectory=path, sensor=SensorModel(sheet),
-        laser=Laser.from_datasheet(sheet), surface=surface, reflectance=None, visible_at=3.0,
-        rng_of=rng_of,
-    )  # fmt: skip
-    return flawed, scan
-
-
 def clean_points(scan):
     points = scan.laser.points_mm(scan.depth_clean_mm)
     return points @ scan.poses[:, :3, :3].transpose(0, 2, 1) + scan.poses[:, None, :3, 3]
@@ -101,8 +46,8 @@ def test_a_dents_mask_is_its_analytic_footprint_to_a_pixels_edge():
     outer = s + np.sqrt(s * s + 1)
     site = clean_points(scan) - flaw.position_mm
     c, d = np.cos(flaw.heading_rad), np.sin(flaw.heading_rad)
-    # tangent axes of the upward normal, as defects.surface makes them
-    from defects.surface import tangent_axes
+    # tangent axes of the upward normal, as defects.surface.surface makes them
+    from defects.surface.surface import tangent_axes
 
     first, second = tangent_axes(flaw.normal)
     u = site @ (c * first + d * second)

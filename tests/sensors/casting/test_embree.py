@@ -6,7 +6,7 @@ import trimesh
 
 from sensors.casting.embree import Limits, Search, Tree, _try_all
 from sensors.casting.scene import Scene, _single
-from tests.sensors.solids import rotation, scene_of, solids
+from tests.support.solids import rotation, scene_of, solids
 
 SOLIDS = dict(solids(np.random.default_rng(11)))
 

@@ -9,7 +9,7 @@ import trimesh
 
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene, frames, legs
-from tests.sensors.solids import LASERS, path, rotation, scene_of
+from tests.support.solids import LASERS, path, rotation, scene_of
 
 FAN = Laser(x_mm=np.zeros(301), slope_x=np.tan(np.linspace(-0.2, 0.2, 301)))
 

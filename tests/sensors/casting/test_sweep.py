@@ -8,7 +8,7 @@ from pipeline.parts.builtin import build
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene, frames
 from sensors.casting.sweep import sweep, sweepable
-from tests.sensors.solids import LASERS, path, rotation, scene_of, solids
+from tests.support.solids import LASERS, path, rotation, scene_of, solids
 
 NAMES = [name for name, _ in solids(np.random.default_rng(0))]
 

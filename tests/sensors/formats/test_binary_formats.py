@@ -13,7 +13,7 @@ from sensors.formats.conversion import Setup, convert
 from sensors.formats.motion import read_poses, read_rows
 from sensors.recording import Recording
 from sensors.typed_yaml import RecipeError
-from tests.sensors.formats.test_text_tables import plate
+from tests.support.instrument_files import plate
 
 
 @pytest.mark.parametrize(("kind", "dtype"), [(5, "<i2"), (6, "<i4"), (3, "<f4"), (7, "<f8")])
@@ -211,9 +211,9 @@ def test_poses_in_every_convention_are_the_same_poses(tmp_path, kind):
     np.testing.assert_allclose(poses[:, :3, 3], place)
 
 
-def test_poses_that_nobody_can_tell_are_refused(tmp_path):
+def test_poses_of_an_unstated_convention_are_refused(tmp_path):
     (tmp_path / "p.csv").write_text("x,y,z,u,v,t\n1,2,3,4,5,6\n")
-    with pytest.raises(RecipeError, match="in no convention .*FANUC"):
+    with pytest.raises(RecipeError, match="in a convention that its column names .*FANUC"):
         read_poses(tmp_path / "p.csv")
     (tmp_path / "q.csv").write_text("x,y,z,qw,qx,qy,qz\n1,2,3,2,0,0,0\n")
     with pytest.raises(RecipeError, match="not of length 1"):

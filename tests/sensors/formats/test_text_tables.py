@@ -15,17 +15,11 @@ from sensors.formats.text.headers import read_header
 from sensors.formats.text.names import role_of
 from sensors.formats.units import length_in, time_in
 from sensors.typed_yaml import RecipeError
+from tests.support.instrument_files import plate
 
 QUICK = settings(
     max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
-
-
-def plate(rows=24, columns=30, seed=0):
-    """Heights of a plate with a step of 1 mm and noise of 10 µm, printed with four decimals."""
-    rng = np.random.default_rng(seed)
-    heights = 20.0 + (np.arange(columns) >= columns // 2) + 0.01 * rng.normal(size=(rows, columns))
-    return np.round(heights, 4)
 
 
 def text(table, separator=",", decimal=".", missing="nan", form="%.4f", trailing=False):

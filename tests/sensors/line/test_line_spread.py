@@ -5,13 +5,13 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from sensors.line.line_spread import smear, step_between
+from sensors.line.line_spread import line_spread, step_between
 
 
 @pytest.mark.parametrize(("sd", "way"), [(0.05, 0.3), (0.05, 0.02), (0.02, 0.5)])
 def test_moments_of_a_moving_line(sd, way):
     """Mean of the way's middle, variance s² + w²/12, <η d> = s²."""
-    line = smear(sd, 0.1, 0.1 + way)
+    line = line_spread(sd, 0.1, 0.1 + way)
     d, light, within = line.offsets_mm, line.light[:, 0], line.within_mm[:, 0]
     assert light.sum() == pytest.approx(1.0)
     assert d @ light == pytest.approx(0.1 + way / 2, abs=1e-5)
@@ -24,7 +24,7 @@ def test_moments_of_a_moving_line(sd, way):
 def test_where_in_the_line_light_lies():
     """E[η | d] of η + u = d, u even over the way, by quadrature; smoothed by the grid alone."""
     sd, way = 0.05, 0.3
-    line = smear(sd, -way / 2, way / 2, step_mm=sd / 8)
+    line = line_spread(sd, -way / 2, way / 2, step_mm=sd / 8)
     for k in range(0, line.offsets_mm.size, 7):
         d = line.offsets_mm[k]
         low, high = d - way / 2, d + way / 2
@@ -34,14 +34,14 @@ def test_where_in_the_line_light_lies():
 
 
 def test_a_line_that_stands_is_itself():
-    line = smear(0.05, 0.0, 0.0)
+    line = line_spread(0.05, 0.0, 0.0)
     assert np.allclose(line.within_mm[:, 0], line.offsets_mm, rtol=2e-3)
     density = norm.pdf(line.offsets_mm, scale=0.05)
     assert np.allclose(line.light[:, 0], density / density.sum(), atol=0.01)
 
 
 def test_a_line_without_width_is_a_box():
-    line = smear(0.0, 0.0, 0.4)
+    line = line_spread(0.0, 0.0, 0.4)
     assert np.allclose(line.within_mm, 0.0)
     assert line.offsets_mm @ line.light[:, 0] == pytest.approx(0.2)
     inner = line.light[2:-2, 0]
@@ -50,7 +50,7 @@ def test_a_line_without_width_is_a_box():
 
 
 def test_profiles_differ_and_either_direction_is_served():
-    line = smear(0.02, [0.0, 0.1, -0.2], [0.2, -0.1, -0.2])
+    line = line_spread(0.02, [0.0, 0.1, -0.2], [0.2, -0.1, -0.2])
     assert np.allclose(line.offsets_mm @ line.light, [0.1, 0.0, -0.2], atol=1e-5)
 
 
@@ -64,6 +64,6 @@ def test_like_exposures_meet_the_same_places():
 def test_a_long_way_averages_speckle():
     """Σ (L <η>)² is s³ / (√π w²) where the ends are apart, s / (4 √π) of a standing line."""
     sd, way = 0.05, 0.8
-    moving = smear(sd, 0.0, way, step_mm=sd / 4)
-    standing = smear(sd, 0.0, 0.0, step_mm=sd / 4)
+    moving = line_spread(sd, 0.0, way, step_mm=sd / 4)
+    standing = line_spread(sd, 0.0, 0.0, step_mm=sd / 4)
     assert moving.speckle[0] / standing.speckle[0] == pytest.approx(2 * sd / way, rel=0.02)

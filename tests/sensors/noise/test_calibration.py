@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sensors.noise.calibration import calibrate
-from sensors.noise.measured import QUANTILES, Measured, distribution, measure, simulate
+from sensors.noise.noise_target import QUANTILES, NoiseTarget, distribution, measure, simulate
 from sensors.noise.spectrum import decibels
 from sensors.recording import repeated_rows
 from sensors.surface.form import remove_form
@@ -26,7 +26,7 @@ def errors_of(surface: Surface, depth_mm: float = 0.0) -> Floats:
     """Relative errors of the seven figures over ten scans of the paper's window."""
     assert surface.pitch_x_mm is not None
     assert surface.pitch_y_mm is not None
-    window = Measured(pitch_x_mm=surface.pitch_x_mm, pitch_y_mm=surface.pitch_y_mm)
+    window = NoiseTarget(pitch_x_mm=surface.pitch_x_mm, pitch_y_mm=surface.pitch_y_mm)
     field = surface.field()
     found = [
         roughness(simulate(field, window, *fresh(seed), depth_mm), surface.pitch_x_mm).values()
@@ -51,7 +51,7 @@ def test_verbatim_model_is_far_from_the_tables() -> None:
         surface = Surface.load(name)
         assert surface.pitch_x_mm is not None
         assert surface.pitch_y_mm is not None
-        window = Measured(pitch_x_mm=surface.pitch_x_mm, pitch_y_mm=surface.pitch_y_mm)
+        window = NoiseTarget(pitch_x_mm=surface.pitch_x_mm, pitch_y_mm=surface.pitch_y_mm)
         readings = simulate(surface.field(verbatim=True), window, *fresh(0))
         found = roughness(readings, surface.pitch_x_mm)
         for figure in FIGURES[:6]:
@@ -59,7 +59,7 @@ def test_verbatim_model_is_far_from_the_tables() -> None:
 
 
 def test_three_figures_alone_are_met() -> None:
-    wanted = Measured(
+    wanted = NoiseTarget(
         pitch_x_mm=0.1, pitch_y_mm=0.2, rpm_mm=0.040, rvm_mm=0.050, pc_per_mm=2.4, points=256
     )
     solution = calibrate(wanted)
@@ -76,11 +76,11 @@ def test_three_figures_alone_are_met() -> None:
 
 def test_same_inputs_same_noise_solved_once() -> None:
     inputs = {"pitch_x_mm": 0.1, "pitch_y_mm": 0.1, "rq_mm": 0.01, "pc_per_mm": 2.0}
-    first = calibrate(Measured(**inputs, points=100, profiles=16))
-    again = calibrate(Measured(**inputs, points=100, profiles=16))
+    first = calibrate(NoiseTarget(**inputs, points=100, profiles=16))
+    again = calibrate(NoiseTarget(**inputs, points=100, profiles=16))
     assert again is first
     calibrate.cache_clear()
-    anew = calibrate(Measured(**inputs, points=100, profiles=16))
+    anew = calibrate(NoiseTarget(**inputs, points=100, profiles=16))
     assert anew == first
     assert anew is not first
 
@@ -103,7 +103,7 @@ def test_calibrated_noise_has_no_mean_and_tame_ends() -> None:
 )
 def test_what_no_scan_can_have_is_refused(wrong: dict[str, float], said: str) -> None:
     with pytest.raises(ValueError, match=said):
-        Measured(pitch_x_mm=0.1, pitch_y_mm=0.1, **wrong)
+        NoiseTarget(pitch_x_mm=0.1, pitch_y_mm=0.1, **wrong)
 
 
 def flat_region(path: Path) -> tuple[Floats, float, float, float]:

@@ -6,7 +6,7 @@ import trimesh
 
 from sensors.casting.laser import Laser
 from sensors.view.visibility import camera_visible
-from tests.sensors.solids import LASERS, path, rotation, scene_of, solids
+from tests.support.solids import LASERS, path, rotation, scene_of, solids
 
 NAMES = [name for name, _ in solids(np.random.default_rng(0))]
 FAN = Laser(x_mm=np.zeros(101), slope_x=np.tan(np.linspace(-0.2, 0.2, 101)))

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tifffile
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -128,7 +129,6 @@ def test_the_mvtec_folders_keep_the_rules_of_their_readers(
     what stands before its first dot; each rgb of the test has a gt of the same name; training is
     good.
     """
-    tifffile = pytest.importorskip("tifffile")
     scans = flawforge.dataset.open(small_dataset)
     export(small_dataset, tmp_path, "mvtec3d")
     with (tmp_path / "scans.csv").open() as file:

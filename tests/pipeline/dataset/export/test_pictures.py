@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tifffile
 from PIL import Image
 
 import flawforge.dataset
@@ -62,7 +63,6 @@ def test_each_kind_of_picture_inverts(kind: str, small_dataset: Path) -> None:
 
 
 def test_tifffile_reads_the_tiff(small_dataset: Path, tmp_path: Path) -> None:
-    tifffile = pytest.importorskip("tifffile")
     scans = flawforge.dataset.open(small_dataset)
     written = export(small_dataset, tmp_path, "tiff")
     depths = [path for path in written if path.parent.name == "depth"]

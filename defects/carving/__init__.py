@@ -1,0 +1,1 @@
+"""Solids carved and put together: the booleans, what is around them, the wall that stays."""

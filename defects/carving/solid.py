@@ -1,0 +1,136 @@
+"""Closed solids, and what a flaw is to a part: its cutter, and the change that it makes."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from defects.carving.closed_patch import ClosedPatch
+from defects.carving.stitch import Carved, is_closed
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+VOLUME_TOLERANCE_MM = 1e-9  # of volumes that must add up, for each mm² of surface
+
+
+class BooleanError(RuntimeError):
+    """A boolean operation failed one of its checks; one line says which."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Solid:
+    """A closed triangle mesh, wound outwards.
+
+    Parameters
+    ----------
+    vertices_mm
+        (V, 3) float64, part frame.
+    faces
+        (F, 3) int32.
+    """
+
+    vertices_mm: Floats
+    faces: Ints
+
+    @property
+    def volume_mm3(self) -> float:
+        """Return the signed volume, by the divergence theorem about the first vertex."""
+        a, b, c = (self.vertices_mm[self.faces[:, i]] - self.vertices_mm[0] for i in range(3))
+        return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+    @property
+    def closed(self) -> bool:
+        """Return whether each edge has as many faces one way as the other way."""
+        return is_closed(self.faces)
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Cutter:
+    """The solids by which a flaw changes a part: first `removed` goes, then `added` comes.
+
+    Parameters
+    ----------
+    removed, added
+        Closed solids, or None. Where they overlap, material is there afterwards.
+    skin_mm, normals
+        (n, 3) places of the part's skin under the flaw's wanted surface and the local normals.
+    height_mm
+        (n,) the wanted surface above the skin along the normal; below zero under it.
+    above_mm
+        (m, 3) points of the solids that must lie in the air.
+    """
+
+    removed: Solid | None
+    added: Solid | None
+    skin_mm: Floats
+    normals: Floats
+    height_mm: Floats
+    above_mm: Floats
+
+    @property
+    def solids(self) -> tuple[Solid, ...]:
+        """Return the solids that there are."""
+        return tuple(solid for solid in (self.removed, self.added) if solid is not None)
+
+    @property
+    def box_mm(self) -> Floats:
+        """Return the least and the greatest corner (2, 3) of all the solids."""
+        points = np.concatenate([solid.vertices_mm for solid in self.solids])
+        return np.stack([points.min(axis=0), points.max(axis=0)])
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Change:
+    """What one flaw does to the part.
+
+    Parameters
+    ----------
+    removed_mm3, added_mm3
+        Volumes of part that goes and of material that comes, exact for the meshes.
+    opening_mm2
+        Area of the part's skin that is no longer surface.
+    depth_mm
+        Greatest depth under the skin along the local normal; the height, if nothing is removed.
+    through
+        Whether it pierces the part.
+    patch
+        The faces around the flaw as carved, where they could be closed off.
+    """
+
+    removed_mm3: float
+    added_mm3: float
+    opening_mm2: float
+    depth_mm: float
+    through: bool
+    patch: "CarvedPatch | None" = field(default=None, repr=False, compare=False)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class CarvedPatch:
+    """What a trial made of the faces around one flaw, ready to be stitched back.
+
+    Parameters
+    ----------
+    closed, carved
+        The faces, closed off, and what they were carved into; the flaw is instance 1.
+    change_mm3
+        By how much the patch's volume grew.
+    """
+
+    closed: ClosedPatch
+    carved: Carved
+    change_mm3: float
+
+    def of(self, instance: int, change: Change) -> Carved:
+        """Return the carved patch with the flaw's number in the part.
+
+        Raises
+        ------
+        BooleanError
+            When the patch doesn't change by what the flaw is said to change.
+        """
+        area = float(np.ptp(self.closed.vertices_mm, axis=0).max()) ** 2
+        wanted_mm3 = change.added_mm3 - change.removed_mm3
+        if abs(self.change_mm3 - wanted_mm3) > VOLUME_TOLERANCE_MM * max(1.0, area):
+            raise BooleanError("the volumes don't add up")
+        return replace(self.carved, instance=self.carved.instance * np.uint16(instance))

@@ -1,0 +1,1 @@
+"""What kinds of flaws are built of: outlines, paths over the skin, patches of it, edge sections."""

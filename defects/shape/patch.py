@@ -1,0 +1,395 @@
+"""A patch of skin as a mesh of its own, from which cutters are raised and sunk along the normal."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from defects.carving.booleans import union
+from defects.carving.solid import Cutter, Solid
+from defects.seats.feature_edges import Frames
+from defects.shape.thinning import Grid, filled
+from defects.surface.surface import Site, SiteError, Surface
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+SPARED = 0.5
+"""Of the sagitta: up to where a grid built for that sagitta may leave points out. A point that is
+left out stood off by a quarter of that in its own cell, 4/3 of it come on top: 0.8 sagittas."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Patch:
+    """Points of the skin with local normals, joined to a mesh that has one rim.
+
+    Parameters
+    ----------
+    skin_mm, normals
+        (n, 3): points on the part's surface and smooth unit normals.
+    faces
+        (m, 3), wound so that they face along the normals.
+    first, second
+        (n,) coordinates of each point in the patch: radius ratio and angle of a disk; position
+        along and across of a strip, both in mm.
+    grid
+        The faces' rows and columns; None: the faces are a piece of a grid.
+    """
+
+    skin_mm: Floats
+    normals: Floats
+    faces: Ints
+    first: Floats
+    second: Floats
+    grid: Grid | None = None
+
+    @classmethod
+    def disk(
+        cls,
+        surface: Surface,
+        site: Site,
+        outline_mm: Floats,
+        rho: Floats,
+    ) -> Self:
+        """Spread a disk over the surface by walking outwards from a site.
+
+        Parameters
+        ----------
+        surface, site
+            Where.
+        outline_mm
+            (k,) length of the walk to radius ratio 1, for k headings evenly spaced from the
+            site's own.
+        rho
+            (r,) rising radius ratios of the rings, above 0; some come in between.
+
+        Raises
+        ------
+        SiteError
+            When the disk crosses an edge of the part or folds.
+        """
+        rho = filled(rho, 1)
+        k, r = len(outline_mm), len(rho)
+        angles = np.arange(k) * (2 * np.pi / k)
+        start = np.repeat(site.position_mm[None], k, axis=0)
+        first, second = tangent_frame(site)
+        directions = np.cos(angles)[:, None] * first + np.sin(angles)[:, None] * second
+        steps = outline_mm[:, None] * np.diff(rho, prepend=0.0)
+        walk = surface.walk(start, directions, steps)
+        if not walk.complete.all():
+            raise SiteError("the flaw would cross an edge of the part")
+        skin = np.concatenate([site.position_mm[None], walk.points_mm.reshape(-1, 3)])
+        normals = np.concatenate([site.normal[None], walk.normals.reshape(-1, 3)])
+        grid = Grid(node=1 + np.arange(k * r, dtype=np.int32).reshape(k, r), hub=0)
+        patch = cls(
+            skin_mm=skin,
+            normals=normals,
+            faces=grid.faces,
+            first=np.concatenate([[0.0], np.tile(rho, k)]),
+            second=np.concatenate([[0.0], np.repeat(angles, r)]),
+            grid=grid,
+        )
+        patch._check()
+        return patch
+
+    @classmethod
+    def strip(
+        cls, surface: Surface, path_mm: Floats, along: Floats, along_mm: Floats, across_mm: Floats
+    ) -> Self:
+        """Spread a strip to both sides of a path.
+
+        Parameters
+        ----------
+        surface
+            Where.
+        path_mm, along
+            (n, 3) points of the path and its directions there.
+        along_mm
+            (n,) position along the path.
+        across_mm
+            (h,) rising distances from the path, above 0, walked to the left and to the right.
+
+        Raises
+        ------
+        SiteError
+            When the strip crosses an edge of the part or folds.
+        """
+        onto, normals, _ = surface.project(path_mm)
+        left = np.cross(normals, along)
+        steps = np.repeat(np.diff(across_mm, prepend=0.0)[None], 2 * len(path_mm), axis=0)
+        walk = surface.walk(np.concatenate([onto, onto]), np.concatenate([left, -left]), steps)
+        if not walk.complete.all():
+            raise SiteError("the flaw would cross an edge of the part")
+        n = len(path_mm)
+
+        def both(middle: Floats, sides: Floats) -> Floats:
+            return np.concatenate([sides[n:, ::-1], middle[:, None], sides[:n]], axis=1)
+
+        skin = both(onto, walk.points_mm)
+        width = skin.shape[1]
+        grid = Grid(node=np.arange(n * width, dtype=np.int32).reshape(n, width))
+        across = np.concatenate([-across_mm[::-1], [0.0], across_mm])
+        patch = cls(
+            skin_mm=skin.reshape(-1, 3),
+            normals=both(normals, walk.normals).reshape(-1, 3),
+            faces=grid.faces,
+            first=np.repeat(along_mm, width),
+            second=np.tile(across, n),
+            grid=grid,
+        )
+        patch._check()
+        return patch
+
+    @classmethod
+    def along_edge(
+        cls,
+        frames: Frames,
+        along_mm: Floats,
+        across: Floats,
+        reach_mm: tuple[float, float],
+        lean_rad: float = 0.0,
+    ) -> Self:
+        """Spread a strip over a feature edge: down the faces to its left and to its right.
+
+        Its normals are the bisectors of the two faces' normals, so that one height over the strip
+        describes a surface that replaces the edge.
+
+        Parameters
+        ----------
+        frames
+            Of the edge at n stations.
+        along_mm
+            (n,) position of the stations.
+        across
+            (k,) rising positions across the edge, in reaches: -1 on the right face, 1 on the left.
+        reach_mm
+            Reach on the left and on the right face.
+        lean_rad
+            Angle by which the normals are turned from the bisector to the left.
+
+        Raises
+        ------
+        SiteError
+            When the strip folds.
+        """
+        left, right = (
+            np.maximum(sign * across, 0.0)[None, :, None] * reach * away[:, None]
+            for sign, reach, away in (
+                (1, reach_mm[0], frames.left), (-1, reach_mm[1], frames.right)
+            )  # fmt: skip
+        )
+        skin = frames.points_mm[:, None] + left + right
+        sideways = np.cross(frames.outward, frames.along)
+        normal = np.cos(lean_rad) * frames.outward + np.sin(lean_rad) * sideways
+        n, k = skin.shape[:2]
+        grid = Grid(node=np.arange(n * k, dtype=np.int32).reshape(n, k))
+        patch = cls(
+            skin_mm=skin.reshape(-1, 3),
+            normals=np.repeat(normal, k, axis=0),
+            faces=grid.faces,
+            first=np.repeat(along_mm, k),
+            second=np.tile(across, n),
+            grid=grid,
+        )
+        patch._check()
+        return patch
+
+    def solid(
+        self, low_mm: Floats, high_mm: Floats, *, loose_mm: tuple[float, float] = (0.0, 0.0)
+    ) -> Solid:
+        """Return the closed solid between two heights (n,) above the skin, `low` below `high`.
+
+        `loose_mm` states how far the facets of the two sides may stand off, where nobody sees them.
+        """
+        count = len(self.skin_mm)
+        start, end = self._rim()
+        sides, rims = [], []
+        for height, loose in zip((low_mm, high_mm), loose_mm, strict=True):
+            places = self.skin_mm + height[:, None] * self.normals
+            faces, own = self.faces, np.arange(count, dtype=np.int32)
+            if self.grid is not None and loose > 0:
+                faces = self.grid.thinned(places, loose)
+                own = self.grid.stand_ins(faces, count)
+            sides.append((places, faces))
+            rims.append((own[start], own[end]))
+        (a, b), (c, d) = rims
+        faces = np.concatenate(
+            [
+                sides[0][1][:, ::-1],
+                sides[1][1] + count,
+                np.stack([a, b, d + count], 1)[a != b],
+                np.stack([a, d + count, c + count], 1)[c != d],
+            ]
+        )
+        used = np.zeros(2 * count, np.bool_)
+        used[faces] = True
+        number = np.cumsum(used, dtype=np.int32) - np.int32(1)
+        return Solid(
+            vertices_mm=np.concatenate([sides[0][0], sides[1][0]])[used], faces=number[faces]
+        )
+
+    def _rim(self) -> tuple[Ints, Ints]:
+        """Return the edges that one face alone has: their starts and their ends (n,)."""
+        if self.grid is not None:
+            return self.grid.rim, np.roll(self.grid.rim, -1)
+        edges = np.concatenate([self.faces[:, [k, (k + 1) % 3]] for k in range(3)])
+        there = edges.astype(np.int64) @ np.array([len(self.skin_mm), 1])
+        back = edges[:, ::-1].astype(np.int64) @ np.array([len(self.skin_mm), 1])
+        rim = edges[~np.isin(there, back)]
+        return rim[:, 0], rim[:, 1]
+
+    def _used(self) -> NDArray[np.intp]:
+        """Return the numbers of the points that faces meet in; `np.unique` takes far longer."""
+        meets = np.zeros(len(self.skin_mm), np.bool_)
+        meets[self.faces] = True
+        return np.flatnonzero(meets)
+
+    def part(self, keep: NDArray[np.bool_]) -> "Patch":
+        """Return the patch of the faces whose corners are all kept; `keep` is (n,)."""
+        return Patch(
+            skin_mm=self.skin_mm,
+            normals=self.normals,
+            faces=self.faces[keep[self.faces].all(axis=1)],
+            first=self.first,
+            second=self.second,
+        )
+
+    def cells(self, keep: NDArray[np.bool_]) -> "Patch":
+        """Return the patch of some cells of a strip; `keep` is (n - 1, k - 1) along and across."""
+        return Patch(
+            skin_mm=self.skin_mm,
+            normals=self.normals,
+            faces=self.faces[np.tile(keep.ravel(), 2)],
+            first=self.first,
+            second=self.second,
+        )
+
+    def _check(self) -> None:
+        a, b, c = (self.skin_mm[self.faces[:, i]] for i in range(3))
+        cross = np.cross(b - a, c - a)
+        mean = self.normals[self.faces].sum(axis=1)
+        size = np.linalg.norm(cross, axis=1) * np.linalg.norm(mean, axis=1)
+        if not (np.einsum("ij,ij->i", cross, mean) > 0.2 * size).all():
+            raise SiteError("the surface bends too strongly for a flaw of this size")
+
+
+def tangent_frame(site: Site) -> tuple[Floats, Floats]:
+    """Return the site's heading and the direction to the left of it, unit vectors (3,)."""
+    return site.direction(), site.direction(np.pi / 2)
+
+
+def reshape(
+    lid: Patch,
+    lid_height_mm: Floats,
+    pocket: Patch | None,
+    floor_mm: Floats | None,
+    margin_mm: float,
+    underside_mm: Floats | None = None,
+    sagitta_mm: float = 0.0,
+) -> Cutter:
+    """Give the skin another surface.
+
+    What lies above the wanted surface goes, and a lid with the wanted surface on top comes,
+    so that removed and added faces never nearly coincide: the pocket is cut `margin_mm`
+    deeper than wanted, see `eased`, and the lid is twice that thick. The wanted surface must cross
+    the skin at an angle and end below it.
+
+    Parameters
+    ----------
+    lid, lid_height_mm
+        The whole footprint and (n,) the wanted surface above the skin along the local normal.
+    pocket, floor_mm
+        What is removed: over which patch, and (n,) from which height over the skin on. None:
+        nothing.
+    margin_mm
+        See above.
+    underside_mm
+        (n,) the lid's lower side over the skin, where a thin sheet's far skin moves, too; None:
+        the lid is `2 * margin_mm` thick.
+    sagitta_mm
+        How far facets may stand off the wanted surface.
+    """
+    seen = SPARED * sagitta_mm
+    top = lid_height_mm > 0.2 * max(float(lid_height_mm.max()), 1e-9)
+    above = (lid.skin_mm + lid_height_mm[:, None] * lid.normals)[top]
+    removed = None
+    if pocket is not None and floor_mm is not None:
+        rise = float(max(lid_height_mm.max(), 0.0)) + 2 * margin_mm
+        high = np.full(len(pocket.skin_mm), rise)
+        removed = pocket.solid(floor_mm, high, loose_mm=(0.25 * margin_mm, margin_mm))
+        roof = (pocket.skin_mm + rise * pocket.normals)[pocket._used()]
+        above = np.concatenate([above, roof])
+    # A sheet's far skin is seen; a lid's underside only has to stay below the pocket's floor.
+    low, loose = underside_mm, seen
+    if low is None:
+        low, loose = np.minimum(lid_height_mm, 0.0) - 2 * margin_mm, 0.4 * margin_mm
+    return Cutter(
+        removed=removed,
+        added=lid.solid(low, lid_height_mm, loose_mm=(loose, seen)),
+        skin_mm=lid.skin_mm,
+        normals=lid.normals,
+        height_mm=lid_height_mm,
+        above_mm=above,
+    )
+
+
+def eased(height_mm: Floats, share: Floats, margin_mm: float) -> Floats:
+    """Return a pocket's floor over the skin, a margin deeper than a wanted surface (n,).
+
+    `share` is 0 where the wanted surface lies below the skin. From there to the lid's end it rises
+    to 1, and the floor out of the skin, so that the pocket's walls stand in the air.
+    """
+    return np.where(share > 0, (2 * share - 1) * margin_mm, np.minimum(height_mm, 0) - margin_mm)
+
+
+def dig(
+    patch: Patch,
+    height_mm: Floats,
+    under: NDArray[np.bool_],
+    depth_mm: float,
+    sagitta_mm: float = 0.0,
+) -> Cutter:
+    """Take away what lies above a wanted surface.
+
+    Parameters
+    ----------
+    patch, height_mm
+        The footprint and somewhat more, and (n,) the wanted surface over the skin along the
+        normals; above zero, so in the air, at the patch's rim.
+    under
+        (n,) which points belong to the footprint.
+    depth_mm
+        Of the flaw: the solid rises a quarter of it, at least 20 µm, above the highest point, so
+        that its roof lies clearly in the air.
+    sagitta_mm
+        How far facets may stand off the wanted surface.
+    """
+    clear = max(0.02, 0.25 * depth_mm)
+    rise = float(height_mm.max()) + clear
+    return Cutter(
+        removed=patch.solid(
+            height_mm,
+            np.full(len(height_mm), rise),
+            loose_mm=(SPARED * sagitta_mm, 0.25 * clear),
+        ),
+        added=None,
+        skin_mm=patch.skin_mm[under],
+        normals=patch.normals[under],
+        height_mm=np.minimum(height_mm[under], 0.0),
+        above_mm=patch.skin_mm + rise * patch.normals,
+    )
+
+
+def merge(cutters: list[Cutter]) -> Cutter:
+    """Return one cutter that does what several do, which may overlap."""
+    removed = tuple(cutter.removed for cutter in cutters if cutter.removed is not None)
+    added = tuple(cutter.added for cutter in cutters if cutter.added is not None)
+    return Cutter(
+        removed=union(removed) if removed else None,
+        added=union(added) if added else None,
+        skin_mm=np.concatenate([cutter.skin_mm for cutter in cutters]),
+        normals=np.concatenate([cutter.normals for cutter in cutters]),
+        height_mm=np.concatenate([cutter.height_mm for cutter in cutters]),
+        above_mm=np.concatenate([cutter.above_mm for cutter in cutters]),
+    )

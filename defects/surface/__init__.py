@@ -1,0 +1,1 @@
+"""The surface that a flaw follows: nearest points, smooth normals, walks."""

@@ -1,0 +1,91 @@
+"""`flawforge preview`: draw a scan of a dataset, or a recipe before anything is generated."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from flawforge.commands.recipe_options import add_recipe_options
+from flawforge.progress import compiling_said
+
+EPILOG = """\
+examples:
+  flawforge preview quickstart --out setup.png    part, flaws, sensor fan and path
+  flawforge preview out/quickstart --out scan.png                the scan with the most visible flaw
+  flawforge preview out/quickstart --scan car_door-0001-0000
+  flawforge preview out/quickstart --all --out sheet.png         all scans side by side
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's words."""
+    parser.epilog = EPILOG
+    parser.add_argument(
+        "what",
+        type=Path,
+        metavar="DIR|RECIPE|PART",
+        help="folder of a dataset, a recipe, or a mesh (as flawforge init would set it up)",
+    )
+    parser.add_argument(
+        "--scan",
+        metavar="ID",
+        help="scan of a dataset (default: the one with the most visible flaw)",
+    )
+    parser.add_argument(
+        "--all", action="store_true", help="contact sheet of all scans of a dataset"
+    )
+    parser.add_argument("--part", metavar="NAME", help="part of a recipe (default: the first)")
+    add_recipe_options(parser)
+    parser.add_argument(
+        "--out", type=Path, default=Path("preview.png"), metavar="PNG", help="default: preview.png"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Draw and print the picture's path."""
+    from sensors.typed_yaml import RecipeError
+
+    if arguments.out.suffix.lower() != ".png":
+        raise RecipeError(
+            "not a PNG file name", where="--out", value=str(arguments.out), allowed="NAME.png"
+        )
+    if arguments.what.is_dir() and arguments.part is not None:
+        raise RecipeError("--part selects a part of a recipe; --scan selects a scan of a dataset")
+    if not arguments.what.is_dir() and arguments.scan is not None:
+        raise RecipeError("--scan selects a scan of a dataset; --part selects a part of a recipe")
+    if arguments.all and not (arguments.what.is_dir() and arguments.scan is None):
+        raise RecipeError("--all requires a dataset and excludes --scan")
+    if arguments.all:
+        from pipeline.gallery.contact_sheet import contact_sheet
+
+        picture, count = contact_sheet(arguments.what, arguments.out)
+        print(f"{picture}: {count} scans")
+        return 0
+    if arguments.what.is_dir():
+        from pipeline.preview.scan_picture import draw_scan
+
+        picture = draw_scan(arguments.what, arguments.out, scan_id=arguments.scan)
+    else:
+        from pipeline.preview.recipe_picture import draw_recipe
+
+        recipe, roots = _recipe(arguments.what, tuple(arguments.parts))
+        with compiling_said():
+            picture = draw_recipe(
+                recipe, arguments.out, part=arguments.part, roots=roots, sets=arguments.sets,
+                seed=arguments.seed,
+            )  # fmt: skip
+    print(picture)
+    return 0
+
+
+def _recipe(what: Path, roots: tuple[Path, ...]) -> tuple[Any, tuple[Path, ...]]:
+    """Return the recipe to draw: as named, or of a mesh the one that `flawforge init` writes."""
+    from pipeline.parts.mesh.meshfile import SUFFIXES
+
+    if what.suffix.lower() not in SUFFIXES:
+        return what, roots
+    from pipeline.recipe_draft import draft
+    from sensors.typed_yaml import parse_text
+
+    place = what.resolve()
+    text = draft(what, where=str(place), unit=None, thicken_mm=None)
+    return parse_text(text, where=str(what)), (*roots, place.parent)
