@@ -65,12 +65,12 @@ class Settings:
     )  # fmt: skip
     prior_cause: float = quantity(
         "probability of each catalogued cause before any reading",
-        default=0.05, unit="", low=0.0,
-        source="by convention: about one of 25 causes is there when somebody asks",
+        default=0.1, unit="", low=0.0,
+        source="by convention: two or three of 25 causes where somebody asks",
     )  # fmt: skip
     prior_unknown: float = quantity(
         "probability of each unknown component before any reading",
-        default=0.02, unit="", low=0.0,
+        default=0.04, unit="", low=0.0,
         source="by convention: the catalogue holds most of what happens",
     )  # fmt: skip
     least_mean_size: float = quantity(

@@ -100,10 +100,8 @@ def ranges_of(patches: Sequence[Patch], names: Sequence[str]) -> Ranges:
     for name in names:
         values = []
         for patch in patches:
-            try:
-                value = np.broadcast_to(COVARIATES[name].values(patch.view), patch.shape)
-            except RecipeError:
-                continue
+            view = _possible(patch.view, COVARIATES[name].needs)[0]
+            value = np.broadcast_to(COVARIATES[name].values(view), patch.shape)
             value = value[patch.observed & ~patch.edge]
             values.append(value[np.isfinite(value)][::3])
         every = np.concatenate(values) if values else np.zeros(0)
@@ -193,7 +191,7 @@ def _spanned(
 ) -> list[Floats] | None:
     """Change of the mean by the law at points of its grid, in all cameras it may have."""
     out = []
-    for view in _possible(patch.view, kind):
+    for view in _possible(patch.view, kind.needs):
         try:
             plain = law_of(view, (), noise).mean_mm
             points = kind.example().grid(view)
@@ -205,12 +203,23 @@ def _spanned(
     return out or None
 
 
-def _possible(view: View, kind: type[Effect]) -> list[View]:
+def _possible(view: View, needs: Sequence[str]) -> list[View]:
+    """Return views by the cameras that the sensor may have, where one is needed and not stated."""
     sheet = view.datasheet
-    if "triangulation_angle_deg" not in kind.needs or sheet.triangulation_angle_deg is not None:
+    if all(getattr(sheet, key) is not None for key in needs):
         return [view]
     return [with_sheet(view, replace(sheet, triangulation_angle_deg=a, camera_side=side))
             for a in SETTINGS.assumed_angles_deg[1:2] for side in ("+y", "-y")]  # fmt: skip
+
+
+def seen_by_cameras(component: Component, patches: Sequence[Patch]) -> list[list[Patch]]:
+    """Look at patches by each camera that a component's covariates may be seen by."""
+    needs = [key for a in component.relaxed.along for key in COVARIATES[a].needs]
+    views = [_possible(p.view, needs) for p in patches]
+    return [
+        [replace(p, view=v) for p, v in zip(patches, picked, strict=True)]
+        for picked in zip(*views, strict=True)
+    ]
 
 
 def with_sheet(view: View, sheet: Datasheet) -> View:

@@ -103,31 +103,55 @@ def seen(
 
 
 def good_factors(one: Seen) -> dict[str, Floats]:
-    """Log Bayes factor of each size of each component, by its name, in recordings of one kind.
+    """Log Bayes factor of each size of each component, by its key, in recordings of one kind.
 
-    Where the recordings are of a good instrument this is the likelihood of its discrepancy.
+    Where the recordings are of a good instrument this is the likelihood of its discrepancy. Each
+    component is weighed beside the others at their likeliest sizes, so that what several could
+    explain is counted once; what is each recording's own comes after what recordings share.
     """
+    out = _mean_factors(one)
+    for channel in one.channels:
+        search = RateSearch(channel, Scales(sizes=SETTINGS.rate_sizes(), weights={}))
+        for c in channel.candidates:
+            factors, _ = search.factors(channel.responses, c)
+            out[c.key] = logsumexp(factors - np.log(len(factors)), axis=0)
+    return out
+
+
+def _mean_factors(one: Seen) -> dict[str, Floats]:
     sizes = SETTINGS.mean_sizes()
     quiet = np.full(len(one.bulk.right), sizes[0])
-    out: dict[str, Floats] = {}
-    # what recordings share first: what is each one's own is what that doesn't explain
-    for own in (False, True):
-        posteriors = {
+
+    def factors(c: Candidate, posteriors: Mapping[bool, Posterior]) -> Floats:
+        each = c.log_factors(posteriors[c.at_edges].cavity(Term(at=c.at)), sizes)
+        return np.asarray(logsumexp(each - np.log(len(each)), axis=0))
+
+    def posteriors() -> dict[bool, Posterior]:
+        return {
             edges: Posterior(g.equations, quiet)
             for edges, g in ((False, one.bulk), (True, one.whole))
         }
-        for c in one.candidates:
-            if c.of_recordings is own:
-                factors = c.log_factors(posteriors[c.at_edges].cavity(Term(at=c.at)), sizes)
-                out[c.key] = logsumexp(factors - np.log(len(factors)), axis=0)
-        for c in one.candidates:
-            if not own and not c.of_recordings and c.shapes[0] is None and not c.at_edges:
-                quiet[c.at] = sizes[int(out[c.key].argmax())]
-    for channel in one.channels:
-        search = RateSearch(channel, Scales(sizes=SETTINGS.rate_sizes(), weights={}))
-        for one_of in channel.candidates:
-            factors, _ = search.factors(channel.responses, one_of)
-            out[one_of.key] = logsumexp(factors - np.log(len(factors)), axis=0)
+
+    for own in (False, True):
+        # the likeliest first: what it explains no other needs to
+        waiting = [c for c in one.candidates if c.of_recordings is own and c.shapes[0] is None]
+        while waiting:
+            now = posteriors()
+            found = {c.name: factors(c, now) for c in waiting}
+            best = max(waiting, key=lambda c: float(found[c.name].max()))
+            if found[best.name].max() < 1.0:
+                break
+            quiet[best.at] = sizes[int(found[best.name].argmax())]
+            waiting = [c for c in waiting if not np.array_equal(c.at, best.at)]
+    out = {}
+    now = posteriors()
+    for c in one.candidates:
+        if (quiet[c.at] > sizes[0]).any():
+            kept, quiet[c.at] = quiet[c.at].copy(), sizes[0]
+            out[c.key] = factors(c, posteriors())
+            quiet[c.at] = kept
+        else:
+            out[c.key] = factors(c, now)
     return out
 
 

@@ -68,9 +68,10 @@ class Responses:
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Mode:
-    """Most probable coefficients and the log evidence there."""
+    """Most probable coefficients, their standard deviations, and the log evidence there."""
 
     coefficients: Floats
+    sd: Floats
     log_evidence: float
 
 
@@ -107,5 +108,6 @@ def mode(responses: Responses, columns: Floats, sd: Floats, start: Floats | None
     _, _, curve = responses.likelihood(scaled @ u)
     hessian = np.eye(len(u)) + (scaled * curve[:, None]).T @ scaled
     return Mode(
-        coefficients=sd * u, log_evidence=best - 0.5 * float(np.linalg.slogdet(hessian)[1])
-    )
+        coefficients=sd * u, sd=sd * np.sqrt(np.diag(np.linalg.inv(hessian))),
+        log_evidence=best - 0.5 * float(np.linalg.slogdet(hessian)[1]),
+    )  # fmt: skip

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, label, uniform_filter
-from scipy.special import logsumexp
+from scipy.special import log_ndtr, logsumexp
 
 from diagnosis.components.component import (
     Component,
@@ -17,6 +17,7 @@ from diagnosis.components.component import (
     components_of,
     missing_columns,
     plain_columns,
+    seen_by_cameras,
 )
 from diagnosis.components.smooth import Ranges
 from diagnosis.evidence.causes import Scales
@@ -162,44 +163,55 @@ def _candidate(
     variants = []
     if relaxed.each:
         owner, count = _owners(relaxed.each, patches, picks)
-        variants.append(_in_cells(owner, count, edge, np.eye(count)[:, :, None], component))
+        variants.append(_in_cells(owner, count, edge, np.eye(count)))
     elif relaxed.spanned:
         made = [missing_columns(component, p) for p in patches]
         for j in range(len(made[0])):
             lost = np.concatenate([m[j][k] for m, k in zip(made, picks, strict=True)]) > 0.5
             if lost.any():
                 one = np.array([[0.0], [1.0]])
-                variants.append(_in_cells(lost.astype(np.int64), 2, edge, one, component))
+                variants.append(_in_cells(lost.astype(np.int64), 2, edge, one))
     else:
-        made = [m for p in patches if (m := plain_columns(component, p, ranges)) is not None]
-        if len(made) < len(patches):
-            return None
-        cells = [cell_of(component, p, ranges) for p in patches]
-        owner = np.concatenate([c[k] for c, k in zip(cells, picks, strict=True)])
-        count = int(owner.max(initial=0)) + 1
-        number = np.maximum(np.bincount(owner, minlength=count), 1)
-        columns = np.stack([
-            np.bincount(owner, np.concatenate([
-                np.broadcast_to(m[j], p.shape)[k]
-                for m, p, k in zip(made, patches, picks, strict=True)
-            ]), count) / number
-            for j in range(len(made[0]))
-        ], axis=1)
-        size = np.sqrt((number[:, None] * np.square(columns)).sum() / number.sum())
-        if size > 0:
-            variants.append(_in_cells(owner, count, edge, columns / size, component))
+        for views in seen_by_cameras(component, patches):
+            made = _smooth(component, views, picks, edge, ranges)
+            if made is not None:
+                variants.append(made)
     if not variants:
         return None
     listed = any(e.name == component.effect for e in patches[0].view.sensor.effects)
     return RateCandidate(component=component, variants=tuple(variants), listed=listed)
 
 
+def _smooth(
+    component: Component,
+    patches: Sequence[Patch],
+    picks: Sequence[Mask],
+    edge: Mask,
+    ranges: Ranges,
+) -> RateVariant | None:
+    """Sum readings over cells of the covariates, with the component's columns there."""
+    made = [m for p in patches if (m := plain_columns(component, p, ranges)) is not None]
+    if len(made) < len(patches):
+        return None
+    cells = [cell_of(component, p, ranges) for p in patches]
+    owner = np.concatenate([c[k] for c, k in zip(cells, picks, strict=True)])
+    count = int(owner.max(initial=0)) + 1
+    number = np.maximum(np.bincount(owner, minlength=count), 1)
+    columns = np.stack([
+        np.bincount(owner, np.concatenate([
+            np.broadcast_to(m[j], p.shape)[k]
+            for m, p, k in zip(made, patches, picks, strict=True)
+        ]), count) / number
+        for j in range(len(made[0]))
+    ], axis=1)
+    size = np.sqrt((number[:, None] * np.square(columns)).sum() / number.sum())
+    return _in_cells(owner, count, edge, columns / size) if size > 0 else None
+
+
 def _in_cells(
-    owner: Owners, count: int, edge: Mask, columns: Floats, component: Component
+    owner: Owners, count: int, edge: Mask, columns: Floats
 ) -> RateVariant:
     """Split each cell into what is at edges and what isn't."""
-    if columns.ndim == 3:
-        columns = columns[:, :, 0]
     level = np.repeat(np.array([[1.0, 0.0], [1.0, 1.0]]), count, axis=0)
     return RateVariant(
         owner=owner + count * edge, count=2 * count, level=level,
@@ -270,8 +282,9 @@ class RateSearch:
                 found = mode(cells, x, sd, start)
                 factors[i, k] = found.log_evidence - base.log_evidence
                 start = found.coefficients
-                if candidate.component.relaxed.grows and start[-1] < 0:
-                    factors[i, k] = min(factors[i, k], 0.0)
+                if candidate.component.relaxed.grows:
+                    # half of the prior, with all of its probability
+                    factors[i, k] += np.log(2.0) + log_ndtr(start[-1] / found.sd[-1])
                 changes.append(found.coefficients[len(free) :])
         return factors, changes
 

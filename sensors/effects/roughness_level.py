@@ -29,10 +29,7 @@ class RoughnessLevel(Effect):
     channels: ClassVar = ("variance", "correlation")
     frame: ClassVar = "part"
     covariate: ClassVar = "part_x"
-    relaxed: ClassVar = (
-        Relaxed(channel="scale"),
-        Relaxed(channel="scale", along=("part_x", "part_y", "part_z")),
-    )
+    relaxed: ClassVar = (Relaxed(channel="scale", along=("part_x", "part_y", "part_z")),)
     rivals: ClassVar = ("incidence_noise", "anisotropic_lay")
     separating: ClassVar = (
         "scan a flat plate of the same surface texture: the roughness level holds everywhere, "
