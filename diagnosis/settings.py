@@ -58,6 +58,11 @@ class Settings:
         default=2, unit="", low=1, whole=True,
         source="a second one for a harmonic that is stronger than its fundamental",
     )  # fmt: skip
+    periods_tried: int = quantity(
+        "periods over the range that are looked at to pick those",
+        default=400, unit="", low=1, whole=True,
+        source="cycles over the readings' span, in halves, to two camera rows",
+    )  # fmt: skip
     spanned: int = quantity(
         "main directions kept of what a law does over its grid",
         default=3, unit="", low=1, whole=True,
@@ -65,12 +70,12 @@ class Settings:
     )  # fmt: skip
     prior_cause: float = quantity(
         "probability of each catalogued cause before any reading",
-        default=0.1, unit="", low=0.0,
-        source="by convention: two or three of 25 causes where somebody asks",
+        default=0.05, unit="", low=0.0,
+        source="by convention: about one of 25 causes where somebody asks",
     )  # fmt: skip
     prior_unknown: float = quantity(
         "probability of each unknown component before any reading",
-        default=0.04, unit="", low=0.0,
+        default=0.02, unit="", low=0.0,
         source="by convention: the catalogue holds most of what happens",
     )  # fmt: skip
     least_mean_size: float = quantity(
@@ -110,8 +115,8 @@ class Settings:
     )  # fmt: skip
     doubt_at_edges: float = quantity(
         "the same for laws of light at edges",
-        default=0.4, unit="1", low=0.0,
-        source="as `prediction.DOUBT`",
+        default=0.7, unit="1", low=0.0,
+        source="two laws of one cause differ there by most of its size (calibration cases)",
     )  # fmt: skip
     clip: float = quantity(
         "deviations beyond which a reading counts as that far off",
@@ -137,6 +142,11 @@ class Settings:
         "readings of a channel below which it isn't looked at",
         default=200, unit="", low=1, whole=True,
         source="expected events: none",
+    )  # fmt: skip
+    largest_clump: float = quantity(
+        "readings of one clump of losses or outliers that count as one event at most",
+        default=12.0, unit="", low=0.0,
+        source="as many as a grain of dust hides; a shadow is more",
     )  # fmt: skip
     level_sd_off: float = quantity(
         "deviation of the logarithm of a good instrument's share of losses and outliers",

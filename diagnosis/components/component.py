@@ -159,14 +159,16 @@ def cell_of(component: Component, patch: Patch, ranges: Ranges) -> NDArray[np.in
 def missing_columns(component: Component, patch: Patch) -> list[Floats]:
     """Share of readings that the law loses at each point of its grid, 0 to 1."""
     kind, view = CATALOGUE[component.effect], patch.view
-    before = np.asarray(law_of(view, (), None).p_missing)
+    before = law_of(view, (), None)
     out = []
     words = [p for p in kind.parameters() if len(p.choices) > 1]
     for point in kind.example().grid(view):
         variants = [point.with_parameters({p.name: c}) for p in words for c in p.choices] or [point]
         for variant in variants:
-            lost = np.asarray(law_of(view, (variant,), None).p_missing)
-            out.append(np.broadcast_to(np.clip(lost - before, 0, 1), view.shape))
+            after = law_of(view, (variant,), None)
+            lost = np.clip(np.asarray(after.p_missing) - before.p_missing, 0, 1)
+            gone = np.isfinite(before.mean_mm) & ~np.isfinite(after.mean_mm)
+            out.append(np.where(gone, 1.0, np.broadcast_to(lost, view.shape)))
     return out
 
 

@@ -112,9 +112,15 @@ def good_factors(one: Seen) -> dict[str, Floats]:
     out = _mean_factors(one)
     for channel in one.channels:
         search = RateSearch(channel, Scales(sizes=SETTINGS.rate_sizes(), weights={}))
-        for c in channel.candidates:
-            factors, _ = search.factors(channel.responses, c)
-            out[c.key] = logsumexp(factors - np.log(len(factors)), axis=0)
+        responses, waiting = channel.responses, list(channel.candidates)
+        while waiting:
+            found = {c.key: search.sizes(responses, c) for c in waiting}
+            best = max(waiting, key=lambda c: float(found[c.key].factors.max()))
+            out |= {key: w.factors for key, w in found.items()}
+            if out[best.key].max() < 1.0:
+                break
+            responses = responses.moved(found[best.key].change)
+            waiting.remove(best)
     return out
 
 

@@ -47,6 +47,13 @@ class Candidate:
     listed: bool = False
 
     @property
+    def tried(self) -> int:
+        """Forms that were looked at to find the variants: periods are picked from many."""
+        relaxed = self.component.relaxed
+        picked = relaxed.periodic and not relaxed.each
+        return SETTINGS.periods_tried if picked else len(self.shapes)
+
+    @property
     def of_recordings(self) -> bool:
         """Whether each recording has its own coefficients."""
         return self.component.own or self.component.relaxed.each == "profile"
@@ -120,11 +127,12 @@ def _by_profile(
         rows = np.flatnonzero(shape.any(axis=1))
         own = shape[rows]
         energy = float((own * (inner[np.ix_(rows, rows)] @ own)).sum())
-        return shape * np.sqrt(gram.readings / max(energy, 1e-12))
+        return np.asarray(shape * np.sqrt(gram.readings / max(energy, 1e-12)))
 
     bands, frequencies = [], []
-    span = max(float(np.ptp(axis[b.recording])) for b in blocks)
-    finest = min(float(np.median(np.abs(np.diff(axis[b.recording])))) for b in blocks)
+    own_axis = [axis[b.recording] for b in blocks if b.recording is not None]
+    span = max(float(np.ptp(values)) for values in own_axis)
+    finest = min(float(np.median(np.abs(np.diff(values)))) for values in own_axis)
     count = int(span / finest / 2 / SETTINGS.band_step)
     for k in range(count):
         f = (SETTINGS.least_cycles + k * SETTINGS.band_step) / span
@@ -132,8 +140,8 @@ def _by_profile(
             break
         shape = np.zeros((starts[-1], len(blocks) * _band(np.zeros(2), 1.0, finest).shape[1]))
         width = shape.shape[1] // len(blocks)
-        for i, b in enumerate(blocks):
-            own = _band(axis[b.recording], f, finest)
+        for i, values in enumerate(own_axis):
+            own = _band(values, f, finest)
             shape[starts[i] : starts[i + 1], i * width : (i + 1) * width] = own
         bands.append(scaled(shape))
         frequencies.append(f)

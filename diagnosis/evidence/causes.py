@@ -127,11 +127,18 @@ class CauseSearch:
             if c.shapes[0] is None:
                 self._quiet[c.at] = np.maximum(self._quiet[c.at], scales.typical(c.key))
 
-    def posteriors(self, active: Sequence[Active]) -> dict[bool, Posterior]:
-        """Posterior with a set; a large signal is no better known than by a few per cent."""
+    def posteriors(
+        self, active: Sequence[Active], tried: Sequence[Active] = ()
+    ) -> dict[bool, Posterior]:
+        """Posterior with a set; a large signal is no better known than by a few per cent.
+
+        Parameters
+        ----------
+        tried : what is weighed beside the set, whose law is doubted as well
+        """
         terms = [(c.term(v), s) for c, v, s in active]
-        signal = self._explained**2 + sum(s**2 for _, s in terms)
-        at_edges = sum(s**2 for c, _, s in active if c.component.relaxed.spanned)
+        signal = self._explained**2 + sum(s**2 for _, _, s in (*active, *tried))
+        at_edges = sum(s**2 for c, _, s in (*active, *tried) if c.component.relaxed.spanned)
         doubt = np.where(
             self._spanned, SETTINGS.doubt_at_edges * np.sqrt(at_edges),
             SETTINGS.doubt * np.sqrt(signal),
@@ -156,8 +163,10 @@ class CauseSearch:
         nothing = 0.0
         for c in candidates:
             factors = c.log_factors(posteriors[c.at_edges].cavity(Term(at=c.at)), sizes)
-            usual = logsumexp(factors - np.log(len(factors)), axis=0)
-            known = self._worlds[c.at_edges].baseline is not None and not c.of_recordings
+            usual = logsumexp(factors - np.log(c.tried), axis=0)
+            # where edges lie is known anew, and a little otherwise, in each recording
+            shared = not c.of_recordings and not c.at_edges
+            known = self._worlds[c.at_edges].baseline is not None and shared
             if not known:
                 quiet = np.log(np.maximum(self.scales.of(c.key), 1e-300))
                 nothing = max(nothing, float(logsumexp(usual + quiet)))
@@ -178,13 +187,26 @@ class CauseSearch:
         for _ in range(SETTINGS.most_causes):
             taken = {c.effect or c.name for c, _, _ in active}
             free = [c for c in self.candidates if (c.effect or c.name) not in taken]
-            weighed = self.weigh(self.posteriors(active), free)
-            best = max(free, key=lambda c: weighed[c.name].nats + self.log_odds(c), default=None)
-            if best is None or weighed[best.name].nats + self.log_odds(best) <= 0:
+            best = self._best(active, free)
+            if best is None:
                 break
-            active.append((best, weighed[best.name].variant, weighed[best.name].size))
+            active.append(best)
             active = self._resized(active)
         return self._weighed(active)
+
+    def _best(self, active: list[Active], free: Sequence[Candidate]) -> Active | None:
+        """Return the candidate of the largest odds beside a set; None where none has any.
+
+        The first choice tells how large the signal is; the second is made with its law in doubt.
+        """
+        tried: list[Active] = []
+        for _ in range(2):
+            weighed = self.weigh(self.posteriors(active, tried), free)
+            best = max(free, key=lambda c: weighed[c.name].nats + self.log_odds(c), default=None)
+            if best is None or weighed[best.name].nats + self.log_odds(best) <= 0:
+                return None
+            tried = [(best, weighed[best.name].variant, weighed[best.name].size)]
+        return tried[0]
 
     def _resized(self, active: list[Active]) -> list[Active]:
         """Give each member the size and form that suit it best beside the others."""
@@ -201,7 +223,7 @@ class CauseSearch:
             rest = active[:i] + active[i + 1 :]
             taken = {(o.effect or o.name) for o, _, _ in rest}
             free = [o for o in self.candidates if (o.effect or o.name) not in taken]
-            weighed = self.weigh(self.posteriors(rest), free)
+            weighed = self.weigh(self.posteriors(rest, [(c, v, s)]), free)
             odds = {o.name: weighed[o.name].nats + self.log_odds(o) for o in free} | {"": 0.0}
             total = logsumexp(list(odds.values()))
             shares = {n: float(np.exp(x - total)) for n, x in odds.items()}

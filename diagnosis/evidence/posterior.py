@@ -117,7 +117,7 @@ class Posterior:
     def coefficients(self) -> Floats:
         """Posterior mean of what the recordings' columns hold, discrepancy and changes, (M,)."""
         size = len(self._d)
-        out = self._d * self._solved[:size]
+        out = np.asarray(self._d * self._solved[:size])
         at = size
         for term, s in self._active:
             weights = np.eye(len(term.at)) if term.weights is None else term.weights

@@ -145,7 +145,7 @@ def _responses(
         # a Gaussian's square has variance 2
         dispersion = float(np.var(np.concatenate(even)) / 2)
     else:
-        dispersion = loose / max(heads, 1)
+        dispersion = min(loose / max(heads, 1), SETTINGS.largest_clump)
     return picks, Responses(
         kind="scale" if name == "scale" else "rate", seen=np.concatenate(seen),
         usual=np.concatenate(usual), dispersion=max(dispersion, 1.0),
@@ -173,9 +173,9 @@ def _candidate(
                 variants.append(_in_cells(lost.astype(np.int64), 2, edge, one))
     else:
         for views in seen_by_cameras(component, patches):
-            made = _smooth(component, views, picks, edge, ranges)
-            if made is not None:
-                variants.append(made)
+            smooth = _smooth(component, views, picks, edge, ranges)
+            if smooth is not None:
+                variants.append(smooth)
     if not variants:
         return None
     listed = any(e.name == component.effect for e in patches[0].view.sensor.effects)
@@ -250,6 +250,22 @@ class RateMember:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Sized:
+    """Log Bayes factors of a candidate's sizes, over its variants, and its likeliest form.
+
+    Attributes
+    ----------
+    factors : (S,)
+    change : (N,) of the predictor at the mode
+    """
+
+    factors: Floats
+    variant: int
+    size: float
+    change: Floats
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class _Weighed:
     nats: float
     variant: int
@@ -288,24 +304,30 @@ class RateSearch:
                 changes.append(found.coefficients[len(free) :])
         return factors, changes
 
+    def sizes(self, responses: Responses, candidate: RateCandidate) -> Sized:
+        """Weigh each size of a candidate against none."""
+        factors, changes = self.factors(responses, candidate)
+        v, k = (int(i) for i in np.unravel_index(int(np.argmax(factors)), factors.shape))
+        variant = candidate.variants[v]
+        change = variant.columns @ changes[v * factors.shape[1] + k]
+        return Sized(
+            factors=np.asarray(logsumexp(factors - np.log(len(factors)), axis=0)), variant=v,
+            size=float(SETTINGS.rate_sizes()[k]), change=change[variant.owner],
+        )  # fmt: skip
+
     def weigh(
         self, responses: Responses, candidates: Sequence[RateCandidate]
     ) -> dict[str, _Weighed]:
         """Weigh candidates, each against a good instrument, by name."""
-        sizes = SETTINGS.rate_sizes()
         found: dict[str, _Weighed] = {}
         nothing = 0.0
         for c in candidates:
-            factors, changes = self.factors(responses, c)
-            usual = logsumexp(factors - np.log(len(factors)), axis=0)
+            one = self.sizes(responses, c)
             quiet = np.log(np.maximum(self.scales.of(c.key), 1e-300))
-            nothing = max(nothing, float(logsumexp(usual + quiet)))
-            v, k = (int(i) for i in np.unravel_index(int(np.argmax(factors)), factors.shape))
-            variant = c.variants[v]
-            change = variant.columns @ changes[v * factors.shape[1] + k]
+            nothing = max(nothing, float(logsumexp(one.factors + quiet)))
             found[c.name] = _Weighed(
-                nats=float(logsumexp(usual + np.log(self.scales.changed(c.key)))), variant=v,
-                size=float(sizes[k]), change=change[variant.owner],
+                nats=float(logsumexp(one.factors + np.log(self.scales.changed(c.key)))),
+                variant=one.variant, size=one.size, change=one.change,
             )  # fmt: skip
         return {n: replace(w, nats=w.nats - nothing) for n, w in found.items()}
 

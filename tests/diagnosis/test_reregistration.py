@@ -6,23 +6,18 @@ import numpy as np
 import pytest
 
 from diagnosis import reregistration
-from diagnosis.explain import left_by_placement, shows
 from diagnosis.finish import level_change
 from diagnosis.fit import fit_effect
 from diagnosis.patch import cut
 from diagnosis.recorded import Recorded
 from diagnosis.registration import PRIOR_SD, Placement
 from diagnosis.reregistration import placed_anew
-from diagnosis.trials import crossfitted
 from diagnosis.workspace import Model, Workspace
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.effects.base import Effect
 from sensors.effects.interreflection import Interreflection
-from sensors.effects.range_scale import RangeScale
-from sensors.effects.thermal_drift import ThermalDrift
-from sensors.effects.travel_ripple import TravelRipple
 from sensors.recording import Recording
 from sensors.view.view import View
 from tests.support.effect_case import bench_workspace, taken_with
@@ -104,35 +99,6 @@ def test_a_recording_stays_where_its_readings_are_more_probable(
     assert placed["r"] is commanded
 
 
-def test_a_drift_is_told_by_the_recording_that_shows_it_most(ws: Workspace) -> None:
-    drift = ThermalDrift(amplitude_um=200.0, time_constant_s=0.2)
-    late = tuple(
-        replace(p, view=begun(p.view, 0.0 if p.recording == 0 else 5.0)) for p in ws.patches
-    )
-    sizes = [
-        left_by_placement(drift, own, [p.counted for p in own], ws.noise)
-        for own in ([p for p in late if p.recording == r] for r in (0, 1))
-    ]
-    every = left_by_placement(drift, late, [p.counted for p in late], ws.noise)
-    assert every == pytest.approx(max(sizes))
-    assert sizes[0] > 0.3 > 0.05 > sizes[1]
-    # what the late recording can't show isn't for it to judge
-    judged = [replace(p, fit=p.fit & (p.recording == 0), scored=~p.fit | (p.recording == 1))
-              for p in late]  # fmt: skip
-    assert not shows(drift, judged, ws.noise)
-
-
-def test_an_error_of_the_range_isn_t_for_one_plane_to_judge(ws: Workspace) -> None:
-    """On it the error is a tilt and a shift, which the registration takes up."""
-    error = RangeScale(error_ppm=3000.0)
-    triangle = np.concatenate([p.view.hits.triangle[p.counted & ~p.edge] for p in ws.patches])
-    facet = np.argmax(np.bincount(triangle[triangle >= 0]))
-    one = [replace(p, fit=p.counted, scored=p.counted & (p.view.hits.triangle == facet))
-           for p in ws.patches]  # fmt: skip
-    assert not shows(error, one, ws.noise)
-    assert shows(error, [replace(p, scored=p.fit) for p in one], ws.noise)
-
-
 def test_the_level_of_the_noise_is_what_every_recording_bears_out(ws: Workspace) -> None:
     plain = ws.predict(Model())
 
@@ -174,18 +140,3 @@ def test_a_strong_reflection_is_fitted_beyond_what_is_linear(ws: Workspace) -> N
     # readings that scatter so much count as spikes to first order; the law knows better
     assert quick.gain > 0.3 * gain(true)
     assert found.gain > 0.98 * gain(true)
-
-
-def test_edges_do_not_speak_against_a_ripple() -> None:
-    """What was solved to first order may be too far off there."""
-    true = TravelRipple(amplitude_um=60.0, period_mm=5.0)
-    there, model = taken_with(bench_workspace("steps"), "steps", true), Model()
-    predictions, base = there.predict(model), there.log_densities(model)
-    found = fit_effect(TravelRipple, there, model, predictions, there.states(predictions))
-    assert found is not None
-    assert isinstance(found.effect, TravelRipple)
-    assert found.effect.period_mm == pytest.approx(5.0, rel=0.02)
-    assert crossfitted(there, model, TravelRipple, found, base).sum() > 1500
-    # a period a little off: flats gain 1000 nats, edges lose 280 of them
-    off = replace(found, effect=found.effect.with_parameters(period_mm=5.2))
-    assert crossfitted(there, model, TravelRipple, off, base).sum() > 900

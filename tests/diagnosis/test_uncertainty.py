@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from diagnosis.curvature import blocks_of, fitted_numbers
-from diagnosis.select import refit_linear
+from diagnosis.physics import refit_linear
 from diagnosis.uncertainty import Estimate, intervals, refined, sandwich
 from diagnosis.workspace import Model, Workspace
 from sensors.effects.finite_spot import FiniteSpot
