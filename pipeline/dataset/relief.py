@@ -71,13 +71,13 @@ def _planes(
 ) -> tuple[Floats, Floats, Floats]:
     """Return the planes fitted around each block's middle: height at y = x = 0, and the slopes."""
     weight = valid.astype(np.float64)
-    # sums along x once for each power, then along y
-    w, wx, wxx = (blocks.summed(weight * x**power, 1) for power in range(3))
-    h, hx = blocks.summed(height, 1), blocks.summed(height * x, 1)
+    # along x once for each power of x, then along y
+    w, wx, wxx, h, hx = (
+        blocks.mean(one, 1) for one in (weight, weight * x, weight * x * x, height, height * x)
+    )
     y = y[:, None]
     held, my, mx, hm, yy, xx, xy, hy, hx = (
-        blocks.mean(blocks.summed(one, 0))
-        for one in (w, w * y, wx, h, w * y * y, wxx, wx * y, h * y, hx)
+        blocks.mean(one, 0) for one in (w, w * y, wx, h, w * y * y, wxx, wx * y, h * y, hx)
     )
     held = np.maximum(held, 1e-300)
     my, mx, hm = my / held, mx / held, hm / held
@@ -103,16 +103,16 @@ class _Blocks:
         self._sigma = [width / block for width, block in zip(sigma, self._blocks, strict=True)]
         self._shape = shape
 
-    def summed(self, values: Floats, axis: int) -> Floats:
-        """Return the sums over the blocks along an axis."""
-        starts = np.arange(0, self._shape[axis], self._blocks[axis])
-        return np.add.reduceat(values, starts, axis=axis)
+    def mean(self, values: Floats, axis: int) -> Floats:
+        """Return the Gaussian means along an axis of sums over its blocks, up to a factor."""
+        from scipy.ndimage import gaussian_filter1d
 
-    def mean(self, sums: Floats) -> Floats:
-        """Return the Gaussian means of blocks' sums, up to a factor."""
-        from scipy.ndimage import gaussian_filter
-
-        return np.asarray(gaussian_filter(sums, self._sigma, mode="constant", truncate=3.0))
+        block, sigma = self._blocks[axis], self._sigma[axis]
+        if block > 1:
+            values = np.add.reduceat(values, np.arange(0, self._shape[axis], block), axis=axis)
+        return np.asarray(
+            gaussian_filter1d(values, sigma, axis=axis, mode="constant", truncate=3.0)
+        )
 
     def blended(self, values: Floats) -> Floats:
         """Return blocks' values at every reading, linear between the blocks' middles."""
