@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from sensors.effects.base import Effect
+from sensors.effects.effect import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
 from sensors.line.line_operator import Line, bright_line, line_sd_mm
