@@ -90,7 +90,7 @@ def read_height_map(
             return read_csv(path, unit, columns)
         with np.errstate(invalid="ignore", over="ignore"):  # of damaged numbers: NaN says it
             return READERS[path.suffix.lower()](path, unit)
-    except RecipeError:
+    except (RecipeError, MemoryError):
         raise
     except OSError as error:
         raise RecipeError(f"can't be read ({error.strerror or error})", where=path) from None
