@@ -63,8 +63,8 @@ def write(found: Results) -> str:
         "Made by `make bench`; every number on this page is the command's, and those of a table "
         f"are of one run. {machine.processor}, {machine.cores} cores, one thread a process; "
         f"{versions}. Sections (load of the machine before each): {runs}.\n",
-        "Figures are medians over repeats within the run. *Clock* is what a user waits; "
-        "*processor* is what one core worked, which other work on the machine disturbs less.\n",
+        "Figures are medians over repeats within the run. *Clock* is elapsed time; *processor* is "
+        "the processor time of one core, which depends less on other work on the machine.\n",
         "## In short\n",
         _in_short(full, found),
         "## Casting, side by side\n",
@@ -82,12 +82,12 @@ def write(found: Results) -> str:
         f"{full.specimen_s:.1f} s, is done once for all scans of a specimen and not counted.\n",
         _scans(found.scans),
         "## Datasets with 1 and 2 jobs\n",
-        "The whole command, start-up and specimens included, in turns. *Limit* is what the "
-        "machine gives to two runs of 1 job each that know nothing of each other, against one "
-        "such run: cores share caches, memory and whatever else runs.\n",
+        "The whole command, start-up and specimens included, in turns. *Limit* is the speed-up of "
+        "two independent runs of 1 job each over one such run: cores share caches, memory and "
+        "other work.\n",
         _datasets(found.datasets),
         _dask(found),
-        "## What a million scans cost\n",
+        "## Cost of a million scans\n",
         "From the figures above, eight scans of each flawed door. Core-hours are processor time "
         "of one core like this one's; memory is what each job needs.\n",
         _cost_model(found.scans),

@@ -23,7 +23,7 @@ from diagnosis.score import CLIP, placements, whitened
 from diagnosis.workspace import Model, Workspace
 from sensors.effects import effect_of
 from sensors.effects.anisotropic_lay import AnisotropicLay
-from sensors.effects.base import Effect
+from sensors.effects.effect import Effect
 from sensors.effects.pose_error import PoseError
 from sensors.effects.roughness_level import RoughnessLevel
 from sensors.noise.uncertainty import sigma_mm

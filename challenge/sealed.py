@@ -40,7 +40,7 @@ PROTOCOL: dict[str, Any] = {
     "them; off is scanned where the middle of the exposures is; none for what changes the noise or "
     "is absorbed by the pose, nor beside pixel locking, which on and off both have",
     "null of the second family": "block means off edges depart at most 1.5 times as far as in the "
-    "worse of its baseline recordings, plus 0.1 sigma",
+    "worse of its baseline recordings, plus 0.1 sigma; by less than 0.1 sigma over 12 specimens",
     "size": "a medium or strong fault of the second family that moves readings is doubled, three "
     "times at most, until perfect knowledge tells it from none at 8 sigma",
     "gain": "ln of the RMS ratio, at most the oracle's, each reading at most 10 sigma, where the "

@@ -1,4 +1,4 @@
-"""A bank of flaws taken from real scans: their reliefs over a part's skin, one file for each."""
+"""A bank of flaws from real scans: reliefs over a part's skin, one file each."""
 
 import hashlib
 import io
@@ -21,7 +21,7 @@ FEWEST_NODES = 7
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Relief:
-    """One flaw: how far the surface stands over the skin, on a square lattice that lies on it.
+    """One flaw: height of the surface over the skin, on a square lattice on the skin.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What every kind of flaw is: a frozen set of bounded sizes that builds its cutter at a site."""
+"""The interface of a kind of flaw: bounded sizes, and a cutter at a site."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
@@ -18,8 +18,7 @@ from quantity.distribution import Distribution, Fixed, LogUniform, Uniform
 class Kind(ABC):
     """One flaw's sizes; a subclass adds fields made by `quantity` and builds the cutter.
 
-    `typical` of a size is the range that is drawn from where a recipe says nothing; a severity
-    tier's scale acts on sizes in mm.
+    `typical` of a size is the default range of draws; a severity tier's scale acts on sizes in mm.
 
     Raises
     ------
@@ -39,7 +38,7 @@ class Kind(ABC):
 
     @classmethod
     def sizes(cls) -> tuple[Quantity, ...]:
-        """Return what is declared of each size, in the order of the fields."""
+        """Return the declaration of each size, in the order of the fields."""
         return quantities(cls)
 
     @abstractmethod
@@ -67,7 +66,7 @@ class Kind(ABC):
 
     @classmethod
     def typical(cls) -> dict[str, Distribution]:
-        """Return the distributions used where a recipe says nothing."""
+        """Return the default distributions of the sizes."""
         found: dict[str, Distribution] = {}
         for size in cls.sizes():
             low, high = size.typical
@@ -86,7 +85,7 @@ class Kind(ABC):
 
     @property
     def source(self) -> str:
-        """Name of the real flaw that it is taken from; empty for what is drawn from laws."""
+        """Name of the real flaw of its origin; empty for a drawn flaw."""
         return ""
 
     def parameters(self) -> dict[str, float]:

@@ -1,7 +1,7 @@
 """Read a generated dataset: lazily, one scan at a time, from any process.
 
-Imports nothing else of this project and needs numpy, h5py and pandas only, and hdf5plugin for
-shards compressed by zstd or lz4::
+Imports nothing else of this project but `flawforge.open_shard` and needs numpy, h5py and pandas
+only, and hdf5plugin for shards compressed by zstd or lz4::
 
     import flawforge.dataset
 
@@ -19,23 +19,17 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal, overload
 
-import h5py
 import numpy as np
 import pandas as pd
 from numpy.typing import DTypeLike, NDArray
 
-FORMAT, VERSION = "flawforge-shard", 1
-PLUGIN = "hdf5plugin"  # brings HDF5's filters that shards compressed by zstd or lz4 need
+from flawforge.open_shard import OpenShard, ShardError
+
+__all__ = ["Dataset", "ShardError", "open"]
+
 OPEN_SHARDS = 16  # file handles that one dataset keeps
 
 Scan = dict[str, Any]
-
-
-class ShardError(ValueError):
-    """Stored data is damaged or missing; the message names the file and the fault."""
-
-    def __init__(self, path: Path, what: str) -> None:
-        super().__init__(f"{path}: {what}")
 
 
 def open(
@@ -122,7 +116,8 @@ class Dataset:
         self.raw = raw
         self.dtype = dtype
         self._where = {str(name): at for at, name in enumerate(self.manifest["scan_id"])}
-        self._files: OrderedDict[str, h5py.File] = OrderedDict()
+        self._files: OrderedDict[str, OpenShard] = OrderedDict()
+        self._places = tuple(self.manifest[key].to_numpy() for key in ("shard", "row", "scan_id"))
         self._process = os.getpid()
 
     def __repr__(self) -> str:
@@ -172,7 +167,7 @@ class Dataset:
         """Names of the mask's values."""
         named = self.info.get("classes")
         if named is None and len(self):
-            named = json.loads(self._file(str(self.manifest["shard"].iloc[0])).attrs["classes"])
+            named = self._file(str(self.manifest["shard"].iloc[0])).classes
         return {int(key): str(name) for key, name in (named or {}).items()}
 
     @property
@@ -318,10 +313,7 @@ class Dataset:
 
         A depth is offset_mm + scale_mm * count; the count `missing` stands for a missing reading.
         """
-        file = self._file(str(self.manifest["shard"].iloc[0]))
-        attributes = self._array(file, field).attrs
-        keys = ("scale_mm", "offset_mm", "missing")
-        return {key: attributes[key].item() for key in keys if key in attributes}
+        return dict(self._file(str(self.manifest["shard"].iloc[0])).coding(field))
 
     def close(self) -> None:
         """Close the files that this process holds; they reopen when needed."""
@@ -354,82 +346,44 @@ class Dataset:
         return at % len(self)
 
     def _read(self, at: int, fields: Sequence[str] | None, *, decode: bool = False) -> Scan:
-        name = str(self.manifest["shard"].iloc[at])
-        row = int(self.manifest["row"].iloc[at])
-        expected = str(self.manifest["scan_id"].iloc[at])
-        file = self._file(name)
-        path = self.folder / name
-        names = self._array(file, "scan_id")
-        if not 0 <= row < len(names):
-            raise ShardError(path, f"has {len(names)} scans, the manifest wants row {row}")
-        stored = _text(names[row])
-        if stored != expected:
-            raise ShardError(path, f"row {row} is scan {stored!r}, the manifest has {expected!r}")
+        name, where, expected = (column[at] for column in self._places)
+        row, shard = int(where), self._file(str(name))
+        if not 0 <= row < len(shard.names):
+            what = f"has {len(shard.names)} scans, the manifest wants row {row}"
+            raise ShardError(shard.path, what)
+        if shard.names[row] != expected:
+            what = f"row {row} is scan {shard.names[row]!r}, the manifest has {expected!r}"
+            raise ShardError(shard.path, what)
         scan: Scan = {}
-        for field in fields if fields is not None else sorted(file):
+        for field in fields if fields is not None else shard.fields:
             if field == "scan_id":
-                scan[field] = stored
+                scan[field] = expected
                 continue
-            array = self._array(file, field)
-            try:
-                values = array[row]
-            except (OSError, ValueError, RuntimeError) as error:
-                raise ShardError(path, f"'{field}' of row {row} can't be read ({error})") from None
-            scan[field] = values if self.raw and not decode else self._decode(array, values)
+            values = shard.scan(field, row)
+            scan[field] = values if self.raw and not decode else self._decode(shard, field, values)
         return scan
 
-    def _decode(self, array: h5py.Dataset, values: NDArray[Any]) -> NDArray[Any]:
-        attributes = array.attrs
-        if "scale_mm" in attributes:
-            depth_mm: NDArray[np.float64] = values * float(attributes["scale_mm"])
-            depth_mm += attributes["offset_mm"]
-            depth_mm[values == attributes["missing"]] = np.nan
-            return depth_mm.astype(self.dtype, copy=False)
+    def _decode(self, shard: OpenShard, field: str, values: NDArray[Any]) -> NDArray[Any]:
+        if shard.coding(field):
+            return shard.depth_mm(field, values).astype(self.dtype, copy=False)
         if values.dtype.kind == "u" and values.dtype.itemsize > 1:
             # torch's collate knows no unsigned integers wider than a byte
             return values.astype(np.int32 if values.dtype.itemsize == 2 else np.int64)
-        if array.name.startswith("/depth"):
+        if field.startswith("depth"):
             return values.astype(self.dtype, copy=False)
         return values
 
-    def _array(self, file: h5py.File, field: str) -> h5py.Dataset:
-        if field not in file:
-            held = ", ".join(sorted(file))
-            raise ShardError(Path(file.filename), f"holds no '{field}'; it holds {held}")
-        return file[field]
-
-    def _file(self, name: str) -> h5py.File:
+    def _file(self, name: str) -> OpenShard:
         if self._process != os.getpid():
             # handles inherited by a fork share the parent's file position: forget, don't close
             self._files, self._process = OrderedDict(), os.getpid()
         if name in self._files:
             self._files.move_to_end(name)
             return self._files[name]
-        path = self.folder / name
-        try:
-            file = h5py.File(path, "r")
-        except FileNotFoundError:
-            raise ShardError(path, "is missing") from None
-        except OSError as error:
-            raise ShardError(path, f"is damaged or no HDF5 file ({error})") from None
-        kind, version = file.attrs.get("format"), file.attrs.get("version", VERSION)
-        if _text(kind) != FORMAT or int(version) > VERSION:
-            file.close()
-            raise ShardError(path, f"is no {FORMAT} up to version {VERSION}")
-        if "reader_needs" in file.attrs:
-            try:
-                importlib.import_module(PLUGIN)
-            except ImportError:
-                file.close()
-                raise ShardError(path, f"needs {PLUGIN}: pip install {PLUGIN}") from None
-        self._files[name] = file
+        shard = self._files[name] = OpenShard.at(self.folder / name)
         if len(self._files) > OPEN_SHARDS:
             self._files.popitem(last=False)[1].close()
-        return file
-
-
-def _text(value: Any) -> str:
-    return value.decode() if isinstance(value, bytes) else str(value)
+        return shard
 
 
 def _table(folder: Path, name: str) -> pd.DataFrame | None:

@@ -7,8 +7,9 @@ from typing import Self
 
 from sensors.datasheet import Datasheet
 from sensors.effects import effects_of
-from sensors.effects.base import Effect, MotionEffect
+from sensors.effects.base import MotionEffect
 from sensors.effects.delivery import DeliveryEffect
+from sensors.effects.effect import Effect
 from sensors.law import Law, RngOf, geometric_law
 from sensors.line.beam import Beam
 from sensors.noise.perlin import PerlinField

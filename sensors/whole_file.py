@@ -1,5 +1,6 @@
 """Files that are either complete or unchanged: written aside, then renamed."""
 
+import errno
 import os
 import uuid
 from collections.abc import Iterator
@@ -21,14 +22,21 @@ def whole(path: str | Path, *, synced: bool = False) -> Iterator[Path]:
     Yields
     ------
     Path
-        A hidden name beside the file's, with its suffix. Nothing stays there after a fault.
+        A hidden name beside the file's, with its suffix. Nothing stays there after a fault. A
+        device or a pipe is written into as it stands.
 
     Raises
     ------
     OSError
         Of the system, about the file's own name.
     """
-    path = Path(path)
+    given = Path(path)
+    if given.exists() and not given.is_file():
+        if given.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(given))
+        yield given  # a device or a pipe, which a file must never replace
+        return
+    path = Path(os.path.realpath(given))  # a link stays one
     aside = path.with_name(f".{path.name}.{uuid.uuid4().hex}.part{path.suffix}")
     try:
         yield aside
@@ -40,7 +48,7 @@ def whole(path: str | Path, *, synced: bool = False) -> Iterator[Path]:
     except BaseException as fault:
         aside.unlink(missing_ok=True)
         if isinstance(fault, OSError) and fault.filename == str(aside):
-            fault.filename, fault.filename2 = str(path), None
+            fault.filename, fault.filename2 = str(given), None
         raise
 
 

@@ -8,6 +8,12 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 FINDERS = ("strongest", "first", "last", "gaussian")
+WINDOW, MATCHED, STEPS = 2.5, 1.8, 60
+"""Standard deviations of the finders' windows, pixels, and steps until they settle at most.
+
+A parabola through three pixels would lock to the rows by up to 0.07 pixel, as much as the noise:
+an effect of the catalogue in every null. A test holds the finders to 0.005.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -32,7 +38,7 @@ class Camera:
     row_pitch_mm: float
     columns: int
     x_fov_mm: float
-    blur_rows: float = 0.9
+    blur_rows: float = 1.1
     blur_columns: float = 0.5
     bend_rows: float = 0.0
     shear_rows: float = 0.0
@@ -75,11 +81,34 @@ def taps(sd: float) -> Floats:
 
 
 @njit(cache=True)
+def settled(level: Floats, at: float, width: float) -> float:
+    """Mean shift of a row under a Gaussian window: the top of the smoothed line.
+
+    Cheng, IEEE PAMI 17 (1995) 790. A line of spread σ is approached by σ²/(σ² + width²) a step.
+    """
+    x = at
+    reach = int(np.ceil(4 * width))
+    for _ in range(STEPS):
+        total = moment = 0.0
+        for r in range(max(int(x) - reach, 0), min(int(x) + reach + 2, level.size)):
+            w = level[r] * np.exp(-0.5 * ((r - x) / width) ** 2)
+            total += w
+            moment += w * r
+        if total <= 0.0:
+            return x
+        new = moment / total
+        if abs(new - x) < 1e-9:
+            return new
+        x = new
+    return x
+
+
+@njit(cache=True)
 def find_row(level: Floats, kind: int, threshold: float) -> float:
     """Row of the line in one column of counts, NaN without one.
 
-    strongest: parabola through the brightest pixel and its neighbours; first, last: the same at
-    the first or last local peak above the threshold; gaussian: parabola of the logarithms.
+    strongest, first, last: the soft centre of gravity about the brightest pixel, or about the first
+    or last local peak above the threshold; gaussian: a Gaussian matched to the line, at its best.
     """
     rows, at = level.size, -1
     for r in range(1, rows - 1):
@@ -89,11 +118,7 @@ def find_row(level: Floats, kind: int, threshold: float) -> float:
             at = r
     if at < 1:
         return np.nan
-    a, b, c = level[at - 1], level[at], level[at + 1]
-    if kind == 3:
-        a, b, c = np.log(max(a, 0.5)), np.log(max(b, 0.5)), np.log(max(c, 0.5))
-    bend = a - 2 * b + c
-    return at + 0.5 * (a - c) / bend if bend < 0 else float(at)
+    return settled(level, float(at), MATCHED if kind == 3 else WINDOW)
 
 
 @njit(cache=True)

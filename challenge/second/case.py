@@ -59,7 +59,7 @@ def draw_device(rng: np.random.Generator, *, slow: bool) -> Device:
                   coherence=float(rng.uniform(0.2, 0.6))),
         camera=camera, finder=str(rng.choice(["strongest", "gaussian"])),
         firmware=Firmware(step_mm=2.5e-4 if rng.random() < 0.5 else 4e-3),
-        robot=Robot(wander_mm=0.001, wander_rad=1e-5),
+        robot=Robot(wander_mm=2e-4, wander_rad=2e-6),
         distance_mm=round(float(rng.uniform(90, 150)), 1),
         exposure_s=2e-4 if slow else 2e-5,
         exposures=Exposures(ratio=float(rng.choice([1.0, 1.0, 1.0, 8.0]))),

@@ -35,7 +35,7 @@ class Facets:
     """
 
     albedo: float = 0.5
-    mirror: float = 0.05
+    mirror: float = 0.012
     slope_along: float = 0.25
     slope_across: float = 0.35
     lay_rad: float = 0.0

@@ -140,8 +140,8 @@ def _rubber(facets: Facets, size: float) -> Turbid:
 SINGLE: dict[str, Fault] = {
     "coarse chip": Fault(
         apply=changed("device", camera=lambda d, s: replace(
-            d.camera, row_pitch_mm=d.camera.row_pitch_mm * (1.5 + 0.3 * s),
-            rows=int(d.camera.rows / (1.5 + 0.3 * s)), blur_rows=0.5)),
+            d.camera, row_pitch_mm=d.camera.row_pitch_mm * (1.9 + 1.5 * s),
+            rows=int(d.camera.rows / (1.9 + 1.5 * s)), blur_rows=0.3)),
         accept=("pixel_locking",), rivals=("roughness_level",)),
     "stretched gauge blocks": Fault(apply=_stretched, accept=("range_scale",), parameters=_scaled),
     "bowed calibration plate": Fault(

@@ -1,4 +1,4 @@
-"""A part held ready for carving: one flaw tried in its neighbourhood, then all of them carved."""
+"""A part prepared for carving: each flaw is tried in its neighbourhood, then all are carved."""
 
 from functools import cached_property
 from itertools import count
@@ -33,7 +33,7 @@ MARGIN_MM = 0.0317  # and at least; neither is likely to meet a part's own plane
 
 
 class Block:
-    """A part held ready for carving.
+    """A part prepared for carving.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class Block:
         return mesh_manifold(closed.vertices_mm, closed.faces, self._identity), closed
 
     def trial(self, cutter: Cutter) -> Change:
-        """Carve one flaw into the part's neighbourhood alone, check it, and measure it.
+        """Carve one flaw into its neighbourhood only, check it, and measure it.
 
         Raises
         ------
@@ -143,7 +143,7 @@ class Block:
             return near, None
 
     def carve(self, cutters: list[Cutter], changes: list[Change]) -> Carved:
-        """Carve all the flaws, which must lie apart from each other, and check the result.
+        """Carve all flaws, whose reaches must be disjoint, and check the result.
 
         Locally, or where that fails from the whole part.
 

@@ -1,4 +1,4 @@
-"""Booleans of closed solids in double precision: the one user of manifold3d among the flaws."""
+"""Booleans of closed solids in double precision; only this module uses manifold3d."""
 
 from typing import Any
 
@@ -26,12 +26,12 @@ def union(solids: tuple[Solid, ...]) -> Solid:
 
 
 def new_identity() -> int:
-    """Return a number by which the faces of one mesh are known in what is made of it."""
+    """Return a number that identifies the faces of one mesh in the results of booleans."""
     return int(Manifold.reserve_ids(1))
 
 
 def solid_of(body: Manifold) -> Solid:
-    """Return manifold3d's solid as ours."""
+    """Convert a solid of manifold3d to a `Solid`."""
     mesh = body.to_mesh64()
     return Solid(
         vertices_mm=np.array(mesh.vert_properties, np.float64)[:, :3],
@@ -45,7 +45,7 @@ def add(manifolds: list[Manifold]) -> Manifold:
 
 
 def checked(body: Manifold, what: str) -> Manifold:
-    """Return a result that manifold3d finds no fault with."""
+    """Return the result after manifold3d's check."""
     if body.status() != Error.NoError:
         raise BooleanError(f"{what}: {body.status().name}")
     return body

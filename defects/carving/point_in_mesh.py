@@ -151,7 +151,7 @@ def in_boxes(points_mm: Floats, boxes_mm: Floats) -> tuple[NDArray[np.int64], ND
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Inside:
-    """A solid made ready for the question which points lie in it; build by `Inside.of`."""
+    """A solid prepared for point-in-mesh tests; build by `Inside.of`."""
 
     faces: Ints
     plane: Floats
@@ -164,7 +164,7 @@ class Inside:
 
     @classmethod
     def of(cls, vertices_mm: Floats, faces: Ints) -> Self:
-        """Sort the faces of a closed mesh into a grid across the ray's direction."""
+        """Sort the faces of a closed mesh into a grid normal to the ray."""
         plane = np.ascontiguousarray(np.asarray(vertices_mm, np.float64) @ _AXES.T)
         faces = np.array(faces, dtype=np.int32, order="C")
         low, high = plane.min(axis=0), plane.max(axis=0)

@@ -1,4 +1,4 @@
-"""Closed solids, and what a flaw is to a part: its cutter, and the change that it makes."""
+"""Closed solids, cutters of flaws, and the change of a part by a flaw."""
 
 from dataclasses import dataclass, field, replace
 
@@ -46,7 +46,7 @@ class Solid:
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Cutter:
-    """The solids by which a flaw changes a part: first `removed` goes, then `added` comes.
+    """The solids of a flaw: `removed` is subtracted, then `added` is united.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class Cutter:
 
     @property
     def solids(self) -> tuple[Solid, ...]:
-        """Return the solids that there are."""
+        """Return the solids that exist."""
         return tuple(solid for solid in (self.removed, self.added) if solid is not None)
 
     @property
@@ -81,7 +81,7 @@ class Cutter:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Change:
-    """What one flaw does to the part.
+    """Change of the part by one flaw.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class Change:
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class CarvedPatch:
-    """What a trial made of the faces around one flaw, ready to be stitched back.
+    """Result of a trial around one flaw, for stitching into the part.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ class CarvedPatch:
         Raises
         ------
         BooleanError
-            When the patch doesn't change by what the flaw is said to change.
+            When the patch's change differs from that of the flaw.
         """
         area = float(np.ptp(self.closed.vertices_mm, axis=0).max()) ** 2
         wanted_mm3 = change.added_mm3 - change.removed_mm3

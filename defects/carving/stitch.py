@@ -13,12 +13,12 @@ Faces = NDArray[np.integer[Any]]
 
 
 class StitchError(RuntimeError):
-    """A carved patch doesn't fit where it was taken from; one line says why."""
+    """A carved patch does not fit its place; the message is one line."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Carved:
-    """A part with flaws, and where each face comes from.
+    """A part with flaws, and the origin of each face.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The wall under a flaw: how thick it is, and whether a flaw goes through it."""
+"""The wall under a flaw: its thickness, and whether the flaw breaks through."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,1 +1,1 @@
-"""Where a kind of flaw may sit: the skin, feature edges, rims of holes."""
+"""Seats of kinds of flaws: the skin, feature edges, rims of holes."""

@@ -126,7 +126,7 @@ def _at_vertices(pieces: Floats, closed: bool) -> Floats:
 
 @lru_cache(maxsize=4)
 def feature_edges(surface: Surface) -> tuple[Chain, ...]:
-    """Find the feature edges of a part, longest first; kept, since many flaws ask for them."""
+    """Find the feature edges of a part, longest first; cached."""
     faces = surface.faces.astype(np.int64)
     tail = faces.ravel()
     head = np.roll(faces, -1, axis=1).ravel()

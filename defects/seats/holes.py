@@ -46,7 +46,7 @@ class Hole:
 
 @lru_cache(maxsize=4)
 def holes(surface: Surface) -> tuple[Hole, ...]:
-    """Find the round holes of a part, largest first; kept, since many flaws ask for them.
+    """Find the round holes of a part, largest first; cached.
 
     A chamfered or countersunk hole is known by its outer rim.
     """
@@ -143,7 +143,7 @@ def _from(rim: _Rim, hole: Hole) -> Hole:
 def _depth(
     surface: Surface, centre: Floats, axis: Floats, radius: float
 ) -> tuple[float, bool] | None:
-    """Return how deep the hole is and whether it goes through, by the faces of its wall."""
+    """Return the hole's depth and whether it is a through hole, from the faces of its wall."""
     corners = surface.vertices_mm[surface.faces]
     down = (centre - corners) @ axis
     middle = corners.mean(axis=1)

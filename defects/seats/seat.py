@@ -1,4 +1,4 @@
-"""Where a kind of flaw may sit: on the skin, on an outer or inner edge, at the rim of a hole."""
+"""Seats of kinds of flaws: the skin, outer or inner edges, rims of holes."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 
 
 class Seat(ABC):
-    """Draws places for one kind of flaw; `weight` (F,) says how much each face is wanted."""
+    """Draws places for one kind of flaw; `weight` (F,) is the weight of each face."""
 
     __slots__ = ()
 

@@ -1,1 +1,1 @@
-"""What kinds of flaws are built of: outlines, paths over the skin, patches of it, edge sections."""
+"""Elements of kinds of flaws: outlines, paths over the skin, patches, edge sections."""

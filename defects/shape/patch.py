@@ -1,4 +1,4 @@
-"""A patch of skin as a mesh of its own, from which cutters are raised and sunk along the normal."""
+"""A patch of skin as a mesh, from which cutters are raised and sunk along the normal."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -200,7 +200,7 @@ class Patch:
     ) -> Solid:
         """Return the closed solid between two heights (n,) above the skin, `low` below `high`.
 
-        `loose_mm` states how far the facets of the two sides may stand off, where nobody sees them.
+        `loose_mm` states how far the facets of the two sides may deviate where they are hidden.
         """
         count = len(self.skin_mm)
         start, end = self._rim()
@@ -382,7 +382,7 @@ def dig(
 
 
 def merge(cutters: list[Cutter]) -> Cutter:
-    """Return one cutter that does what several do, which may overlap."""
+    """Return the union of several cutters, which may overlap."""
     removed = tuple(cutter.removed for cutter in cutters if cutter.removed is not None)
     added = tuple(cutter.added for cutter in cutters if cutter.added is not None)
     return Cutter(

@@ -14,12 +14,12 @@ Ints = NDArray[np.int32]
 
 
 class SiteError(ValueError):
-    """The flaw doesn't fit here: it would cross an edge of the part, fold, or meet a wall."""
+    """The flaw does not fit the site: it would cross an edge of the part, fold, or meet a wall."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Site:
-    """Where a flaw sits.
+    """Position and heading of a flaw.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def tangent_axes(normal: Floats) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Surface:
-    """A part's skin with what is needed to place and bend flaws onto it; build by `Surface.of`.
+    """A part's skin, on which flaws are placed and bent; build by `Surface.of`.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ class Surface:
         )
 
     def project(self, points_mm: Floats) -> tuple[Floats, Floats, Ints]:
-        """Drop points onto the nearest place of the surface.
+        """Project points onto the surface.
 
         Parameters
         ----------
@@ -271,7 +271,7 @@ class Surface:
     ) -> float:
         """Return the strongest curvature of the smooth normals around a site.
 
-        Walks in 16 directions; edges of the part that they meet don't count.
+        Walks in 16 directions; edges of the part are excluded.
 
         Parameters
         ----------

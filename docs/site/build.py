@@ -28,7 +28,8 @@ API = {  # what a user imports, by module
     "sensors.surface.surface": ("Surface",),
     "sensors.model": ("SensorModel",),
     "sensors.law": ("Law",),
-    "sensors.effects.base": ("Effect", "AdditiveEffect", "MotionEffect"),
+    "sensors.effects.effect": ("Effect",),
+    "sensors.effects.base": ("AdditiveEffect", "MotionEffect"),
     "defects.kind": ("Kind",),
 }
 CLASSES_WITH_MEMBERS = ("Dataset", "Recording", "Datasheet", "Surface", "SensorModel", "Law")

@@ -69,8 +69,8 @@ class Extracted:
     relief : Relief
     site : Site
         Where it sits on the part.
-    raw_mm, smooth_mm : (n, m) float64
-        Levelled heights over the skin around the flaw, as read and denoised.
+    raw_mm : (n, m) float64
+        Levelled heights over the skin around the flaw, as read.
     pitch_mm : (float, float)
         Distance of profiles and of points there.
     noise : NoiseModel
@@ -80,7 +80,6 @@ class Extracted:
     relief: Relief
     site: Site
     raw_mm: Floats
-    smooth_mm: Floats
     pitch_mm: tuple[float, float]
     noise: NoiseModel
     denoised: Denoised
@@ -169,7 +168,7 @@ def extract(
         },
     )
     return Extracted(
-        relief=relief, site=site, raw_mm=raw, smooth_mm=smoothed, pitch_mm=pitch, noise=noise,
+        relief=relief, site=site, raw_mm=raw, pitch_mm=pitch, noise=noise,
         denoised=denoised,
     )  # fmt: skip
 

@@ -27,11 +27,14 @@ from pipeline.parts.part import find_parts
 from pipeline.parts.part_error import PartError
 from pipeline.recipe import PartEntry, Recipe
 from pipeline.recipe_paths import resolve
+from sensors.budget import regular
+from sensors.typed_yaml import RecipeError
 
 __all__ = ["Backend", "generate"]
 
 LOG = logging.getLogger("flawforge.generate")
 MANY_FLAWS: Final = 100  # in a specimen, from which cutting them takes minutes
+MANY_SCANS: Final = 100_000  # from which their plan alone takes some seconds, the scans hours
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -79,9 +82,9 @@ def generate(
         if not parts:
             wrong, _, mend = failed[0]["why"].partition("; mend: ")
             raise PartError(recipe.document.path, f"no part can be used: {wrong}", mend)
+        _warn_of_many(recipe, parts)
         plan = make_plan(recipe, parts)
         _log("plan", {"scans": plan.scans, "shards": len(plan.shards), "parts": len(parts)})
-        _warn_of_many(recipe, parts)
         attributes = {"name": recipe.file.name, "recipe": used, "versions": made_by}
         place = Workplace(recipe=recipe, out=out, attributes=attributes)
         _make_shards(place, plan, {one["part"]: one["triangles"] for one in facts}, backend)
@@ -114,11 +117,16 @@ def _log(event: str, facts: Mapping[str, Any]) -> None:
 
 
 def _warn_of_many(recipe: Recipe, parts: Sequence[PlannedPart]) -> None:
-    """Say before the night is spent that specimens may have very many flaws."""
-    most = max(recipe.flaws_of(part.entry).most() for part in parts)
-    if most > MANY_FLAWS:
-        text = f"up to {most} flaws in a specimen, cut one by one: flawforge check says how long"
-        _log("warning", {"text": text})
+    """Say before the night is spent that the recipe asks for very many flaws or scans."""
+    flaws = max(recipe.flaws_of(part.entry).most() for part in parts)
+    scans = sum(
+        recipe.specimens_of(part.entry) * (part.entry.scans or recipe.file.scans) for part in parts
+    )
+    for count, many, words in (
+        (flaws, MANY_FLAWS, "flaws in a specimen, cut one by one"), (scans, MANY_SCANS, "scans"),
+    ):  # fmt: skip
+        if count > many:
+            _log("warning", {"text": f"up to {count} {words}: flawforge check predicts the time"})
 
 
 def find_wanted(recipe: Recipe) -> tuple[list[Wanted], list[dict[str, str]]]:
@@ -169,8 +177,9 @@ def _checksums(recipe: Recipe, wanted: list[Wanted]) -> dict[str, str | None]:
     sums: dict[str, str | None] = {}
     for name, path in files.items():
         try:
+            regular(path)  # a pipe would be waited for
             sums[name] = file_sha256(path)
-        except OSError:
+        except (OSError, RecipeError):
             sums[name] = None
     for folder, bank in recipe.banks.items():
         sums |= {f"{folder.rstrip('/')}/{name}": one for name, one in bank.checksums.items()}

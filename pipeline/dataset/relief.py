@@ -56,33 +56,46 @@ def local_relief(
         for pitch, count in zip(pitch_yx_mm, depth_mm.shape, strict=True)
     ]
     height = np.where(valid, np.median(depth_mm[valid]) - depth_mm, 0.0)
-    weight = valid.astype(np.float64)
     # in units of the window's width, from the scan's middle: well conditioned
     y, x = (
         (np.arange(count, dtype=np.float64) - count / 2) / width
         for count, width in zip(depth_mm.shape, sigma, strict=True)
     )
-    y, x = y[:, None], x[None, :]
-    mean = _Means(depth_mm.shape, (sigma[0], sigma[1]))
-    held = np.maximum(mean(weight), 1e-300)
-    my, mx, hm = mean(weight * y) / held, mean(weight * x) / held, mean(height) / held
-    yy, xx = mean(weight * y * y) / held - my**2, mean(weight * x * x) / held - mx**2
-    xy = mean(weight * x * y) / held - mx * my
-    hy, hx = mean(height * y) / held - my * hm, mean(height * x) / held - mx * hm
+    blocks = _Blocks(depth_mm.shape, (sigma[0], sigma[1]))
+    level, slope_y, slope_x = (blocks.blended(one) for one in _planes(blocks, valid, height, y, x))
+    return np.where(valid, height - (level + slope_y * y[:, None] + slope_x * x), np.nan)
+
+
+def _planes(
+    blocks: "_Blocks", valid: NDArray[np.bool_], height: Floats, y: Floats, x: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Return the planes fitted around each block's middle: height at y = x = 0, and the slopes."""
+    weight = valid.astype(np.float64)
+    # along x once for each power of x, then along y
+    w, wx, wxx, h, hx = (
+        blocks.mean(one, 1) for one in (weight, weight * x, weight * x * x, height, height * x)
+    )
+    y = y[:, None]
+    held, my, mx, hm, yy, xx, xy, hy, hx = (
+        blocks.mean(one, 0) for one in (w, w * y, wx, h, w * y * y, wxx, wx * y, h * y, hx)
+    )
+    held = np.maximum(held, 1e-300)
+    my, mx, hm = my / held, mx / held, hm / held
+    yy, xx, xy = yy / held - my**2, xx / held - mx**2, xy / held - mx * my
+    hy, hx = hy / held - my * hm, hx / held - mx * hm
     determinant = yy * xx - xy**2
     flat = determinant < RANK_SHARE
     determinant = np.where(flat, 1.0, determinant)
     slope_y = np.where(flat, 0.0, (hy * xx - hx * xy) / determinant)
     slope_x = np.where(flat, 0.0, (hx * yy - hy * xy) / determinant)
-    waviness = hm + slope_y * (y - my) + slope_x * (x - mx)
-    return np.where(valid, height - waviness, np.nan)
+    return hm - slope_y * my - slope_x * mx, slope_y, slope_x
 
 
-class _Means:
-    """Gaussian means, up to a factor: of sums over blocks a quarter of the window's width wide.
+class _Blocks:
+    """Blocks of readings a quarter of the window's width wide, and Gaussian means of them.
 
-    Between blocks the windows are blended linearly, so each stays a window of positive weights,
-    and a plane fitted with such weights to a plane is that plane.
+    Planes are fitted around blocks and blended linearly between them. Readings on a plane give
+    that plane everywhere, and so the plane itself.
     """
 
     def __init__(self, shape: tuple[int, ...], sigma: tuple[float, float]) -> None:
@@ -90,19 +103,24 @@ class _Means:
         self._sigma = [width / block for width, block in zip(sigma, self._blocks, strict=True)]
         self._shape = shape
 
-    def __call__(self, values: Floats) -> Floats:
-        """Return the means (n, m) of values (n, m)."""
-        from scipy.ndimage import gaussian_filter
+    def mean(self, values: Floats, axis: int) -> Floats:
+        """Return the Gaussian means along an axis of sums over its blocks, up to a factor."""
+        from scipy.ndimage import gaussian_filter1d
 
-        for axis, block in enumerate(self._blocks):
-            starts = np.arange(0, self._shape[axis], block)
-            values = np.add.reduceat(values, starts, axis=axis)
-        means = np.asarray(gaussian_filter(values, self._sigma, mode="constant", truncate=3.0))
+        block, sigma = self._blocks[axis], self._sigma[axis]
+        if block > 1:
+            values = np.add.reduceat(values, np.arange(0, self._shape[axis], block), axis=axis)
+        return np.asarray(
+            gaussian_filter1d(values, sigma, axis=axis, mode="constant", truncate=3.0)
+        )
+
+    def blended(self, values: Floats) -> Floats:
+        """Return blocks' values at every reading, linear between the blocks' middles."""
         for axis, block in enumerate(self._blocks):
             at = (np.arange(self._shape[axis]) + 0.5) / block - 0.5
-            at = np.clip(at, 0, means.shape[axis] - 1)
-            low = np.minimum(at.astype(np.intp), max(means.shape[axis] - 2, 0))
+            at = np.clip(at, 0, values.shape[axis] - 1)
+            low = np.minimum(at.astype(np.intp), max(values.shape[axis] - 2, 0))
             share = (at - low).reshape((-1, 1) if axis == 0 else (1, -1))
-            high = np.minimum(low + 1, means.shape[axis] - 1)
-            means = means.take(low, axis) * (1 - share) + means.take(high, axis) * share
-        return means
+            high = np.minimum(low + 1, values.shape[axis] - 1)
+            values = values.take(low, axis) * (1 - share) + values.take(high, axis) * share
+        return values

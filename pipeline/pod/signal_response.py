@@ -26,8 +26,8 @@ class SignalResponse(Curve):
     ----------
     intercept, slope, sd : float
         b0, b1 and δ.
-    log_threshold, log_floor : float
-        ln of the decision threshold, and of the least response that is measured.
+    log_threshold : float
+        ln of the decision threshold.
     log_size, log_response : (n,) arrays
         The data; what is censored has the floor.
     censored : (n,) bool
@@ -37,7 +37,6 @@ class SignalResponse(Curve):
     slope: float
     sd: float
     log_threshold: float
-    log_floor: float
     log_size: Floats
     log_response: Floats
     censored: NDArray[np.bool_]
@@ -67,7 +66,7 @@ class SignalResponse(Curve):
             raise NotEstimable("the response doesn't rise with size")
         return cls(
             intercept=float(found[0]), slope=float(found[1]), sd=float(np.exp(found[2])),
-            log_threshold=float(np.log(threshold)), log_floor=float(np.log(floor)), log_size=x,
+            log_threshold=float(np.log(threshold)), log_size=x,
             log_response=y, censored=censored,
         )  # fmt: skip
 

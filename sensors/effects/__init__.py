@@ -6,12 +6,13 @@ from typing import Any
 from sensors.datasheet import Datasheet
 from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.effects.axis_quantisation import AxisQuantisation
-from sensors.effects.base import AdditiveEffect, Effect, MotionEffect
+from sensors.effects.base import AdditiveEffect, MotionEffect
 from sensors.effects.basis import Basis
 from sensors.effects.camera_occlusion import CameraOcclusion
 from sensors.effects.column_offset import ColumnOffset
 from sensors.effects.delivery import DeliveryEffect
 from sensors.effects.edge_mixing import EdgeMixing
+from sensors.effects.effect import Effect
 from sensors.effects.empirical import Empirical
 from sensors.effects.finite_spot import FiniteSpot
 from sensors.effects.form_error import FormError

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sensors.effects.base import Effect
+from sensors.effects.effect import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
 from sensors.view.view import View

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.effects.base import Effect
+from sensors.effects.effect import Effect
 from sensors.law import Delivery, Law, RngOf
 from sensors.view.view import View
 

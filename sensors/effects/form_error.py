@@ -7,7 +7,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.effects.base import AdditiveEffect, Effect
+from sensors.effects.base import AdditiveEffect
+from sensors.effects.effect import Effect
 from sensors.effects.parameter import Parameter, parameter
 from sensors.effects.relaxed import Relaxed
 from sensors.law import Law

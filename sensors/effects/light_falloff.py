@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from sensors.effects.base import Effect
+from sensors.effects.effect import Effect
 from sensors.effects.parameter import parameter
 from sensors.effects.relaxed import Relaxed
 from sensors.law import Law

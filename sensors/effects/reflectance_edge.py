@@ -6,7 +6,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from sensors.effects.base import Effect
+from sensors.effects.effect import Effect
 from sensors.effects.line_width import along, line_sd, rayleigh
 from sensors.effects.relaxed import Relaxed
 from sensors.law import Law

@@ -7,21 +7,21 @@ from typing import Final
 import numpy as np
 
 from sensors.budget import regular
-from sensors.formats.arrays import read_npy
-from sensors.formats.bcr import read_bcr
-from sensors.formats.geodata import read_e57, read_las
+from sensors.formats.clouds.geodata import read_e57, read_las
+from sensors.formats.clouds.pcd import read_pcd
+from sensors.formats.clouds.ply import read_ply
+from sensors.formats.grids.arrays import read_npy
+from sensors.formats.grids.bcr import read_bcr
+from sensors.formats.grids.images import read_png, read_tiff
+from sensors.formats.grids.sdf import read_sdf
+from sensors.formats.grids.sick import read_sick
+from sensors.formats.grids.spreadsheets import read_xlsx
+from sensors.formats.grids.sur import read_sur
+from sensors.formats.grids.surface_topography import SUFFIXES, read_topography
+from sensors.formats.grids.x3p import read_x3p
 from sensors.formats.height_map import HeightMap
-from sensors.formats.images import read_png, read_tiff
-from sensors.formats.pcd import read_pcd
-from sensors.formats.ply import read_ply
-from sensors.formats.sdf import read_sdf
-from sensors.formats.sick import read_sick
-from sensors.formats.spreadsheets import read_xlsx
-from sensors.formats.sur import read_sur
-from sensors.formats.surface_topography import SUFFIXES, read_topography
 from sensors.formats.text.decode import is_text
 from sensors.formats.text.tables import read_csv
-from sensors.formats.x3p import read_x3p
 from sensors.typed_yaml import RecipeError
 
 
@@ -90,7 +90,7 @@ def read_height_map(
             return read_csv(path, unit, columns)
         with np.errstate(invalid="ignore", over="ignore"):  # of damaged numbers: NaN says it
             return READERS[path.suffix.lower()](path, unit)
-    except RecipeError:
+    except (RecipeError, MemoryError):
         raise
     except OSError as error:
         raise RecipeError(f"can't be read ({error.strerror or error})", where=path) from None

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quantity import quantity
-from sensors.effects.base import Effect
+from sensors.effects.effect import Effect
 from sensors.effects.light_falloff import LightFalloff
 from sensors.effects.specular_dropout import SpecularDropout, returned_light
 from sensors.typed_yaml import record

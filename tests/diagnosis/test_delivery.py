@@ -44,3 +44,12 @@ def test_repeated_profiles_are_counted(plain: Recording) -> None:
     assert found.name == "row_repeat"
     assert found.parameters["share"].value == pytest.approx(5 / 60)
     assert "5 of 60 profiles repeat" in notes[0]
+
+
+def test_a_stray_repeated_profile_is_noted_alone() -> None:
+    made = record(part("domes"), datasheet(60), [], name="r", seed=4, profiles=200, pitch_mm=0.2)
+    depth = made.depth_mm.copy()
+    depth[40] = depth[39]
+    notes: list[str] = []
+    assert delivered([replace(made, depth_mm=depth)], datasheet(60), notes) == []
+    assert "1 of 200 profiles" in notes[0]

@@ -22,11 +22,13 @@ VERIFY = f"{FLAWFORGE} verify $DATASET"
 full = pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
 
 
-def shell(script: str, dataset: Path, **more: str) -> subprocess.CompletedProcess[str]:
+def shell(
+    script: str, dataset: Path, cwd: Path | None = None, **more: str
+) -> subprocess.CompletedProcess[str]:
     known = {"PATH": os.environ["PATH"], "PYTHONPATH": str(HOME), "DATASET": str(dataset)}
     return subprocess.run(
         ["bash", "-c", script], env=known | more, capture_output=True, text=True, check=False,
-        timeout=300,
+        timeout=300, cwd=cwd,
     )  # fmt: skip
 
 
@@ -122,3 +124,12 @@ def test_the_clock_may_go_back(tmp_path, monkeypatch):
         assert (tmp_path / "back" / name).read_bytes() == (
             tmp_path / "as-it-is" / name
         ).read_bytes()
+
+
+def test_a_pipe_in_the_place_of_a_part_is_never_waited_for(tmp_path, small_dataset):
+    write_shards(tmp_path, parts=[{"path": "a.stl"}])
+    os.mkfifo(tmp_path / "a.stl")
+    run = shell(f"{FLAWFORGE} generate recipe.yaml --out out", small_dataset, cwd=tmp_path)
+    assert run.returncode == 2
+    assert run.stderr.count("\n") == 1
+    assert "a.stl: not a file" in run.stderr

@@ -15,7 +15,7 @@ from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.effects import effect_of
-from sensors.effects.base import Effect
+from sensors.effects.effect import Effect
 from sensors.recording import Recording
 from sensors.surface.reflectance import ReflectanceMap
 from tests.support.small_parts import VIEWS, datasheet, part, record

@@ -20,18 +20,15 @@ class Cells:
     Attributes
     ----------
     rows
-        Empty lines are empty rows.
+        Empty lines are empty rows; decimal commas are points.
     separator
         Between cells; None: white space.
-    decimal_comma
-        Whether commas were decimal points; they are points in `rows`.
     trailing
         Whether each row ended in a separator, which was dropped.
     """
 
     rows: Rows
     separator: str | None
-    decimal_comma: bool
     trailing: bool
 
 
@@ -68,7 +65,7 @@ def split(lines: list[str]) -> Cells:
     _, separator, comma = best
     rows = [_cells(line, separator, comma) for line in lines]
     rows, trailing = _without_trailing(rows)
-    return Cells(rows=rows, separator=separator, decimal_comma=comma, trailing=trailing)
+    return Cells(rows=rows, separator=separator, trailing=trailing)
 
 
 def _cells(line: str, separator: str | None, comma: bool) -> list[str]:

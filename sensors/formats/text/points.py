@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.formats.clouds import Cloud, brightness, to_height_map
+from sensors.formats.clouds.cloud import Cloud, brightness, to_height_map
 from sensors.formats.height_map import Floats, HeightMap, scale_mm, unit_decision
 from sensors.formats.text.fan import from_profiles
 from sensors.typed_yaml import RecipeError

@@ -1,10 +1,14 @@
 """What passes for a null of the second family: no more than its baselines show."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from challenge.cases.case import Secret
+from challenge.second.case import stage
 from challenge.second.edges import off_edges
-from challenge.second.nulls import Check, departure
+from challenge.second.nulls import Check, departure, systematic
 
 
 def surface():
@@ -34,8 +38,20 @@ def test_a_bow_of_a_third_of_the_noise_is_seen():
 
 
 def test_a_null_may_depart_as_its_baselines_do_and_not_more():
-    good = {"baseline_sd": 0.2, "baseline_lost": 0.0, "lost": 0.001, "blocks": 20}
+    good = {
+        "baseline_sd": 0.2, "baseline_lost": 0.0, "lost": 0.001, "blocks": 20,
+        "systematic_sd": 0.05,
+    }  # fmt: skip
     assert Check(departure_sd=0.35, **good).holds
     assert not Check(departure_sd=0.5, **good).holds
     assert not Check(departure_sd=0.1, **{**good, "lost": 0.02}).holds
     assert not Check(departure_sd=0.0, **{**good, "blocks": 2}).holds
+    assert not Check(departure_sd=0.0, **{**good, "systematic_sd": 0.2}).holds
+
+
+def test_a_good_instrument_departs_from_its_mesh_by_noise_alone_and_a_bowed_one_does_not():
+    secret = Secret(kind="null", switches=(), strength=1, shape="terraces", recordings=1, seed=2,
+                    family="second")  # fmt: skip
+    assert systematic(secret, stage(secret).on) < 0.1
+    bowed = replace(secret, kind="one", switches=("bowed calibration plate",))
+    assert systematic(bowed, stage(bowed).on) > 0.3

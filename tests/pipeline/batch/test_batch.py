@@ -252,3 +252,16 @@ def test_depth_code_keeps_every_multiple_of_its_step():
     counts = code.encode(np.append(depth, [[np.nan]], axis=1))
     assert counts.tolist() == [[0, 1, 65788, code.missing]]
     np.testing.assert_allclose(code.offset_mm + counts[0, :3] * 0.0038, depth[0], atol=1e-12)
+
+
+def test_very_many_scans_are_announced(recipe_path, tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr("pipeline.batch.run.MANY_SCANS", 3)
+    monkeypatch.setattr("pipeline.batch.run.MANY_FLAWS", 2)
+    sets = ["specimens=1", "scans=2", "splits={train: 1.0}"]
+    with caplog.at_level("INFO", "flawforge.generate"):
+        generate(Recipe.load(recipe_path, sets=sets), tmp_path / "out")
+    said = [one.facts["text"] for one in caplog.records if one.event == "warning"]
+    assert said == [
+        "up to 3 flaws in a specimen, cut one by one: flawforge check predicts the time",
+        "up to 4 scans: flawforge check predicts the time",
+    ]

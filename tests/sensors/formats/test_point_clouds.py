@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from sensors.formats import read_height_map
-from sensors.formats.pcd import lzf_unpack
+from sensors.formats.clouds.pcd import lzf_unpack
 from sensors.typed_yaml import RecipeError
 from tests.support.exact_heights import grid_points, heights, same
 

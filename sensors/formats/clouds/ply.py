@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.formats.clouds import Cloud, brightness, to_height_map
+from sensors.formats.clouds.cloud import Cloud, brightness, to_height_map
 from sensors.formats.height_map import Floats, HeightMap, scale_mm
 from sensors.typed_yaml import RecipeError
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.budget import allow
-from sensors.formats.arrays import from_array
-from sensors.formats.clouds import Cloud, brightness, to_height_map
+from sensors.formats.clouds.cloud import Cloud, brightness, to_height_map
+from sensors.formats.grids.arrays import from_array
+from sensors.formats.grids.surface_topography import read_topography
 from sensors.formats.height_map import HeightMap, scale_mm
-from sensors.formats.surface_topography import read_topography
 from sensors.typed_yaml import RecipeError
 
 PARK_TAG = 50434

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from sensors.formats.clouds import Cloud, brightness, to_height_map
+from sensors.formats.clouds.cloud import Cloud, brightness, to_height_map
+from sensors.formats.grids.surface_topography import WANTED
 from sensors.formats.height_map import Floats, HeightMap, scale_mm
-from sensors.formats.surface_topography import WANTED
 from sensors.typed_yaml import RecipeError
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from sensors.budget import allow
-from sensors.formats.clouds import Cloud, brightness, to_height_map
+from sensors.formats.clouds.cloud import Cloud, brightness, to_height_map
 from sensors.formats.height_map import Floats, HeightMap, scale_mm
 from sensors.typed_yaml import RecipeError
 

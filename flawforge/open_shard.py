@@ -1,0 +1,126 @@
+"""A shard open for reading: its arrays, their codings and its scans' names, looked up once."""
+
+import importlib
+import json
+from pathlib import Path
+from typing import Any, Final, Self
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+FORMAT: Final = "flawforge-shard"
+VERSION: Final = 1
+PLUGIN: Final = "hdf5plugin"  # brings HDF5's filters for shards compressed by zstd or lz4
+CODING: Final = ("scale_mm", "offset_mm", "missing")
+
+
+class ShardError(ValueError):
+    """Stored data that is damaged or missing: which file, and what is wrong with it."""
+
+    def __init__(self, path: Path, what: str) -> None:
+        super().__init__(f"{path}: {what}")
+
+
+class OpenShard:
+    """The arrays of a shard; an access reads one scan of one array.
+
+    Attributes
+    ----------
+    path : Path
+    file : h5py.File
+    names : list of str
+        The scans' names, by row.
+    fields : list of str
+        The arrays' names.
+    """
+
+    def __init__(self, path: Path, file: h5py.File) -> None:
+        self.path = path
+        self.file = file
+        self._arrays: dict[str, h5py.Dataset] = {name: file[name] for name in sorted(file)}
+        self.fields = list(self._arrays)
+        self._codings: dict[str, dict[str, float]] = {}
+        self.names = [text(name) for name in self._read("scan_id", ...)]
+
+    @classmethod
+    def at(cls, path: Path) -> Self:
+        """Open a shard.
+
+        Raises
+        ------
+        ShardError
+            Where it is missing, damaged, of another format, or a package for it is.
+        """
+        try:
+            file = h5py.File(path, "r")
+        except FileNotFoundError:
+            raise ShardError(path, "is missing") from None
+        except OSError as error:
+            raise ShardError(path, f"is damaged or no HDF5 file ({error})") from None
+        try:
+            kind, version = file.attrs.get("format"), file.attrs.get("version", VERSION)
+            if text(kind) != FORMAT or int(version) > VERSION:
+                raise ShardError(path, f"is no {FORMAT} up to version {VERSION}")
+            if "reader_needs" in file.attrs:
+                importlib.import_module(PLUGIN)
+            return cls(path, file)
+        except ImportError:
+            file.close()
+            raise ShardError(path, f"needs {PLUGIN}: pip install {PLUGIN}") from None
+        except ShardError:
+            file.close()
+            raise
+
+    @property
+    def classes(self) -> dict[str, str]:
+        """Names of the mask's values."""
+        found: dict[str, str] = json.loads(self.file.attrs["classes"])
+        return found
+
+    def coding(self, field: str) -> dict[str, float]:
+        """Return `scale_mm`, `offset_mm` and `missing` of counts; empty for plain numbers."""
+        if field not in self._codings:
+            attributes = self._array(field).attrs
+            self._codings[field] = {k: attributes[k].item() for k in CODING if k in attributes}
+        return self._codings[field]
+
+    def scan(self, field: str, row: int) -> NDArray[Any]:
+        """Return one scan's array as it is stored.
+
+        Raises
+        ------
+        ShardError
+            Where there is none, or it can't be read.
+        """
+        return self._read(field, row)
+
+    def depth_mm(self, field: str, counts: NDArray[Any]) -> NDArray[np.float64]:
+        """Return depths, NaN = missing, of an array's counts."""
+        coding = self.coding(field)
+        found: NDArray[np.float64] = counts * coding["scale_mm"]
+        found += coding["offset_mm"]
+        found[counts == coding["missing"]] = np.nan
+        return found
+
+    def close(self) -> None:
+        """Close the file."""
+        self.file.close()
+
+    def _array(self, field: str) -> h5py.Dataset:
+        if field not in self._arrays:
+            raise ShardError(self.path, f"holds no '{field}'; it holds {', '.join(self._arrays)}")
+        return self._arrays[field]
+
+    def _read(self, field: str, row: Any) -> NDArray[Any]:
+        array = self._array(field)
+        try:
+            return np.asarray(array[row])
+        except (OSError, ValueError, RuntimeError) as error:
+            where = "" if row is ... else f" of row {row}"
+            raise ShardError(self.path, f"'{field}'{where} can't be read ({error})") from None
+
+
+def text(value: Any) -> str:
+    """Return what HDF5 gives for a string, as one."""
+    return value.decode() if isinstance(value, bytes) else str(value)

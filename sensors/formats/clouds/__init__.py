@@ -1,0 +1,1 @@
+"""Point clouds, organised or not, as height maps."""

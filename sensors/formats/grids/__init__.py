@@ -1,0 +1,1 @@
+"""Heights on a grid: arrays, images, and the binary files of profilometers."""
