@@ -1,8 +1,8 @@
-"""What good instruments depart by: learn it from the calibration population and keep it.
+r"""What good instruments depart by: learn it from the calibration population and keep it.
 
     flawforge challenge calibrate --out out/calibration --nulls-only
-    python -m benchmarks.other_formulas make --seed 0 --first 120 --out out/cases
-    python -m benchmarks.discrepancy out/calibration out/cases --write diagnosis/discrepancy.json
+    python -m benchmarks.discrepancy out/calibration --simulated 15 \
+        --write diagnosis/discrepancy.json
 
 Only good instruments are used: folders whose truth hides nothing. Each gives, for each component
 of the diagnosis, the likelihood of each size; the mixing distribution over sizes is kept.
@@ -22,6 +22,9 @@ from diagnosis.workspace import Model
 from pipeline.parts.part import load_part
 from sensors.datasheet import Datasheet
 from sensors.recording import Recording
+from tests.support.small_parts import VIEWS, datasheet, part, record
+
+SIMULATED = ("domes", "steps", "bowl", "wedge", "valley")
 
 
 def good_folders(root: Path) -> Iterator[Path]:
@@ -51,12 +54,33 @@ def factors_of(folder: Path) -> dict[str, np.ndarray]:
     return good_factors(seen([p for p in ready.patches if p.fit.any()], ready.noise, Model()))
 
 
+def simulated(seed: int) -> dict[str, np.ndarray]:
+    """Likelihood of each size in recordings that the plain simulator made: Perlin speckle."""
+    name = SIMULATED[seed % len(SIMULATED)]
+    scene, sheet = part(name), datasheet(100)
+    made = [
+        record(scene, sheet, [], name=f"r{k}", seed=1000 + 10 * seed + k, profiles=72,
+               pitch_mm=0.6, **view)
+        for k, view in enumerate(VIEWS)
+    ]  # fmt: skip
+    ready = prepared(
+        Inputs(
+            recordings=made, vertices_mm=scene.vertices_mm, faces=scene.faces, datasheet=sheet
+        ),
+        [], lambda _: None,
+    )  # fmt: skip
+    return good_factors(seen([p for p in ready.patches if p.fit.any()], ready.noise, Model()))
+
+
 def main() -> None:
     """Learn and write the population."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("roots", nargs="+", type=Path, help="folders of calibration sets")
+    parser.add_argument(
+        "--simulated", type=int, default=0, metavar="N", help="and N of the plain simulator"
+    )
     parser.add_argument("--write", type=Path, required=True, metavar="FILE.json")
     args = parser.parse_args()
     found: dict[str, list[np.ndarray]] = {}
@@ -68,6 +92,11 @@ def main() -> None:
             print(folder, flush=True)
             for name, factors in factors_of(folder).items():
                 found.setdefault(name, []).append(factors)
+    for seed in range(args.simulated):
+        for name, factors in simulated(seed).items():
+            found.setdefault(name, []).append(factors)
+    if args.simulated:
+        names.append(f"simulated: {args.simulated} calibration instruments")
     args.write.write_text(written(found, "; ".join(names)), encoding="utf-8")
 
 

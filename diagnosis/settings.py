@@ -75,8 +75,8 @@ class Settings:
     )  # fmt: skip
     prior_unknown: float = quantity(
         "probability of each unknown component before any reading",
-        default=0.02, unit="", low=0.0,
-        source="by convention: the catalogue holds most of what happens",
+        default=0.005, unit="", low=0.0,
+        source="by convention: a tenth of a catalogued cause's",
     )  # fmt: skip
     least_mean_size: float = quantity(
         "smallest whitened rms of the grid of sizes",
@@ -117,6 +117,11 @@ class Settings:
         "the same for laws of light at edges",
         default=0.7, unit="1", low=0.0,
         source="two laws of one cause differ there by most of its size (calibration cases)",
+    )  # fmt: skip
+    doubt_of_rates: float = quantity(
+        "the same for the change of the noise and of the losses",
+        default=0.1, unit="1", low=0.0,
+        source="laws of noise and of lost light are good to a tenth at best",
     )  # fmt: skip
     clip: float = quantity(
         "deviations beyond which a reading counts as that far off",

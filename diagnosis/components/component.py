@@ -62,6 +62,8 @@ UNKNOWN: tuple[Component, ...] = (
       for c, word in RATES),
     *(Component(name=f"{word} of columns", effect="", relaxed=Relaxed(channel=c, each="column"))
       for c, word in RATES),
+    Component(name="noise over the part", effect="",
+              relaxed=Relaxed(channel="scale", along=("part_x", "part_y", "part_z"))),
     *(Component(name=f"{word} over line and range", effect="",
                 relaxed=Relaxed(channel=c, along=("x", "depth")))
       for c, word in RATES),
@@ -70,12 +72,14 @@ UNKNOWN: tuple[Component, ...] = (
 
 def components_of(channel: str) -> tuple[Component, ...]:
     """Return all components of a channel, catalogued and unknown."""
-    known = [
-        Component(name=name, effect=name, relaxed=relaxed)
-        for name, kind in CATALOGUE.items()
-        for relaxed in kind.relaxed
-        if relaxed.channel == channel
-    ]
+    known = []
+    for name, kind in CATALOGUE.items():
+        forms = [r for r in kind.relaxed if r.channel == channel]
+        for k, relaxed in enumerate(forms):
+            known.append(
+                Component(name=name if k == 0 else f"{name} ({k + 1})", effect=name,
+                          relaxed=relaxed)
+            )  # fmt: skip
     return (*known, *(u for u in UNKNOWN if u.relaxed.channel == channel))
 
 
@@ -196,7 +200,9 @@ def _spanned(
     for view in _possible(patch.view, kind.needs):
         try:
             plain = law_of(view, (), noise).mean_mm
-            points = kind.example().grid(view)
+            points = kind.none().grid(view)
+            if all(p.is_null for p in points):
+                points = kind.example().grid(view)
             for point in dict.fromkeys((points[0], points[len(points) // 2], points[-1])):
                 change = law_of(view, (point,), noise).mean_mm - plain
                 out.append(np.nan_to_num(change))

@@ -189,7 +189,7 @@ def assessed(
     ----------
     scales : weights of each component's size in a good instrument
     baseline : recordings of the same instrument when it was good
-    withheld : effects that must not be considered
+    withheld : effects that must not be named: what follows their covariates has no name then
     explained : whitened rms of what the model explains already
     """
     mean: list[Member] = []
@@ -205,7 +205,7 @@ def assessed(
         ]
         search = CauseSearch(
             worlds[0], worlds[1],
-            [c for c in found.candidates if c.effect not in withheld or not c.effect],
+            [c.unclaimed() if c.effect in withheld else c for c in found.candidates],
             Scales(sizes=SETTINGS.mean_sizes(), weights=scales), explained=explained,
         )  # fmt: skip
         mean = search.search()
@@ -218,4 +218,8 @@ def assessed(
     effects: dict[str, dict[str, str]] = {"mean": {c.name: c.effect for c in found.candidates}}
     for channel in found.channels:
         effects[channel.name] = {c.name: c.component.effect for c in channel.candidates}
+    effects = {
+        name: {k: "" if e in withheld else e for k, e in known.items()}
+        for name, known in effects.items()
+    }
     return Assessment(mean=tuple(mean), rates=tuple(rates), effects=effects)

@@ -63,6 +63,10 @@ class Candidate:
         """Name under which the population of good instruments holds it."""
         return f"{self.name} (listed)" if self.listed else self.name
 
+    def unclaimed(self) -> "Candidate":
+        """Return the same as unknown physics."""
+        return replace(self, effect="", component=replace(self.component, effect=""))
+
     def term(self, variant: int) -> Term:
         """Return a variant as a term."""
         return Term(at=self.at, weights=self.shapes[variant])

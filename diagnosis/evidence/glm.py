@@ -41,6 +41,10 @@ class Responses:
     usual: Floats
     dispersion: float
 
+    def information(self) -> float:
+        """Return the curvature of the log likelihood by a change of the level."""
+        return float(self.likelihood(np.zeros(self.seen.size))[2].sum())
+
     def moved(self, change: Floats) -> "Responses":
         """Return the same where the predictor is changed already."""
         if self.kind == "scale":

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, label, uniform_filter
 from scipy.special import log_ndtr, logsumexp
 
+from diagnosis.calibration import USUAL_SHARE
 from diagnosis.components.component import (
     Component,
     cell_of,
@@ -21,7 +22,7 @@ from diagnosis.components.component import (
 )
 from diagnosis.components.smooth import Ranges
 from diagnosis.evidence.causes import Scales
-from diagnosis.evidence.glm import Owners, Responses, mode
+from diagnosis.evidence.glm import Mode, Owners, Responses, mode
 from diagnosis.noise import Mask, NoiseModel
 from diagnosis.patch import Patch
 from diagnosis.prediction import Prediction
@@ -29,6 +30,8 @@ from diagnosis.score import Whitened
 from diagnosis.settings import SETTINGS
 
 Floats = NDArray[np.float64]
+BLOCK, SURROUNDINGS = 5, 25
+"""Readings a side of a block whose squares are summed, and of what it is compared with."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -60,6 +63,10 @@ class RateCandidate:
     component: Component
     variants: tuple[RateVariant, ...]
     listed: bool = False
+
+    def unclaimed(self) -> "RateCandidate":
+        """Return the same as unknown physics."""
+        return replace(self, component=replace(self.component, effect=""))
 
     @property
     def key(self) -> str:
@@ -126,9 +133,7 @@ def _responses(
             sharp = patch.softness[0] > SETTINGS.sharp * noise.sd_mm
             pick = near & state.used & ~patch.edge & ~sharp
             square = np.minimum(np.square(state.innovations), SETTINGS.clip**2)
-            share = np.maximum(uniform_filter(pick.astype(float), 15, mode="constant"), 1e-9)
-            mean = uniform_filter(np.where(pick, square, 0.0), 15, mode="constant") / share
-            even.append((square / np.maximum(mean, 1e-9))[pick])
+            even.append(_block_sums(square, pick))
             value, number = square, np.ones(patch.shape)
         else:
             pick = near if name == "missing" else near & patch.observed
@@ -140,16 +145,31 @@ def _responses(
             value = event.astype(float)
         picks.append(pick)
         seen.append(value[pick])
-        usual.append(np.asarray(number, dtype=np.float64)[pick])
+        floor = 0.0 if name == "scale" else USUAL_SHARE
+        usual.append(np.maximum(np.asarray(number, dtype=np.float64)[pick], floor))
     if name == "scale":
-        # a Gaussian's square has variance 2
-        dispersion = float(np.var(np.concatenate(even)) / 2)
+        # a Gaussian's square has variance 2; those of neighbours may go together
+        dispersion = float(np.square(np.concatenate(even)).mean()) / 2
     else:
         dispersion = min(loose / max(heads, 1), SETTINGS.largest_clump)
     return picks, Responses(
         kind="scale" if name == "scale" else "rate", seen=np.concatenate(seen),
         usual=np.concatenate(usual), dispersion=max(dispersion, 1.0),
     )  # fmt: skip
+
+
+def _block_sums(square: Floats, pick: Mask) -> Floats:
+    """Deviations of whole blocks' sums of squares from their surroundings', per root of reading."""
+    inside = pick.astype(float)
+    wide = np.maximum(uniform_filter(inside, SURROUNDINGS, mode="constant"), 1e-9)
+    mean = uniform_filter(np.where(pick, square, 0.0), SURROUNDINGS, mode="constant") / wide
+    relative = np.where(pick, square / np.maximum(mean, 1e-9) - 1, 0.0)
+    n, m = (BLOCK * (k // BLOCK) for k in square.shape)
+    shape = n // BLOCK, BLOCK, m // BLOCK, BLOCK
+    sums = relative[:n, :m].reshape(shape).sum(axis=(1, 3))
+    counts = inside[:n, :m].reshape(shape).sum(axis=(1, 3))
+    whole = counts == BLOCK**2
+    return np.asarray(sums[whole] / BLOCK)
 
 
 def _candidate(
@@ -249,6 +269,22 @@ class RateMember:
     change: Floats
 
 
+def _one_sided(factor: float, found: Mode, size: float, fall: float) -> float:
+    """Log Bayes factor where the last coefficient can only be positive.
+
+    Its prior is the positive half, twice as dense. Where the likelihood falls from zero on, it
+    does so exponentially, and the integral is that of the fall.
+
+    Parameters
+    ----------
+    factor : of both signs
+    fall : minus the slope of the log likelihood at zero
+    """
+    if fall <= 0:
+        return float(factor + np.log(2.0) + log_ndtr(found.coefficients[-1] / found.sd[-1]))
+    return float(min(0.0, np.log(2.0 / (np.sqrt(2 * np.pi) * size * fall))))
+
+
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Sized:
     """Log Bayes factors of a candidate's sizes, over its variants, and its likeliest form.
@@ -299,8 +335,9 @@ class RateSearch:
                 factors[i, k] = found.log_evidence - base.log_evidence
                 start = found.coefficients
                 if candidate.component.relaxed.grows:
-                    # half of the prior, with all of its probability
-                    factors[i, k] += np.log(2.0) + log_ndtr(start[-1] / found.sd[-1])
+                    _, slope, _ = cells.likelihood(variant.level @ base.coefficients)
+                    fall = -float(variant.columns[:, -1] @ slope)
+                    factors[i, k] = _one_sided(factors[i, k], found, size, fall)
                 changes.append(found.coefficients[len(free) :])
         return factors, changes
 
@@ -329,7 +366,14 @@ class RateSearch:
                 nats=float(logsumexp(one.factors + np.log(self.scales.changed(c.key)))),
                 variant=one.variant, size=one.size, change=one.change,
             )  # fmt: skip
-        return {n: replace(w, nats=w.nats - nothing) for n, w in found.items()}
+        best = max(found.values(), key=lambda w: w.nats, default=None)
+        if best is None:
+            return {}
+        # what follows nearly the same curve is as good: no law is exact
+        alike = responses.information() * (SETTINGS.doubt_of_rates * best.size) ** 2 / 2
+        return {
+            n: replace(w, nats=min(w.nats + alike, best.nats) - nothing) for n, w in found.items()
+        }
 
     def search(self) -> list[RateMember]:
         """Find causes until none has odds above one."""
@@ -339,8 +383,8 @@ class RateSearch:
             free = [
                 c for c in self.channel.candidates
                 if c.name not in {f.candidate.name for f in found}
-                and (not c.component.effect or c.component.effect not in self.withheld)
             ]  # fmt: skip
+            free = [c.unclaimed() if c.component.effect in self.withheld else c for c in free]
             weighed = self.weigh(responses, free)
             odds = {c.name: weighed[c.name].nats + SETTINGS.log_odds(c.component.effect)
                     for c in free}  # fmt: skip

@@ -58,6 +58,7 @@ class FormError(AdditiveEffect):
     covariate: ClassVar = "part_x"
     relaxed: ClassVar = (
         Relaxed(channel="mean", along=("part_x", "part_y", "part_z"), times="raised"),
+        Relaxed(channel="mean", spanned=True),
     )
     rivals: ClassVar = ("line_bow", "lens_distortion", "incidence_bias", "stage_vibration")
     separating: ClassVar = (
@@ -83,6 +84,7 @@ class FormError(AdditiveEffect):
         high=50.0,
         typical=0.0,
         null=0.0,
+        grid=(0.8, 2.0, 5.0),
     )
     corners_mm: tuple[float, ...] = parameter(
         "points x, y, z of the part, one on each rounded concave crease; empty: all creases",

@@ -5,7 +5,6 @@ from typing import ClassVar
 
 from sensors.effects.effect import Effect
 from sensors.effects.parameter import parameter
-from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.view.view import View
 
@@ -29,7 +28,6 @@ class RoughnessLevel(Effect):
     channels: ClassVar = ("variance", "correlation")
     frame: ClassVar = "part"
     covariate: ClassVar = "part_x"
-    relaxed: ClassVar = (Relaxed(channel="scale", along=("part_x", "part_y", "part_z")),)
     rivals: ClassVar = ("incidence_noise", "anisotropic_lay")
     separating: ClassVar = (
         "scan a flat plate of the same surface texture: the roughness level holds everywhere, "

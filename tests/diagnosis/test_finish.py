@@ -81,7 +81,7 @@ def names_told(
     view = View(part("steps"), SensorModel(datasheet(40)), poses(3), np.arange(3.0))
     ws: Any = SimpleNamespace(patches=[SimpleNamespace(view=view)])
     noise: Any = SimpleNamespace(correlation_length_px=lambda: (1.0, 1.0))
-    effects, _ = finish.finish_effects(ws, Model(), noise, noise, 0.01, bent=bent)
+    effects = finish.finish_effects(ws, Model(), noise, noise, 0.01, bent=bent)
     return [e.name for e in effects]
 
 

@@ -62,7 +62,7 @@ def test_a_number_where_the_catalogue_ends_is_said_to_be_so() -> None:
     low, high = LineBow().parameter("sag_um").low, LineBow().parameter("sag_um").high
     for value, notes in ((0.5 * high, 0), (high, 1), (low, 1), (0.0, 0)):
         sag = Estimate(value=value, low=low, high=high)
-        found = plainly_found(LineBow(sag_um=value), 1.0, {"sag_um": sag})
+        found = plainly_found(LineBow(sag_um=value), 1.0, {"sag_um": sag}, probability=0.9)
         said = at_limits([found])
         assert len(said) == notes
         assert all("line_bow" in note and "sag_um" in note for note in said)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import diagnosis.diagnose
+import diagnosis.prepare
 from diagnosis.inputs import check_marks
 from sensors.surface.surface import Surface
 from sensors.typed_yaml import RecipeError
@@ -31,7 +32,7 @@ def test_faults_of_the_inputs_are_told_before_the_first_registration(
     )
     sharp = Surface(name="sharp", rpm_mm=0.01, rvm_mm=0.01, pc_per_mm=500.0)
     bent = record(part("domes"), sheet, [], name="plate", seed=3, profiles=40, pitch_mm=0.7)
-    monkeypatch.setattr(diagnosis.diagnose, "register", no_registration)
+    monkeypatch.setattr(diagnosis.prepare, "register", no_registration)
     for recordings, sensor, more, fault in (
         ([made[0], replace(made[1], poses=far)], sheet, {}, "r1: doesn't overlap the part"),
         (made, needs_rows, {}, "camera_rows"),
@@ -57,7 +58,7 @@ def test_marks_for_missing_points_are_told_before_the_first_registration(
     depth[10:15, 20:30] = mark
     marked = replace(made[1], depth_mm=depth, name="marked")
     recordings, references = ([made[0], marked], []) if role == "recording" else (made, [marked])
-    monkeypatch.setattr(diagnosis.diagnose, "register", no_registration)
+    monkeypatch.setattr(diagnosis.prepare, "register", no_registration)
     with pytest.raises(RecipeError, match=r"marked: .*depth \S+ mm 50 times.*--missing") as fault:
         diagnosis.diagnose.diagnose(
             recordings, scene.vertices_mm, scene.faces, sheet, references=references

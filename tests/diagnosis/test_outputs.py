@@ -55,7 +55,14 @@ def test_diagnosis_json(diagnosed: tuple[Diagnosis, Path]) -> None:
     assert region["recording"] in ("left", "right", "kept back")
     assert region["effect"] == "line_bow"
     assert content["heldout"]["after"]["log_score"] < content["heldout"]["before"]["log_score"]
-    assert content["recordings"] == {"fitted": ["left", "right"], "held_out": ["kept back"]}
+    assert content["recordings"] == {
+        "fitted": ["left", "right"], "held_out": ["kept back"], "baselines": [],
+    }  # fmt: skip
+    assert effect["probability"] > 0.9
+    assert effect["probability"] + effect["none_of_these"] <= 1.0 + 1e-9
+    assert content["none_of_these"] < 0.1
+    assert "calibration" in content["calibration_population"]
+    assert content["settings"]["prior_cause"] > 0
 
 
 def test_mismatch_maps_hold_every_recording(diagnosed: tuple[Diagnosis, Path]) -> None:
@@ -182,4 +189,4 @@ def test_pixel_locking_is_found_and_drawn_where_no_rows_are_stated(tmp_path: Pat
     assert [e.name for e in result.effects] == ["pixel_locking"]
     assert result.effects[0].parameters["rows"].value == pytest.approx(700.0, rel=2e-3)
     write_outputs(result, tmp_path, part_name="domes")
-    assert "fraction of the camera" in (tmp_path / "report.html").read_text()
+    assert "fractional camera row" in (tmp_path / "report.html").read_text()
