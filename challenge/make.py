@@ -26,7 +26,8 @@ from challenge.second.nulls import LEAST_BLOCKS
 from challenge.second.nulls import check_null as check_second_null
 from challenge.second.truth import facts as second_facts
 
-_TRIES = 5
+_TRIES = 20
+"""Draws of a case in a row that may be invalid before a set is given up."""
 MOST_DOUBLED = 3
 """How often a fault that nobody can see is made twice as large at most."""
 

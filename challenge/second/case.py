@@ -211,6 +211,7 @@ def datasheet(device: Device, travel: Travel) -> dict[str, Any]:
         "effects": [
             {"name": "camera_occlusion", "triangulation_angle_deg": round(theta, 4),
              "camera_side": side, "line_sd_um": spread_um},
+            {"name": "finite_spot", "line_sd_um": spread_um},
             {"name": "edge_mixing", "line_sd_um": spread_um},
         ],
     }  # fmt: skip

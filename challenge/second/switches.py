@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -126,8 +127,8 @@ def _robot(**of_size: Callable[[float], float]) -> Callable[[Device, float], obj
 
 def _firmware(**of_size: Callable[[float], float]) -> Callable[[Device, float], object]:
     def change(device: Device, size: float) -> object:
-        fields = {name: value(size) for name, value in of_size.items()}
-        return replace(device.firmware, **fields)  # type: ignore[arg-type]  # fields of two types
+        fields: dict[str, Any] = {name: value(size) for name, value in of_size.items()}
+        return replace(device.firmware, **fields)
 
     return change
 

@@ -221,7 +221,7 @@ def _filling(flow: Ints) -> Ints:
     for octant, planes in enumerate(_OCTANTS):
         for a, b in zip(planes, (*planes[1:], planes[0]), strict=True):
             boundary[_EDGE_OF[a, b], octant] = 1 if a < b else -1
-    copies = np.linalg.lstsq(boundary, wanted)[0]
+    copies = np.linalg.lstsq(boundary, wanted, rcond=None)[0]
     found: Ints = np.rint(copies - copies[0]).astype(np.int64)
     if (boundary @ found != wanted).any():
         raise Unclosable("the patch's rim doesn't close")

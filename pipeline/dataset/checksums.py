@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from pipeline.dataset.shards import file_sha256
+from sensors.budget import regular
 from sensors.whole_file import write_whole
 
 NAME: Final = "checksums.sha256"
@@ -51,10 +52,10 @@ def read_checksums(folder: Path) -> Checksums | None:
     ValueError
         Where the list itself is damaged.
     """
-    try:
-        blob = (folder / NAME).read_bytes()
-    except FileNotFoundError:
+    if not (folder / NAME).exists():
         return None
+    regular(folder / NAME)
+    blob = (folder / NAME).read_bytes()
     body, mark, last = blob.rpartition(b"# root ")
     root = _ROOT.fullmatch((mark + last).decode("ascii", "replace").rstrip("\n"))
     if root is None or not last.endswith(b"\n") or last.count(b"\n") != 1:

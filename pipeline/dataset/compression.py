@@ -48,8 +48,10 @@ def opened(path: Path) -> Any:
     """
     import h5py
 
+    from sensors.budget import regular
     from sensors.hdf5_input import lies_elsewhere
 
+    regular(path)
     file = h5py.File(path, "r")
     foreign = [key for key in file if lies_elsewhere(file, key)]
     if foreign:

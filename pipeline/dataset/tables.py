@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from sensors.budget import regular
 from sensors.typed_yaml import RecipeError
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ def read_table(path: Path) -> "pd.DataFrame":
     """
     import pandas as pd
 
+    regular(path)
     try:
         table = pd.read_csv(path) if path.suffix == ".csv" else pd.read_parquet(path)
         texts = {  # decoded here, not where they are used first

@@ -10,7 +10,8 @@ import numpy as np
 from pipeline.dataset.checksums import NAME, Checksums, own_files, read_checksums
 from pipeline.dataset.manifest import FLAW_COLUMNS, SCAN_COLUMNS
 from pipeline.dataset.shards import file_sha256, pixels_in, scan_checksums, scans_in
-from pipeline.dataset.tables import read_table
+from pipeline.dataset.tables import is_plain, read_table
+from sensors.budget import regular
 from sensors.typed_yaml import RecipeError
 from sensors.whole_file import write_whole
 
@@ -28,6 +29,11 @@ class Report:
     wrong: int
 
 
+SHARED: Final = {"name": str, "shards": dict, "recipe": dict, "files": dict, "versions": dict}
+"""What readers of dataset.json and of locks rely on."""
+SHAPE: Final = {**SHARED, "scans": int, "classes": dict}
+
+
 def read_dataset(folder: Path) -> dict[str, Any]:
     """Return the content of dataset.json.
 
@@ -37,6 +43,8 @@ def read_dataset(folder: Path) -> dict[str, Any]:
         Where the folder holds no finished dataset.
     """
     path = folder / "dataset.json"
+    if path.exists():
+        regular(path)
     try:
         said = json.loads(path.read_text(encoding="utf-8"))
     except OSError:
@@ -52,6 +60,15 @@ def read_dataset(folder: Path) -> dict[str, Any]:
         raise RecipeError(f"isn't JSON ({error})", where=path) from None
     if not isinstance(said, dict) or said.get("format") != "flawforge-dataset":
         raise RecipeError("isn't a dataset's description", where=path)
+    for key, kind in SHAPE.items():
+        if not isinstance(said.get(key), kind):
+            raise RecipeError(f"isn't a dataset's description: '{key}' isn't {kind.__name__}",
+                              where=path)  # fmt: skip
+    for name, facts in said["shards"].items():
+        if not (is_plain(name) and isinstance(facts, dict) and "sha256" in facts):
+            raise RecipeError("isn't a shard's name with its checksum", where=path, value=name)
+    if not all(number.isdecimal() for number in said["classes"]):
+        raise RecipeError("'classes' aren't numbers with names", where=path)
     return said
 
 
@@ -310,6 +327,8 @@ def compare_with_lock(folder: Path, lock: Path) -> Report:
         Where the lock can't be read or is the lock of another recipe.
     """
     said = read_dataset(folder)
+    if lock.exists():
+        regular(lock)
     try:
         kept = json.loads(lock.read_text(encoding="utf-8"))
     except OSError as error:
@@ -318,6 +337,8 @@ def compare_with_lock(folder: Path, lock: Path) -> Report:
         raise RecipeError("isn't a lock", where=lock, allowed=MADE_BY) from None
     if not isinstance(kept, dict) or kept.get("format") != LOCK_FORMAT:
         raise RecipeError("isn't a lock", where=lock, allowed=MADE_BY)
+    if not all(isinstance(kept.get(key), kind) for key, kind in SHARED.items()):
+        raise RecipeError("is damaged", where=lock, allowed=MADE_BY)
     for key in ("recipe", "files"):
         if kept[key] != said[key]:
             was, now = kept[key], said[key]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.dataset.tables import read_table
+from pipeline.dataset.verify import read_dataset
 from pipeline.pod.curve import Curve, Floats, NotEstimable
 from pipeline.pod.hit_miss import HitMiss, Link
 from pipeline.pod.signal_response import SignalResponse
@@ -92,8 +93,6 @@ def make_study(
     RecipeError
         Where a file or a column is wrong.
     """
-    import json
-
     import pandas as pd
 
     flaws = read_table(folder / "flaws.parquet")
@@ -110,7 +109,7 @@ def make_study(
         allowed = [str(name) for name in shown if str(name).endswith("_mm")]
         raise RecipeError("no such size", where="--size", value=size, allowed=", ".join(allowed))
     if predictions is None:
-        used = json.loads((folder / "dataset.json").read_text())["recipe"]
+        used = read_dataset(folder)["recipe"]
         threshold = float(used["detectable_at"]) if threshold is None else threshold
         response: Floats | None = shown["response"].to_numpy(dtype=np.float64)
         hit = shown["response"].to_numpy() >= threshold

@@ -15,7 +15,7 @@ import yaml
 
 from challenge.cases.case import SWITCHES, Secret, stage, write
 from challenge.cases.nulls import check_null
-from challenge.cases.parts import SHAPES, bent, corners, solid_of
+from challenge.cases.parts import SHAPES
 from challenge.cases.seeds import child
 from challenge.cases.switches import DECOY, SINGLE, UNKNOWN
 from challenge.cases.truth import facts, levelled
@@ -26,7 +26,7 @@ from challenge.run import run
 from challenge.score import clopper_pearson, judge_case, overlap
 from challenge.scoreboard import figures, table
 from challenge.sealed import FULL, commitment, counts_of, draw, seal
-from challenge.shuffle import SHUFFLED, moved_blocks, shuffle
+from challenge.shuffle import SHUFFLED, shuffle
 
 ROOT = Path(__file__).resolve().parents[2]
 FORMATS = {
@@ -58,39 +58,6 @@ def test_switches_speak_the_catalogues_names():
     assert set(SINGLE) <= FORMATS
     assert not any(UNKNOWN[name].accept for name in UNKNOWN)
     assert set(DECOY) & set(SINGLE) == set()
-
-
-@pytest.mark.parametrize("shape", list(SHAPES))
-def test_parts_are_closed_solids(shape):
-    for seed in range(3):
-        solid = solid_of(SHAPES[shape](np.random.default_rng(seed)))
-        edges = np.sort(solid.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-        _, count = np.unique(edges, axis=0, return_counts=True)
-        assert (count == 2).all()
-        a, b, c = np.moveaxis(solid.vertices_mm[solid.faces], 1, 0)
-        assert np.sum(a * np.cross(b, c)) / 6 > 1000
-
-
-def test_fillet_adds_material_in_the_corner_only():
-    sharp = solid_of(corners(np.random.default_rng(3)))
-    round_ = solid_of(corners(np.random.default_rng(3), 0.8))
-
-    def volume(solid):
-        a, b, c = np.moveaxis(solid.vertices_mm[solid.faces], 1, 0)
-        return np.sum(a * np.cross(b, c)) / 6
-
-    # for each wall (tan(φ/2) - φ/2) r² of section, φ the wall's angle of 40 to 56 degrees
-    added = volume(round_) - volume(sharp)
-    low, high = (0.8**2 * (np.tan(a / 2) - a / 2) for a in np.radians([40, 56]))
-    # (walls may cover a part of each other's corners)
-    assert 0.2 * 2 * low * 14 < added < 2.1 * high * 14
-
-
-def test_warp_follows_its_formula():
-    flat = solid_of(SHAPES["terraces"](np.random.default_rng(0)))
-    warped = bent(flat, 0.1, 0.0, 0)
-    ends = np.abs(warped.vertices_mm[:, 0]) > 17.99
-    assert warped.vertices_mm[ends, 2].min() == pytest.approx(-6.0 - 0.1, abs=1e-6)
 
 
 def test_a_set_has_all_kinds_and_no_order():
@@ -359,14 +326,6 @@ def test_judge_scores_the_shuffled_baseline(judged):
     board = "\n".join(table({"first": figures(scored)}))
     assert "| shuffled covariates: top-1, one effect (chance is right) | 0.00 (1) |" in board
     assert "| - the same cases as they are | 1.00 (1) |" in board
-
-
-def test_shuffling_keeps_the_values_and_moves_them():
-    values = np.arange(40.0 * 50).reshape(40, 50)
-    moved = moved_blocks(values, np.array([5, 4, 3, 2, 1, 0]))
-    np.testing.assert_array_equal(np.sort(moved.ravel()), values.ravel())
-    np.testing.assert_array_equal(moved[:16, :16], values[16:32, 32:48])
-    np.testing.assert_array_equal(moved[32:], values[32:])
 
 
 def test_shuffled_case_keeps_its_geometry(bowed, tmp_path):

@@ -84,7 +84,13 @@ COMMANDS = {  # what writes into OUT
 }
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+SLOW = ("preview", "roughness", "pod")  # many writes of pictures
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else []) for name in COMMANDS],
+)
 def test_what_stands_is_whole(name, whole, tmp_path, capsys):
     folder = tmp_path / "out"
     folder.mkdir()

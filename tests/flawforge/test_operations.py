@@ -50,7 +50,7 @@ def shell(
         (f"{FLAWFORGE} --help | true; exit ${{PIPESTATUS[0]}}", 1),
     ],
 )
-@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("unbuffered", ["", pytest.param("1", marks=pytest.mark.slow)])
 def test_streams_and_a_bare_environment(script, code, unbuffered, small_dataset):
     more = {"LANG": "C", "PYTHONUNBUFFERED": unbuffered}
     run = shell(script, small_dataset, **more)  # and no HOME

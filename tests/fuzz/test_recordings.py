@@ -19,7 +19,7 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("recordings")
 
 
-@effort(60)
+@effort(40)
 @given(recordings.right())
 def test_right_ones_are_read_as_written(folder, file):
     recordings.write(file, folder / "a.h5")
@@ -34,7 +34,7 @@ def test_right_ones_are_read_as_written(folder, file):
     assert again.start_time_s == found.start_time_s
 
 
-@effort(150)
+@effort(80)
 @given(recordings.changed())
 @example(recordings.otherwise("version", np.inf))
 @example(recordings.otherwise("pose", 1e308))

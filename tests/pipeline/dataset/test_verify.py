@@ -1,6 +1,11 @@
 """Verifying: damage is found, a lock holds a release, other versions are compared."""
 
 import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -8,7 +13,7 @@ import pytest
 
 from pipeline.batch.run import generate
 from pipeline.dataset.checksums import NAME, own_files
-from pipeline.dataset.verify import compare_with_lock, verify, write_lock
+from pipeline.dataset.verify import compare_with_lock, read_dataset, verify, write_lock
 from pipeline.recipe import Recipe
 from sensors.typed_yaml import RecipeError
 
@@ -141,3 +146,41 @@ def test_content_is_held_against_the_labels(once):
     table.to_parquet(path)
     lines = "\n".join(verify(once, content=True).lines)
     assert "pixels listed" in lines
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("scans", None), ("scans", "x"), ("shards", []), ("shards", {"../x.h5": {"sha256": "0"}}),
+     ("shards", {"a.h5": None}), ("recipe", None), ("classes", [1]), ("classes", {"x": "dent"}),
+     ("files", None), ("versions", 3), ("name", 7)],
+)  # fmt: skip
+def test_a_description_of_another_shape_is_one_line(once, tmp_path, key, value):
+    folder = tmp_path / "d"
+    shutil.copytree(once, folder)
+    said = json.loads((folder / "dataset.json").read_text())
+    said[key] = value
+    (folder / "dataset.json").write_text(json.dumps(said))
+    with pytest.raises(RecipeError, match="dataset.json"):
+        read_dataset(folder)
+
+
+@pytest.mark.parametrize(
+    "name", ["dataset.json", "checksums.sha256", "manifest.parquet", "shard-00000.h5", "a.lock"]
+)
+def test_a_pipe_in_a_dataset_is_never_waited_for(once, tmp_path, name):
+    folder = tmp_path / "d"
+    shutil.copytree(once, folder)
+    (folder / name).unlink(missing_ok=True)
+    os.mkfifo(folder / name)
+    script = (
+        "from pathlib import Path; from pipeline.dataset.verify import compare_with_lock, verify\n"
+        f"folder = Path({str(folder)!r})\n"
+        "for check in (verify, lambda folder: compare_with_lock(folder, folder / 'a.lock')):\n"
+        "    try: print(*check(folder).lines, sep='\\n')\n"
+        "    except ValueError as error: print(error)\n"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", script], cwd=Path(__file__).parents[3], capture_output=True,
+        text=True, timeout=120, check=True,
+    )  # fmt: skip
+    assert f"{name}: " in run.stdout

@@ -34,7 +34,11 @@ def dataset(tmp_path_factory):
         }
     )
     flaws.to_parquet(folder / "flaws.parquet")
-    (folder / "dataset.json").write_text(json.dumps({"recipe": {"detectable_at": 5.0}}))
+    said = {
+        "format": "flawforge-dataset", "name": "pod", "scans": COUNT, "shards": {}, "files": {},
+        "classes": {}, "versions": {}, "recipe": {"detectable_at": 5.0},
+    }  # fmt: skip
+    (folder / "dataset.json").write_text(json.dumps(said))
     found = rng.uniform(size=COUNT) < expit(3 * np.log(depth / 0.2))
     predictions = flaws[["scan_id", "instance"]].assign(detected=found)[found]
     predictions.sample(frac=1, random_state=1).to_parquet(folder / "hits.parquet")
@@ -93,7 +97,7 @@ def test_names_from_tables_are_text_on_the_page(dataset, tmp_path):
 
 def test_wrong_tables_are_one_line(dataset, tmp_path):
     table = tmp_path / "t.parquet"
-    with pytest.raises(RecipeError, match="none.parquet: can't be read"):
+    with pytest.raises(RecipeError, match="none.parquet: no such file"):
         make_study(dataset.folder, predictions=tmp_path / "none.parquet")
     pd.DataFrame({"scan_id": ["s0"], "instance": [1]}).to_parquet(table)
     with pytest.raises(RecipeError, match="neither"):
