@@ -1,6 +1,6 @@
 r"""What good instruments depart by: learn it from the calibration population and keep it.
 
-    flawforge challenge calibrate --out out/calibration --nulls-only
+    flawforge challenge calibrate --out out/calibration --each 0
     python -m benchmarks.discrepancy out/calibration --simulated 15 \
         --write diagnosis/discrepancy.json
 

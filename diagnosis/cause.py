@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from diagnosis.components.component import Component
 from diagnosis.evidence.assess import Assessment
 from diagnosis.settings import SETTINGS
+from sensors.effects.relaxed import Relaxed
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -48,6 +49,7 @@ class Strange:
     ----------
     size : whitened rms (mean), or rms of the linear predictor (other channels)
     repeats : frequency or place of its form, where it has one
+    relaxed : what it follows
     """
 
     component: str
@@ -56,6 +58,7 @@ class Strange:
     nats: float
     size: float
     repeats: float = 0.0
+    relaxed: Relaxed | None = None
 
 
 def shares_by_effect(
@@ -99,15 +102,11 @@ def reported(assessment: Assessment) -> tuple[list[Cause], list[Strange]]:
             )  # fmt: skip
             if best not in causes or causes[best].nats < cause.nats:
                 causes[best] = cause
-        elif not component.effect and shares.get(member.name, 0.0) > SETTINGS.reported:
-            strange.append(Strange(
-                component=member.name, channel=channel, probability=shares[member.name],
-                nats=member.nats, size=member.size, repeats=member.repeats,
-            ))  # fmt: skip
         elif not component.effect and 1 - shares.get("", 0.0) > SETTINGS.reported:
             strange.append(Strange(
                 component=member.name, channel=channel, probability=1 - shares.get("", 0.0),
                 nats=member.nats, size=member.size, repeats=member.repeats,
+                relaxed=component.relaxed,
             ))  # fmt: skip
     return sorted(causes.values(), key=lambda c: -c.nats), strange
 

@@ -94,7 +94,12 @@ def explain(
         explained = float(np.sqrt(explained**2 + sum(m.size**2 for m in found.mean)))
         progress(f"fitting {', '.join(c.name for c in new)}")
         recorded, patches = _complete(recorded, patches, [*causes, *new], noise, model, notes)
+        before_fit = model
         model, new = fit_laws(new, fitted_part(patches, noise), model)
+        if causes:
+            model, new = _without_remainders(before_fit, model, new, notes)
+            if not new:
+                break
         causes += new
         patches, placed = _settled(model, patches, placed, recorded, noise)
         ws = fitted_part(patches, noise)
@@ -116,6 +121,22 @@ def explain(
         placed=placed, recorded=recorded, ws=ws, first=first, members=members,
         scales=scales,
     )  # fmt: skip
+
+
+def _without_remainders(
+    before: Model, model: Model, new: Sequence[Cause], notes: list[str]
+) -> tuple[Model, list[Cause]]:
+    """Drop later causes whose laws explain next to nothing: what others leave isn't their doing."""
+    kept = [c for c in new if not c.doubt]
+    for cause in new:
+        if cause.doubt:
+            notes.append(
+                f"what the laws found leave goes with what {cause.name} follows, but its law "
+                "explains none of it: taken for a remainder"
+            )
+            if cause.name not in before.names():
+                model = model.without(cause.name)
+    return model, kept
 
 
 def fitted_part(patches: Sequence[Patch], noise: NoiseModel) -> Workspace:

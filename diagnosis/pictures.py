@@ -44,27 +44,42 @@ def mismatch_map(result: Diagnosis) -> bytes:
     maps = max(result.maps, key=lambda m: m.mask.mean())
     step = (max(1, maps.mask.shape[0] // 500), max(1, maps.mask.shape[1] // 700))
     thin = (slice(None, None, step[0]), slice(None, None, step[1]))
-    figure, (left, right) = _figure(10.5, 3.6, 2)
+    figure, (axis,) = _figure(5.6, 3.6)
     extent = (0, maps.mask.shape[1], maps.mask.shape[0], 0)
-    shown = left.imshow(maps.depth_mm[thin], aspect="auto", cmap="Greys", extent=extent)
-    figure.colorbar(shown, ax=left, label="depth, mm", shrink=0.85)
+    shown = axis.imshow(maps.depth_mm[thin], aspect="auto", cmap="Greys", extent=extent)
+    figure.colorbar(shown, ax=axis, label="depth, mm", shrink=0.85)
     if maps.mask.any():
         overlay = np.zeros((*maps.mask[thin].shape, 4))
         overlay[maps.mask[thin]] = (0.76, 0.27, 0.18, 0.45)
-        left.imshow(overlay, aspect="auto", extent=extent, interpolation="nearest")
-    title = f"{maps.name}\ndepth; red where it contradicts the simulation"
-    left.set_title(title, fontsize=9, parse_math=False)  # a file's name is no formula
-    residual = 1e3 * (maps.depth_mm - maps.simulated)[thin]
-    known = residual[np.isfinite(residual)]
-    limit = float(np.quantile(np.abs(known), 0.97)) if known.size else 1.0
-    shown = right.imshow(
-        residual, aspect="auto", cmap="RdBu_r", vmin=-limit, vmax=limit, extent=extent
-    )
-    figure.colorbar(shown, ax=right, label="reading - simulation, µm", shrink=0.85)
-    right.set_title("what the plain simulation leaves", fontsize=9)
-    for axis in (left, right):
+        axis.imshow(overlay, aspect="auto", extent=extent, interpolation="nearest")
+    title = f"{maps.name}\ndepth; red where it departs from the nominal model"
+    axis.set_title(title, fontsize=9, parse_math=False)  # a file's name is no formula
+    axis.set_xlabel("point", fontsize=8)
+    axis.set_ylabel("profile", fontsize=8)
+    return _png(figure)
+
+
+def residual_maps(result: Diagnosis) -> bytes:
+    """Residuals of the recording with the largest mismatch, before and after, at one scale."""
+    maps = max(result.maps, key=lambda m: m.mask.mean())
+    step = (max(1, maps.mask.shape[0] // 500), max(1, maps.mask.shape[1] // 700))
+    thin = (slice(None, None, step[0]), slice(None, None, step[1]))
+    pair = [1e3 * (maps.depth_mm - m)[thin] for m in (maps.simulated, maps.explained)]
+    known = np.abs(pair[0][np.isfinite(pair[0])])
+    limit = float(np.quantile(known, 0.97)) if known.size else 1.0
+    figure, axes = _figure(10.5, 3.6, 2)
+    extent = (0, maps.mask.shape[1], maps.mask.shape[0], 0)
+    for axis, residual, words in zip(
+        axes, pair, ("nominal model", "with the effects found"), strict=True
+    ):
+        shown = axis.imshow(
+            residual, aspect="auto", cmap="RdBu_r", vmin=-limit, vmax=limit, extent=extent,
+            interpolation="nearest",
+        )  # fmt: skip
+        axis.set_title(f"residual, {words}", fontsize=9)
         axis.set_xlabel("point", fontsize=8)
         axis.set_ylabel("profile", fontsize=8)
+    figure.colorbar(shown, ax=list(axes), label="reading - expectation, µm", shrink=0.85)
     return _png(figure)
 
 

@@ -11,11 +11,13 @@ import numpy as np
 from scipy.ndimage import uniform_filter
 
 from diagnosis.cause import Strange
-from diagnosis.components.component import UNKNOWN
 from diagnosis.locate import NEIGHBOURS, Region, departure_mask, regions_of
+from diagnosis.noise import Field
 from diagnosis.settings import SETTINGS
 from diagnosis.workspace import Model, Workspace
+from sensors.view.camera import row_of_depth
 from sensors.view.covariates import COVARIATES
+from sensors.view.view import View
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -77,27 +79,48 @@ def residual_structure(
     out = []
     for one in sorted(strange, key=lambda s: -s.nats):
         words, frame = _follows(one)
+        period, unit = _period(one, ws)
         mean = one.channel == "mean"
         out.append(Residual(
             channel=one.channel, covariate=words, frame=frame,
             size=1e3 * ws.noise.sd_mm * one.size if mean else one.size, unit="µm" if mean else "1",
             probability=one.probability, detail=f"{one.component}, {one.nats:.0f} nats",
-            regions=regions if mean else (),
+            regions=regions if mean else (), period=period, period_unit=unit,
         ))  # fmt: skip
     return tuple(out)
 
 
 def _follows(one: Strange) -> tuple[str, str]:
     """Words and frame of what a component follows."""
-    for component in UNKNOWN:
-        if component.name == one.component:
-            relaxed = component.relaxed
-            if relaxed.each == "column":
-                return COVARIATES["column"].words, "sensor"
-            if relaxed.along:
-                names = [COVARIATES[a] for a in relaxed.along]
-                return " and ".join(n.words for n in names), names[0].frame
-    return COVARIATES["time"].words, "time"
+    names = ["time"]
+    if one.relaxed is not None:
+        each = ["column"] if one.relaxed.each == "column" else []
+        names = each or list(one.relaxed.along) or names
+    found = [COVARIATES[n] for n in names]
+    return " and ".join(c.words for c in found), found[0].frame
+
+
+def _period(one: Strange, ws: Workspace) -> tuple[float | None, str]:
+    """Period of what repeats over the range, in µm at the middle of the readings."""
+    if one.relaxed is None or not one.relaxed.periodic or one.relaxed.each or one.repeats <= 0:
+        return None, ""
+    view = ws.patches[0].view
+    slopes = []
+    for patch in ws.patches:
+        depth = np.sort(patch.view.depth_mm[patch.observed & np.isfinite(patch.view.depth_mm)])
+        middle = depth[len(depth) // 4], depth[3 * len(depth) // 4]
+        row = np.interp(middle, *_rows(view))
+        slopes.append((middle[1] - middle[0]) / max(abs(row[1] - row[0]), 1e-12))
+    return 1e3 * float(np.median(slopes)) / one.repeats, "µm"
+
+
+def _rows(view: View) -> tuple[Field, Field]:
+    """Depths over the working range, and the place of their image on the camera."""
+    sheet = view.datasheet
+    depth = np.linspace(sheet.depth_min_mm, sheet.depth_max_mm, 200)
+    if sheet.triangulation_angle_deg is None:
+        return depth, depth
+    return depth, np.asarray(row_of_depth(depth, sheet, 1.0))
 
 
 def _regions(ws: Workspace, model: Model) -> tuple[Region, ...]:

@@ -47,8 +47,9 @@ def population() -> Population:
 def mixed(factors: Sequence[Floats]) -> Floats:
     """Probability of each size of a grid, from each instrument's log factors (instruments, sizes).
 
-    Sizes are lognormal among instruments; median and spread are averaged over their posterior under
-    a flat prior.
+    Sizes are lognormal among instruments; median and spread are averaged over their posterior.
+    Before any instrument a median is the less probable the larger it is, as its inverse: what no
+    recording of the population could show isn't taken for usual.
     """
     log = np.stack(factors)
     steps = np.arange(log.shape[1], dtype=np.float64)
@@ -59,6 +60,7 @@ def mixed(factors: Sequence[Floats]) -> Floats:
             w = np.maximum(w / max(w.sum(), 1e-300), 1e-300)
             w /= w.sum()
             weights.append(w)
-            nats.append(float(logsumexp(log + np.log(w), axis=1).sum()))
+            before = -np.log(2.0) * middle
+            nats.append(before + float(logsumexp(log + np.log(w), axis=1).sum()))
     posterior = np.exp(np.array(nats) - logsumexp(nats))
     return np.asarray(posterior @ np.stack(weights))
