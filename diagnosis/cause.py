@@ -20,7 +20,8 @@ class Cause:
     probability : of this name, the other causes given
     alternatives : other names with their probabilities, likeliest first
     none_of_these : probability that it is no catalogued effect, or nothing at all
-    nats : log Bayes factor of the component against its absence
+    nats : log Bayes factor of the component against a good instrument
+    size : of the component, whitened rms
     repeats : frequency (of what repeats) found; 0 for others
     component : by which it was found
     doubt : what speaks against the law, not against the cause; "" for nothing
@@ -32,6 +33,7 @@ class Cause:
     alternatives: tuple[tuple[str, float], ...]
     none_of_these: float
     nats: float
+    size: float = 0.0
     repeats: float = 0.0
     component: Component | None = None
     doubt: str = ""
@@ -96,7 +98,7 @@ def reported(assessment: Assessment) -> tuple[list[Cause], list[Strange]]:
             )
             cause = Cause(
                 name=best, channel=channel, probability=named[best], alternatives=others,
-                none_of_these=rest, nats=member.nats,
+                none_of_these=rest, nats=member.nats, size=member.size,
                 repeats=member.repeats if best == component.effect else 0.0,
                 component=component if best == component.effect else None,
             )  # fmt: skip
@@ -108,7 +110,7 @@ def reported(assessment: Assessment) -> tuple[list[Cause], list[Strange]]:
                 nats=member.nats, size=member.size, repeats=member.repeats,
                 relaxed=component.relaxed,
             ))  # fmt: skip
-    return sorted(causes.values(), key=lambda c: -c.nats), strange
+    return sorted(causes.values(), key=lambda c: -c.size), strange
 
 
 def _members(

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from diagnosis.calibration import nominal_noise, nominal_sd_mm
 from diagnosis.candidates import candidates_of
-from diagnosis.cause import Cause, Strange
+from diagnosis.cause import Cause
 from diagnosis.delivery import delivered
 from diagnosis.evidence.next_scan import NextScan, next_scans
 from diagnosis.evidence.population import population
@@ -148,6 +148,15 @@ def diagnose(
     nominally = candidates.placed(Model())
     before = judge(nominally.held, plain_noise, Model(), share_own=not single)
     found, after = found_effects(ws, model, causes, candidates)
+    idle = {f.name for f in found if f.heldout_gain < 0} - {c.name for c in causes[:1]}
+    if idle:
+        # what joined after another law and is of no use on held-out readings is its remainder
+        notes.append(f"{', '.join(sorted(idle))}: fitted, but of no use on held-out readings")
+        causes = [c for c in causes if c.name not in idle]
+        for name in idle:
+            model = model.without(name)
+        model = refined(ws, model)
+        found, after = found_effects(ws, model, causes, candidates)
     found = (*found, *lawless(causes, [f.name for f in found]))
     found, beside = averaged_grain(found, beside, withheld)
     found = tuple(sorted([*found, *beside], key=lambda f: -f.heldout_gain))
@@ -177,7 +186,7 @@ def diagnose(
         effects=found,
         left=described,
         next_measurements=measure,
-        none_of_these=_none_of_these(causes, beside, strange),
+        none_of_these=_none_of_these(causes, beside),
         population=usual_sizes.name,
         assumed={
             key: getattr(recorded.datasheet, key)
@@ -297,9 +306,7 @@ def _verdict(named: bool, strange: bool) -> str:
     return "unexplained" if strange else "match"
 
 
-def _none_of_these(
-    causes: Sequence[Cause], beside: Sequence[FoundEffect], strange: Sequence[Strange]
-) -> float:
+def _none_of_these(causes: Sequence[Cause], beside: Sequence[FoundEffect]) -> float:
     """Probability that none of the names given holds, or that what departs has no name at all."""
     if not causes and not beside:
         return 1.0

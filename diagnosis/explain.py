@@ -88,7 +88,8 @@ def explain(
                          explained=explained)  # fmt: skip
         members = members or found.mean
         named, strange = reported(found)
-        new = without_kin(named, [c.name for c in causes])
+        # one law at a time: what it leaves isn't what the others would have to explain
+        new = without_kin(named, [c.name for c in causes])[:1]
         if not new:
             break
         explained = float(np.sqrt(explained**2 + sum(m.size**2 for m in found.mean)))

@@ -179,9 +179,9 @@ class Settings:
         source="more need other recordings",
     )  # fmt: skip
     rounds: int = quantity(
-        "times that laws are fitted and what is left is weighed again",
-        default=3, unit="", low=1, whole=True,
-        source="the third finds nothing on calibration sets",
+        "laws that are fitted one after the other",
+        default=6, unit="", low=1, whole=True,
+        source="as most_causes",
     )  # fmt: skip
     placed: int = quantity(
         "times that recordings are placed under a model while that moves them",

@@ -138,7 +138,7 @@ class CauseSearch:
         """
         terms = [(c.term(v), s) for c, v, s in active]
         signal = self._explained**2 + sum(s**2 for _, _, s in (*active, *tried))
-        at_edges = sum(s**2 for c, _, s in (*active, *tried) if c.component.relaxed.spanned)
+        at_edges = sum(s**2 for c, _, s in active if c.component.relaxed.spanned)
         doubt = np.where(
             self._spanned, SETTINGS.doubt_at_edges * np.sqrt(at_edges),
             SETTINGS.doubt * np.sqrt(signal),
@@ -191,6 +191,8 @@ class CauseSearch:
             if best is None:
                 break
             active.append(best)
+            if best[0].component.relaxed.spanned:
+                break  # a few points of its grid aren't its law: fit that before going on
             active = self._resized(active)
         return self._weighed(active)
 

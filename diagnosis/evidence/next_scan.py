@@ -20,7 +20,6 @@ from diagnosis.evidence.assess import Seen
 from diagnosis.evidence.causes import Member
 from diagnosis.evidence.gram import Gram, grams_of, turned
 from diagnosis.noise import NoiseModel
-from diagnosis.patch import Patch
 from diagnosis.recorded import Recorded
 from diagnosis.registration import Placement
 from diagnosis.settings import SETTINGS
@@ -166,10 +165,10 @@ def _imagined(
     states = ws.states(ws.predict(Model()))
     wanted = [c for c in found.components if c.name in names or c.group in names]
     bulk, _ = grams_of(wanted, patches, states, found.ranges, noise)
-    return _in_columns(turned(bulk, found.turns), found.bulk, patches)
+    return _in_columns(turned(bulk, found.turns), found.bulk)
 
 
-def _in_columns(gram: Gram, like: Gram, patches: Sequence[Patch]) -> Gram:
+def _in_columns(gram: Gram, like: Gram) -> Gram:
     """Put equations of shared components into the columns of others; own ones are left out."""
     size = len(like.right)
     matrix = np.zeros((size, size))
