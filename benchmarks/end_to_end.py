@@ -22,6 +22,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pipeline.batch.backend import THREADS
 
 HOME = Path(__file__).resolve().parents[1]
@@ -214,6 +216,18 @@ def scan_cost_alone(
         cwd=HOME, env={**os.environ, **THREADS}, check=True, capture_output=True, text=True,
     ).stdout  # fmt: skip
     return ScanCost(**json.loads(said.splitlines()[-1]))
+
+
+def copied_bytes_per_s() -> float:
+    """Return how fast one core copies float64 numbers in memory: a limit for 8.2 M readings."""
+    source = np.ones(SIZES[1][0] * SIZES[1][1])
+    target = np.zeros_like(source)
+    rates = []
+    for _ in range(7):
+        begin = time.process_time()
+        np.copyto(target, source)
+        rates.append(source.nbytes / (time.process_time() - begin))
+    return statistics.median(rates)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
