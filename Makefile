@@ -54,7 +54,7 @@ lint: $(DEV)
 	$(BIN)/mypy
 
 # Side by side with the peers, on an idle machine: half an hour. One section again:
-# python -m benchmarks --only datasets (or scans, casting, growth, noise).
+# python -m benchmarks --only datasets (or scans, waits, casting, growth, noise).
 bench: $(PEERS)
 	$(BIN)/python -m benchmarks
 

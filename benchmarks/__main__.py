@@ -1,6 +1,6 @@
 """All benchmarks: docs/benchmarks.md, its plot, and the tables of docs/scaling.md.
 
-`--only` measures some sections again and takes the others as they were kept in `--kept`.
+`--only` measures some sections again; the others stay as their own last run left them.
 """
 
 import argparse
@@ -19,10 +19,12 @@ from benchmarks.end_to_end import (
     SIZES,
     batch_cost,
     batches,
+    copied_bytes_per_s,
     dask_seconds,
     scan_cost_alone,
 )
 from benchmarks.perlin import fields, median_seconds
+from benchmarks.waits import carvings, packings, uses
 from pipeline.batch.backend import THREADS
 
 MESHES = tuple(
@@ -34,41 +36,44 @@ FACETS_UM = (80.0, 20.0, 6.0)
 
 
 def main() -> None:
-    """Measure, keep, and write the page once every section is there."""
+    """Measure, keep, and fill the pages with what was measured."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=HOME / "docs")
+    parser.add_argument("--docs", type=Path, default=HOME / "docs", help="folder of the pages")
     parser.add_argument("--kept", type=Path, default=HOME / "out" / "bench")
     parser.add_argument(
-        "--only", nargs="+", choices=results.SECTIONS, default=results.SECTIONS,
-        help="sections to measure",
+        "--only", nargs="*", choices=results.SECTIONS, default=results.SECTIONS,
+        help="sections to measure; none: fill the pages with what is kept",
     )  # fmt: skip
     parser.add_argument("--rounds", type=int, default=7, help="repeats of a scan, median counts")
     parser.add_argument("--turns", type=int, default=3, help="repeats of a dataset, 1 and 2 jobs")
     parser.add_argument("--mesh", type=Path, nargs="*", default=MESHES, help="real meshes")
     arguments = parser.parse_args()
     os.environ.update(THREADS)
-    for section in arguments.only:
+    for name in arguments.only:
         load, begin = os.getloadavg()[0], time.perf_counter()
-        facts = MEASURE[section](arguments)
-        facts |= {"load": load, "seconds": time.perf_counter() - begin}
-        results.keep(arguments.kept, section, facts | {"machine": asdict(page.Machine.here())})
-        print(f"{facts['seconds']:6.0f} s  {section}", flush=True)
-    if lacking := results.missing(arguments.kept):
-        print("no page yet: --only", *lacking)
-        return
+        facts = MEASURE[name](arguments)
+        section = results.Section(
+            machine=asdict(page.Machine.here()), load=load, seconds=time.perf_counter() - begin,
+            facts=facts,
+        )  # fmt: skip
+        results.keep(arguments.kept, name, section)
+        print(f"{section.seconds:6.0f} s  {name}", flush=True)
     found = results.read(arguments.kept)
-    pictures = arguments.out / "pictures"
-    pictures.mkdir(parents=True, exist_ok=True)
-    page.plot(pictures / "growth.png", found)
-    (arguments.out / "benchmarks.md").write_text(page.write(found), encoding="utf-8")
-    other = HOME / "docs" / "scaling.md"
-    filled = page.fill(other.read_text(encoding="utf-8"), page.scaling(found))
-    (arguments.out / "scaling.md").write_text(filled, encoding="utf-8")
-    print(f"wrote {arguments.out / 'benchmarks.md'}")
+    if "growth" in found:
+        page.plot(arguments.docs / "pictures" / "growth.png", found["growth"])
+    for name, shown in (
+        ("benchmarks.md", page.blocks(found)), ("scaling.md", page.scaling(found))
+    ):  # fmt: skip
+        path = arguments.docs / name
+        path.write_text(page.fill(path.read_text(encoding="utf-8"), shown), encoding="utf-8")
+        print(f"filled {path}")
 
 
 def _scans(arguments: argparse.Namespace) -> dict[str, Any]:
-    return {"scans": [scan_cost_alone(*size, rounds=arguments.rounds) for size in SIZES]}
+    return {
+        "scans": [scan_cost_alone(*size, rounds=arguments.rounds) for size in SIZES],
+        "copied_bytes_per_s": copied_bytes_per_s(),
+    }
 
 
 def _datasets(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -107,8 +112,14 @@ def _noise(_arguments: argparse.Namespace) -> dict[str, Any]:
     return {"noise": {name: median_seconds(field) for name, field in fields().items()}}
 
 
+def _waits(arguments: argparse.Namespace) -> dict[str, Any]:
+    rounds = max(2, arguments.rounds // 2)
+    return {"carving": carvings(rounds), "packing": packings(rounds), "uses": uses(rounds)}
+
+
 MEASURE: dict[str, Callable[[argparse.Namespace], dict[str, Any]]] = {
     "scans": _scans,
+    "waits": _waits,
     "datasets": _datasets,
     "casting": _casting,
     "growth": _growth,

@@ -1,4 +1,7 @@
-"""The page of the benchmarks: tables with the ratios first, and the plot of growth."""
+"""The page of the benchmarks, section by section: ratios first, then tables and the plot of growth.
+
+docs/benchmarks.md has marks where each section's own run is filled in.
+"""
 
 import importlib.metadata
 import math
@@ -10,9 +13,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from benchmarks.casting import Row
+from benchmarks.casting import GrowthRow, Row
 from benchmarks.end_to_end import SCANS, BatchCost, ScanCost
-from benchmarks.results import SECTIONS, Results
+from benchmarks.results import Section
+from benchmarks.waits import Carving, Packing
 
 PEERS = ("embreex", "trimesh", "Open3D", "VTK", "Embree, refined")
 LIBRARIES = ("numpy", "numba", "h5py", "embreex", "trimesh", "open3d", "vtk")
@@ -50,81 +54,120 @@ def table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in (head, rule, *lines)) + "\n"
 
 
-def write(found: Results) -> str:
-    """Return the page's text."""
-    full = max(found.scans, key=lambda cost: cost.profiles * cost.points)
-    machine = Machine(**found.machine)
+def blocks(found: Mapping[str, Section]) -> dict[str, str]:
+    """Return what docs/benchmarks.md shows of each section that was measured."""
+    write = {
+        "scans": _scans_section, "waits": _waits_section, "datasets": _datasets_section,
+        "casting": _casting_section, "growth": _growth_section, "noise": _noise_section,
+    }  # fmt: skip
+    return {name: _ran(section) + "\n" + write[name](section) for name, section in found.items()}
+
+
+def _ran(section: Section) -> str:
+    """Say what ran a section."""
+    machine = Machine(**section.machine)
     versions = ", ".join(f"{name} {version}" for name, version in machine.versions.items())
-    runs = ", ".join(
-        f"{name} {found.seconds[name] / 60:.1f} min ({found.load[name]:.1f})" for name in SECTIONS
+    return (
+        f"One run of {section.seconds / 60:.1f} min, load of the machine before it "
+        f"{section.load:.1f}; {machine.processor}, {machine.cores} cores, one thread a process; "
+        f"{versions}.\n"
     )
-    parts = [
-        "# Benchmarks\n",
-        "Made by `make bench`; every number on this page is the command's, and those of a table "
-        f"are of one run. {machine.processor}, {machine.cores} cores, one thread a process; "
-        f"{versions}. Sections (load of the machine before each): {runs}.\n",
-        "Figures are medians over repeats within the run. *Clock* is elapsed time; *processor* is "
-        "the processor time of one core, which depends less on other work on the machine.\n",
-        "## In short\n",
-        _in_short(full, found),
-        "## Casting, side by side\n",
-        "How many times faster the sweep is than each peer, on the same mesh in the same run "
-        "(processor time, 2000 profiles of 4096 points; slow peers get every 20th profile, VTK "
-        "20,000 rays). The sweep computes in double precision; embreex, Open3D and trimesh "
-        "search in single precision. *Embree, refined* is this package's own caster for curved "
-        "paths, with the sweep's results.\n",
-        _casting(found.casting),
-        *(f"{name}: skipped, the file is missing.\n" for name in found.absent),
-        "## A labelled scan\n",
-        "Flawed and clean cast, camera's shadows, noise, masks, checksum, compression and "
-        "writing; the car door with 7 flaws "
-        f"({full.triangles:,} triangles). Cutting the flaws into the door, "
-        f"{full.specimen_s:.1f} s, is done once for all scans of a specimen and not counted.\n",
-        _scans(found.scans),
-        "## Datasets with 1 and 2 jobs\n",
-        "The whole command, start-up and specimens included, in turns. *Limit* is the speed-up of "
-        "two independent runs of 1 job each over one such run: cores share caches, memory and "
-        "other work.\n",
-        _datasets(found.datasets),
-        _dask(found),
-        "## Cost of a million scans\n",
-        "From the figures above, eight scans of each flawed door. Core-hours are processor time "
-        "of one core like this one's; memory is what each job needs.\n",
-        _cost_model(found.scans),
-        "## Growth\n",
-        "![time against points and triangles](pictures/growth.png)\n",
-        "A profile cuts about √(2T) triangles of a sheet of T: where these cuts are most of a cast,"
-        " it takes 1.41 × as long per doubling, however fast each of them is.\n",
-        _growth(found),
-        "## Noise\n",
-        "Perlin noise on 2000 × 4096 points, one core:\n",
-        table(("field", "s"), [(name, f"{value:.2f}") for name, value in found.noise.items()]),
-    ]
-    return "\n".join(parts)
 
 
-def _in_short(full: ScanCost, found: Results) -> str:
-    sweeps = [row for row in found.casting if row.caster == "sweep"]
-    small = [row.ratio for row in sweeps if row.triangles <= MOST_TRIANGLES]
-    steps = [row.per_doubling for row in found.triangles[1:]]
-    per_point = [cost.processor_s / (cost.profiles * cost.points) for cost in found.points]
+def _aims(lines: Sequence[Sequence[str]]) -> str:
+    return table(("", "measured", "aim"), lines) + "\n"
+
+
+def _scans_section(section: Section) -> str:
+    scans: list[ScanCost] = section.facts["scans"]
+    full = max(scans, key=lambda cost: cost.profiles * cost.points)
+    small = min(scans, key=lambda cost: cost.profiles * cost.points)
+    rate: float = section.facts["copied_bytes_per_s"]
     lines = [
-        ("sweep against embreex, slowest mesh", f"{min(small):.0f} ×", "10 ×"),
-        ("labelled scan, 2000 × 4096, clock", f"{full.wall_s:.2f} s", "2.5 s"),
-        ("the same, processor", f"{full.processor_s:.2f} s", "2.5 s"),
-        ("peak memory of that process", f"{full.peak_bytes / 2**30:.2f} GiB", "1.2 GiB"),
-        *(
-            (
-                f"2 jobs against 1, best of {len(batch.ratios)}: {batch.name}",
-                f"{max(batch.ratios):.2f} × of {max(batch.limits):.2f}",
-                "1.8 ×",
-            )
-            for batch in found.datasets[1:]
-        ),
+        (f"labelled scan, {size.profiles} × {size.points}, processor",
+         f"{size.processor_s:.3f} s", aim)
+        for size, aim in ((small, "0.035 s"), (full, "0.55 s"))
+    ]  # fmt: skip
+    lines += [
+        ("the larger, clock", f"{full.wall_s:.2f} s", "0.55 s"),
+        ("peak memory of that process", f"{full.peak_bytes / 2**30:.2f} GiB", "0.6 GiB"),
+        (f"against copying its readings in memory once ({rate / 1e9:.1f} GB/s)",
+         f"{full.processor_s * rate / (8 * full.profiles * full.points):.0f} ×", ""),
+    ]  # fmt: skip
+    said = (
+        f"The car door with 7 flaws ({full.triangles:,} triangles). Cutting the flaws into the door"
+        f", {full.specimen_s:.1f} s, is done once for all scans of a specimen and not counted.\n\n"
+    )
+    model = (
+        "\nA million scans, eight of each flawed door. Core-hours are processor time of one core "
+        "like this one's; memory is what each job needs.\n\n"
+    )
+    return _aims(lines) + said + _scans(scans) + model + _cost_model(scans)
+
+
+def _waits_section(section: Section) -> str:
+    carving: list[Carving] = section.facts["carving"]
+    packing: list[Packing] = section.facts["packing"]
+    aims = [(row.what, row.measured, row.aim) for row in section.facts["uses"]]
+    slowest = max(carving, key=lambda row: row.all_s)
+    aims.insert(0, (f"seven flaws into {slowest.part}", f"{slowest.all_s:.2f} s", "0.3 s"))
+    cut = table(
+        ("seven flaws", "triangles", "drawn and carved", "carving", "whole part : local"),
+        [
+            (row.part, f"{row.triangles:,}", f"{row.all_s:.3f} s", f"{row.local_s:.3f} s",
+             f"{row.whole_s / row.local_s:.2f} ×")
+            for row in carving
+        ],
+    )  # fmt: skip
+    zlib = {row.image: row for row in packing if row.way == "zlib"}
+    packed = table(
+        ("image of 1000 × 4096", "compression", "zlib : written", "zlib : read", "size : zlib's"),
+        [
+            (row.image, row.way, f"{zlib[row.image].write_s / row.write_s:.1f} ×",
+             f"{zlib[row.image].read_s / row.read_s:.1f} ×", f"{row.share:.2f}")
+            for row in packing if row.way != "zlib"
+        ],
+    )  # fmt: skip
+    return (
+        _aims(aims)
+        + "Seconds are processor time. *Carving* is the part's booleans alone, of the same cutters "
+        "both ways.\n\n" + cut + "\n" + packed
+    )
+
+
+def _datasets_section(section: Section) -> str:
+    datasets: list[BatchCost] = section.facts["datasets"]
+    lines = [
+        (
+            f"2 jobs against 1, best of {len(batch.ratios)}: {batch.name}",
+            f"{max(batch.ratios):.2f} × of {max(batch.limits):.2f}",
+            "1.85 of 2",
+        )
+        for batch in datasets[1:]
+    ]
+    return _aims(lines) + _datasets(datasets) + "\n" + _dask(section)
+
+
+def _casting_section(section: Section) -> str:
+    casting: list[Row] = section.facts["casting"]
+    sweeps = [row for row in casting if row.caster == "sweep"]
+    small = [row.ratio for row in sweeps if row.triangles <= MOST_TRIANGLES]
+    absent = "".join(
+        f"\n{name}: skipped, the file is missing.\n" for name in section.facts["absent"]
+    )
+    lines = [("sweep against embreex, slowest mesh", f"{min(small):.0f} ×", "10 ×")]
+    return _aims(lines) + _casting(casting) + absent
+
+
+def _growth_section(section: Section) -> str:
+    facts = section.facts
+    steps = [row.per_doubling for row in facts["triangles"][1:]]
+    per_point = [cost.processor_s / (cost.profiles * cost.points) for cost in facts["points"]]
+    lines = [
         ("cast's time per doubling of triangles, worst", f"{max(steps):.2f} ×", "1.3 ×"),
         (
             "labelled scan's time per doubling of triangles, worst",
-            f"{max(_per_doubling(found.scanned)):.2f} ×",
+            f"{max(_per_doubling(facts['scanned'])):.2f} ×",
             "1.3 ×",
         ),
         (
@@ -133,7 +176,12 @@ def _in_short(full: ScanCost, found: Results) -> str:
             "1 ×",
         ),
     ]
-    return table(("", "measured", "aim"), lines)
+    return _aims(lines) + _growth(facts["triangles"], facts["scanned"], facts["points"])
+
+
+def _noise_section(section: Section) -> str:
+    lines = [(name, f"{value:.2f}") for name, value in section.facts["noise"].items()]
+    return table(("field", "s"), lines)
 
 
 def _middle(values: Sequence[float]) -> float:
@@ -242,7 +290,9 @@ def _per_doubling(scanned: Sequence[ScanCost]) -> list[float]:
     ]
 
 
-def _growth(found: Results) -> str:
+def _growth(
+    grown: Sequence[GrowthRow], of_triangles: Sequence[ScanCost], of_points: Sequence[ScanCost]
+) -> str:
     def steps(values: Iterable[float]) -> list[str]:
         return ["", *(f"{value:.2f} ×" for value in values)]
 
@@ -251,8 +301,7 @@ def _growth(found: Results) -> str:
         [
             (f"{row.triangles:,}", f"{row.seconds:.3f}", step)
             for row, step in zip(
-                found.triangles, steps(row.per_doubling for row in found.triangles[1:]),
-                strict=True,
+                grown, steps(row.per_doubling for row in grown[1:]), strict=True
             )
         ],
     )  # fmt: skip
@@ -261,7 +310,7 @@ def _growth(found: Results) -> str:
         [
             (f"{cost.triangles:,}", f"{cost.processor_s:.3f}", step)
             for cost, step in zip(
-                found.scanned, steps(_per_doubling(found.scanned)), strict=True
+                of_triangles, steps(_per_doubling(of_triangles)), strict=True
             )
         ],
     )
@@ -273,7 +322,7 @@ def _growth(found: Results) -> str:
                 f"{cost.processor_s:.3f}",
                 f"{cost.processor_s / (cost.profiles * cost.points) * 1e9:.0f}",
             )
-            for cost in found.points
+            for cost in of_points
         ],
     )
     return "\n".join((cast, scanned, points))
@@ -297,36 +346,45 @@ def fill(text: str, blocks: Mapping[str, str]) -> str:
     return text
 
 
-def scaling(found: Results) -> dict[str, str]:
+def scaling(found: Mapping[str, Section]) -> dict[str, str]:
     """Return what docs/scaling.md shows of the measurements, by the names of its marks."""
-    spoken = [
-        f"{cost.peak_bytes / 2**30:.2f} GiB for {cost.profiles} × {cost.points} points"
-        for cost in found.scans
-    ]
-    full = max(found.scans, key=lambda cost: cost.profiles * cost.points)
-    return {
-        "memory": f"Measured with a car door of {full.triangles:,} triangles: "
-        + ", ".join(spoken) + ".\n",
-        "datasets": _datasets(found.datasets) + ("\n" + _dask(found)),
-        "cost": f"Cutting seven flaws into the door takes {full.specimen_s:.1f} s.\n\n"
-        + _cost_model(found.scans),
-    }  # fmt: skip
+    shown = {}
+    if "scans" in found:
+        scans: list[ScanCost] = found["scans"].facts["scans"]
+        spoken = [
+            f"{cost.peak_bytes / 2**30:.2f} GiB for {cost.profiles} × {cost.points} points"
+            for cost in scans
+        ]
+        full = max(scans, key=lambda cost: cost.profiles * cost.points)
+        shown["memory"] = (
+            f"Measured with a car door of {full.triangles:,} triangles: "
+            + ", ".join(spoken) + ".\n"
+        )  # fmt: skip
+        shown["cost"] = (
+            f"Cutting seven flaws into the door takes {full.specimen_s:.1f} s.\n\n"
+            + _cost_model(scans)
+        )
+    if "datasets" in found:
+        section = found["datasets"]
+        shown["datasets"] = _datasets(section.facts["datasets"]) + "\n" + _dask(section)
+    return shown
 
 
-def _dask(found: Results) -> str:
-    if found.dask_s is None:
+def _dask(section: Section) -> str:
+    dask_s: float | None = section.facts["dask_s"]
+    if dask_s is None:
         return "Dask isn't installed: skipped.\n"
-    name = found.datasets[1].name
-    return f"Two Dask workers on this machine: {name}, in {found.dask_s:.1f} s.\n"
+    name = section.facts["datasets"][1].name
+    return f"Two Dask workers on this machine: {name}, in {dask_s:.1f} s.\n"
 
 
-def plot(path: Path, found: Results) -> None:
+def plot(path: Path, section: Section) -> None:
     """Draw time against triangles at fixed points, and against points on a fixed mesh."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10, 4), layout="constrained")
     left, right = figure.subplots(1, 2)
-    triangles, scanned, points = found.triangles, found.scanned, found.points
+    triangles, scanned, points = (section.facts[k] for k in ("triangles", "scanned", "points"))
     count = [row.triangles for row in triangles]
     left.loglog(count, [row.seconds for row in triangles], "o-", label="cast, wavy sheet")
     left.loglog(

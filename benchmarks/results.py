@@ -1,89 +1,67 @@
-"""What the benchmarks measured, section by section, kept as JSON so that one can be made again."""
+"""What the benchmarks measured, section by section, kept as JSON so that each has its own run."""
 
 import dataclasses
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from benchmarks.casting import GrowthRow, Row
 from benchmarks.end_to_end import BatchCost, ScanCost
+from benchmarks.waits import Carving, Packing, Use
 
-SECTIONS = ("scans", "datasets", "casting", "growth", "noise")
+SECTIONS: Final = ("scans", "waits", "datasets", "casting", "growth", "noise")
+KINDS: Final[Mapping[str, Any]] = {
+    "scans": ScanCost, "scanned": ScanCost, "points": ScanCost, "casting": Row,
+    "triangles": GrowthRow, "carving": Carving, "packing": Packing, "uses": Use,
+}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Results:
-    """All that the page shows.
+class Section:
+    """One section's run.
 
     Attributes
     ----------
     machine
         Processor, cores and versions, see `benchmarks.page.Machine`.
     load, seconds
-        By section: load of the machine before it, and how long it took.
-    scans
-        A labelled scan at each size.
-    datasets, dask_s
-        Datasets with 1 and 2 jobs, and seconds of one by two Dask workers, where installed.
-    casting, absent
-        Casters side by side, and meshes that weren't there.
-    triangles, scanned, points
-        Cast and labelled scan against triangles, labelled scan against points.
-    noise
-        Seconds by field.
+        Load of the machine before the run, and how long it took.
+    facts
+        What was measured, by name: lists of the types of `KINDS`; "datasets", a list of
+        `BatchCost`, with "dask_s" (None: not installed); "absent", meshes that weren't there;
+        "noise", seconds by field; "copied_bytes_per_s", what the memory gives.
     """
 
     machine: dict[str, Any]
-    load: dict[str, float]
-    seconds: dict[str, float]
-    scans: list[ScanCost]
-    datasets: list[BatchCost]
-    dask_s: float | None
-    casting: list[Row]
-    absent: list[str]
-    triangles: list[GrowthRow]
-    scanned: list[ScanCost]
-    points: list[ScanCost]
-    noise: dict[str, float]
+    load: float
+    seconds: float
+    facts: dict[str, Any]
 
 
-def keep(folder: Path, section: str, facts: Mapping[str, Any]) -> None:
-    """Write a section's fields of `Results`; of machine, load and seconds its own share."""
+def keep(folder: Path, name: str, section: Section) -> None:
+    """Write a section."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / f"{section}.json").write_text(json.dumps(facts, default=dataclasses.asdict))
+    (folder / f"{name}.json").write_text(json.dumps(section, default=dataclasses.asdict))
 
 
-def missing(folder: Path) -> list[str]:
-    """Name the sections that aren't kept."""
-    return [name for name in SECTIONS if not (folder / f"{name}.json").exists()]
-
-
-def read(folder: Path) -> Results:
-    """Read all sections.
-
-    Raises
-    ------
-    ValueError
-        Where they are of several machines or versions.
-    """
-    facts: dict[str, Any] = {"load": {}, "seconds": {}}
-    for section in SECTIONS:
-        own = json.loads((folder / f"{section}.json").read_text())
-        machine = own.pop("machine")
-        if facts.setdefault("machine", machine) != machine:
-            raise ValueError(f"{folder}: {section} is of another machine: measure all again")
-        for name in ("load", "seconds"):
-            facts[name][section] = own.pop(name)
-        facts |= own
-    for name, kind in (
-        ("scans", ScanCost), ("scanned", ScanCost), ("points", ScanCost),
-        ("casting", Row), ("triangles", GrowthRow),
-    ):  # fmt: skip
-        facts[name] = [kind(**one) for one in facts[name]]
-    facts["datasets"] = [
-        BatchCost(**one | {"seconds": {int(k): v for k, v in one["seconds"].items()}})
-        for one in facts["datasets"]
-    ]
-    return Results(**facts)
+def read(folder: Path) -> dict[str, Section]:
+    """Read the sections that are kept."""
+    found = {}
+    for name in SECTIONS:
+        path = folder / f"{name}.json"
+        if not path.exists():
+            continue
+        section = Section(**json.loads(path.read_text()))
+        facts = section.facts
+        for key, kind in KINDS.items():
+            if key in facts:
+                facts[key] = [kind(**one) for one in facts[key]]
+        if "datasets" in facts:
+            facts["datasets"] = [
+                BatchCost(**one | {"seconds": {int(k): v for k, v in one["seconds"].items()}})
+                for one in facts["datasets"]
+            ]
+        found[name] = section
+    return found

@@ -62,6 +62,9 @@ class OpenShard:
             kind, version = file.attrs.get("format"), file.attrs.get("version", VERSION)
             if text(kind) != FORMAT or int(version) > VERSION:
                 raise ShardError(path, f"is no {FORMAT} up to version {VERSION}")
+            foreign = [name for name in file if _lies_elsewhere(file, name)]
+            if foreign:
+                raise ShardError(path, f"'{foreign[0]}' lies in another file")
             if "reader_needs" in file.attrs:
                 importlib.import_module(PLUGIN)
             return cls(path, file)
@@ -119,6 +122,13 @@ class OpenShard:
         except (OSError, ValueError, RuntimeError) as error:
             where = "" if row is ... else f" of row {row}"
             raise ShardError(self.path, f"'{field}'{where} can't be read ({error})") from None
+
+
+def _lies_elsewhere(file: h5py.File, name: str) -> bool:
+    """Whether an array leads out of its file: HDF5 opens whatever a link or an array names."""
+    if not isinstance(file.get(name, getlink=True), h5py.HardLink):
+        return True
+    return bool(file[name].external) or bool(file[name].is_virtual)
 
 
 def text(value: Any) -> str:

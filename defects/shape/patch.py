@@ -15,9 +15,9 @@ from defects.surface.surface import Site, SiteError, Surface
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-SPARED = 0.5
-"""Of the sagitta: up to where a grid built for that sagitta may leave points out. A point that is
-left out stood off by a quarter of that in its own cell, 4/3 of it come on top: 0.8 sagittas."""
+SPARED = 0.8
+"""Of the sagitta: how far points that are left out may stand off. A smooth surface's own cells, of
+half that side, stand off by a quarter of it: 5/4 of 0.8 is 1."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

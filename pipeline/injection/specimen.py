@@ -114,8 +114,8 @@ def store_part(part: Part, folder: Path) -> str:
 
 
 @lru_cache(maxsize=4)
-def stored_part(path: Path) -> tuple[Part, Scene, Surface]:
-    """Read a stored part, its scene and the skin that flaws follow."""
+def stored_part(path: Path) -> tuple[Part, Scene]:
+    """Read a stored part and its scene."""
     with np.load(path, allow_pickle=False) as kept:
         text = json.loads(str(kept["text"]))
         part = Part(
@@ -126,8 +126,14 @@ def stored_part(path: Path) -> tuple[Part, Scene, Surface]:
             mended=tuple(text["mended"]),
             source=text["source"],
         )
-    scene = Scene(part.vertices_mm, part.faces)
-    return part, scene, Surface.of(part.vertices_mm, part.faces)
+    return part, Scene(part.vertices_mm, part.faces)
+
+
+@lru_cache(maxsize=4)
+def skin_of(path: Path) -> Surface:
+    """Return the skin of a stored part that flaws follow: for who cuts, others do without."""
+    part, _ = stored_part(path)
+    return Surface.of(part.vertices_mm, part.faces)
 
 
 def _cut_once(kept: Path, cut: Callable[[], FlawedPart]) -> FlawedPart:
@@ -153,7 +159,7 @@ _PASSES: dict[tuple[Path, str, float], tuple[Pass, ...]] = {}
 def _passes(recipe: Recipe, stored: Path, cover: float) -> tuple[Pass, ...]:
     key = (stored, repr(recipe.datasheet), cover)
     if key not in _PASSES:
-        part, scene, _ = stored_part(stored)
+        part, scene = stored_part(stored)
         _PASSES.clear()
         _PASSES[key] = planned_passes(part, scene, recipe.datasheet, cover)
     return _PASSES[key]
@@ -167,7 +173,7 @@ def make_specimen(
     The first worker cuts a specimen that is `shared` among workers.
     """
     file = recipe.file
-    part, clean_scene, skin = stored_part(folder / planned.stored)
+    part, clean_scene = stored_part(folder / planned.stored)
     motion = recipe.motion_of(planned.entry)
     passes: tuple[Pass, ...] = ()
     if motion.cover is not None:
@@ -180,7 +186,7 @@ def make_specimen(
             recipe.flaws_of(planned.entry, number),
             visible_faces=outlook.facing,
             visible_at=outlook.free,
-            surface=skin,
+            surface=skin_of(folder / planned.stored),
             rng_of=streams(file.seed, part.name, number, "flaws"),
         )
 

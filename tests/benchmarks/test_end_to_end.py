@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from benchmarks import page, results
+from benchmarks import page, results, waits
 from benchmarks.casting import GrowthRow, Row
 from benchmarks.end_to_end import HOME, SCANS, BatchCost, batches, scan_cost
 from pipeline.recipe import Recipe
@@ -57,64 +57,75 @@ def found(cost):
     scanned = dataclasses.replace(
         cost, triangles=4 * cost.triangles, processor_s=2.25 * cost.processor_s
     )
-    return results.Results(
-        machine=dataclasses.asdict(page.Machine.here()),
-        load=dict.fromkeys(results.SECTIONS, 0.25),
-        seconds=dict.fromkeys(results.SECTIONS, 90.0),
-        scans=[cost, larger],
-        datasets=[
-            BatchCost(
-                name=name, scans=4, seconds={1: [4.0, 6.0], 2: [2.0, 4.0]}, apart_s=[5.0, 8.0],
-                disk_bytes=10,
-            )
-            for name in ("first", "second")
-        ],  # fmt: skip
-        dask_s=None,
-        casting=casting,
-        absent=["gone.stl"],
-        triangles=triangles,
-        scanned=[cost, scanned],
-        points=[cost, larger],
-        noise={"field": 0.5},
-    )
+    facts = {
+        "scans": {"scans": [cost, larger], "copied_bytes_per_s": 8e9},
+        "waits": {
+            "carving": [
+                waits.Carving(part="p", triangles=9, all_s=0.5, local_s=0.25, whole_s=0.5)
+            ],
+            "packing": [
+                waits.Packing(image="i", way=way, write_s=one, read_s=one, share=1 / one)
+                for way, one in (("zlib", 4.0), ("lz4", 2.0))
+            ],
+            "uses": [waits.Use(what="wait", measured="1 s", aim="2 s")],
+        },
+        "datasets": {
+            "datasets": [
+                BatchCost(
+                    name=name, scans=4, seconds={1: [4.0, 6.0], 2: [2.0, 4.0]},
+                    apart_s=[5.0, 8.0], disk_bytes=10,
+                )
+                for name in ("first", "second")
+            ],
+            "dask_s": None,
+        },
+        "casting": {"casting": casting, "absent": ["gone.stl"]},
+        "growth": {"triangles": triangles, "scanned": [cost, scanned], "points": [cost, larger]},
+        "noise": {"noise": {"field": 0.5}},
+    }  # fmt: skip
+    machine = dataclasses.asdict(page.Machine.here())
+    return {
+        name: results.Section(machine=machine, load=0.25, seconds=90.0, facts=one)
+        for name, one in facts.items()
+    }
 
 
 def test_the_page_puts_ratios_first(cost, found, tmp_path):
-    text = page.write(found)
+    text = "\n".join(page.blocks(found).values())
     assert "| sweep against embreex, slowest mesh | 25 × | 10 × |" in text
-    assert "| 2 jobs against 1, best of 2: second | 2.00 × of 1.60 | 1.8 × |" in text
+    assert "| 2 jobs against 1, best of 2: second | 2.00 × of 1.60 | 1.85 of 2 |" in text
     assert "| cast's time per doubling of triangles, worst | 1.25 × | 1.3 × |" in text
     assert "| labelled scan's time per doubling of triangles, worst | 1.50 × | 1.3 × |" in text
-    assert "datasets 1.5 min (0.2)" in text
+    assert "One run of 1.5 min, load of the machine before it 0.2;" in text
     assert "| time per point, largest against smallest scan | 2.00 × | 1 × |" in text
     assert "| m | 9 | 25.0 × | 50.0 × | 12.5 × | – | 10.0 × | 50 |" in text
+    assert "| p | 9 | 0.500 s | 0.250 s | 2.00 × |" in text
+    assert "| i | lz4 | 2.0 × | 2.0 × | 0.50 |" in text
+    assert "| seven flaws into p | 0.50 s | 0.3 s |" in text
     assert "VTK skipped: No module named 'vtkmodules'" in text
     assert "gone.stl: skipped" in text
     assert "Dask isn't installed: skipped" in text
     each_s = cost.processor_s + cost.specimen_s / 8
     assert f"| {3600 / each_s:,.0f} |" in text
-    page.plot(tmp_path / "growth.png", found)
+    page.plot(tmp_path / "growth.png", found["growth"])
     assert (tmp_path / "growth.png").stat().st_size > 5000
 
 
 def test_sections_are_kept_and_read_one_by_one(found, tmp_path):
-    of = {
-        "scans": ["scans"],
-        "datasets": ["datasets", "dask_s"],
-        "casting": ["casting", "absent"],
-        "growth": ["triangles", "scanned", "points"],
-        "noise": ["noise"],
-    }
-    for section in results.SECTIONS:
-        assert section in results.missing(tmp_path)
-        facts = {name: getattr(found, name) for name in of[section]}
-        own = {"machine": found.machine, "load": 0.25, "seconds": 90.0}
-        results.keep(tmp_path, section, facts | own)
-    assert not results.missing(tmp_path)
-    assert page.write(results.read(tmp_path)) == page.write(found)
-    results.keep(tmp_path, "noise", {"noise": {}, "load": 0.0, "seconds": 0.0, "machine": {}})
-    with pytest.raises(ValueError, match="noise is of another machine"):
-        results.read(tmp_path)
+    assert set(found) == set(results.SECTIONS)
+    for number, (name, section) in enumerate(found.items(), start=1):
+        results.keep(tmp_path, name, section)
+        assert len(results.read(tmp_path)) == number
+    assert page.blocks(results.read(tmp_path)) == page.blocks(found)
+
+
+def test_a_section_alone_leaves_the_others_as_they_were(found):
+    text = (HOME / "docs" / "benchmarks.md").read_text(encoding="utf-8")
+    noise = page.blocks({"noise": found["noise"]})
+    filled = page.fill(text, noise)
+    assert "| field | 0.50 |" in filled
+    mark = "<!-- measured: noise -->"
+    assert filled.partition(mark)[0] == text.partition(mark)[0]
 
 
 def test_the_page_on_scaling_is_filled_and_can_be_filled_again(cost, found):
@@ -122,11 +133,13 @@ def test_the_page_on_scaling_is_filled_and_can_be_filled_again(cost, found):
     batch = BatchCost(
         name="d", scans=4, seconds={1: [4.0], 2: [2.0]}, apart_s=[4.0], disk_bytes=10
     )
-    found = dataclasses.replace(found, scans=[cost], datasets=[batch, batch], dask_s=7.25)
+    found["scans"].facts["scans"] = [cost]
+    found["datasets"].facts.update({"datasets": [batch, batch], "dask_s": 7.25})
     once = page.fill(text, page.scaling(found))
     assert "in 7.2 s" in once
     assert f"{cost.triangles:,} triangles" in once
-    again = page.fill(once, page.scaling(dataclasses.replace(found, dask_s=8.5)))
+    found["datasets"].facts["dask_s"] = 8.5
+    again = page.fill(once, page.scaling(found))
     assert "in 8.5 s" in again
     assert "in 7.2 s" not in again
     with pytest.raises(ValueError, match="no marks for 'cost'"):

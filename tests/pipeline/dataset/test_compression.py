@@ -88,3 +88,5 @@ def test_a_shard_that_leads_elsewhere_is_not_followed(small_dataset, tmp_path, c
         printed = capsys.readouterr()
         assert "shard-00000.h5" in printed.out + printed.err
         assert "'depth' lies in another file" in printed.out + printed.err
+    with pytest.raises(ShardError, match="'depth' lies in another file"):
+        flawforge.dataset.open(tmp_path / "d")[0]["depth"]
