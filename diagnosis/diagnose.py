@@ -148,9 +148,9 @@ def diagnose(
     nominally = candidates.placed(Model())
     before = judge(nominally.held, plain_noise, Model(), share_own=not single)
     found, after = found_effects(ws, model, causes, candidates)
-    idle = {f.name for f in found if f.heldout_gain < 0} - {c.name for c in causes[:1]}
-    if idle:
-        # what joined after another law and is of no use on held-out readings is its remainder
+    idle = {f.name for f in found if f.heldout_gain < 0}
+    if idle and len(idle) < len(found):
+        # what is of no use on held-out readings beside a law that is, is that one's remainder
         notes.append(f"{', '.join(sorted(idle))}: fitted, but of no use on held-out readings")
         causes = [c for c in causes if c.name not in idle]
         for name in idle:

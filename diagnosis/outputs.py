@@ -12,6 +12,7 @@ from diagnosis.settings import SETTINGS
 from sensors.effects.reflectance_edge import ReflectanceEdge
 from sensors.hdf5_output import created
 from sensors.typed_yaml import plain
+from sensors.whole_file import write_whole
 
 FORMAT = "profilometer-diagnosis"
 
@@ -29,7 +30,7 @@ def write_outputs(
     """
     folder.mkdir(parents=True, exist_ok=True)
     text = json.dumps(plain(as_json(result)), indent=1, ensure_ascii=False)
-    (folder / "diagnosis.json").write_text(text + "\n", encoding="utf-8")
+    write_whole(folder / "diagnosis.json", text + "\n")
     result.datasheet.save(folder / "sensor.yaml")
     with created(folder / "mismatch.h5") as file:
         file.attrs["format"] = "profilometer-mismatch"

@@ -14,6 +14,7 @@ from diagnosis.pictures import (
 )
 from diagnosis.residual_structure import Residual
 from diagnosis.uncertainty import Estimate
+from sensors.whole_file import write_whole
 
 VERDICTS = {
     "match": "The nominal model explains the recordings.",
@@ -53,7 +54,7 @@ img{max-width:100%;height:auto}
 
 def write_report(result: Diagnosis, path: Path, *, part_name: str) -> None:
     """Write report.html."""
-    path.write_text(render(result, part_name=part_name), encoding="utf-8")
+    write_whole(path, render(result, part_name=part_name))
 
 
 def render(result: Diagnosis, *, part_name: str) -> str:
