@@ -317,17 +317,18 @@ def averaged_grain(
     if not low <= grain <= high:
         return tuple(found), list(beside)
     shown = (volume.parameters["depth_um"].low or 0.0) > 0
+    sure = max(volume.probability, level.probability)
     both = replace(
-        volume,
+        volume, none_of_these=1 - sure,
         effect=volume.effect.with_parameters(grain=grain),
         statement=volume.statement + ("" if shown else UNSUNKEN),
         heldout_gain=volume.heldout_gain + level.heldout_gain,
         parameters={**volume.parameters, "grain": level.parameters["amplitude"]},
-        probability=volume.probability if shown else 0.5 * volume.probability,
+        probability=sure if shown else 0.5 * sure,
         alternatives=(
             volume.alternatives
             if shown
-            else ((level.name, level.heldout_gain, 0.5 * volume.probability),)
+            else ((level.name, level.heldout_gain, 0.5 * sure),)
         ),
     )
     return (

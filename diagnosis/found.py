@@ -69,7 +69,14 @@ def found_effects(
     bounds = intervals(ws, model)
     out = []
     for effect in model.effects:
-        cause = chosen[effect.name]
+        cause = chosen.get(effect.name)
+        if cause is None:
+            # the noise told of it, and its law is in the model for that
+            sure = probability(ws.count() * gains[effect.name], effect.name)
+            cause = Cause(
+                name=effect.name, channel=effect.channels[0], probability=sure, alternatives=(),
+                none_of_these=1 - sure, nats=0.0,
+            )  # fmt: skip
         if gains[effect.name] < 0:
             cause = cause.doubted("Its law doesn't improve the held-out readings.")
         out.append(_found(

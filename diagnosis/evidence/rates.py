@@ -149,7 +149,8 @@ def _responses(
         usual.append(np.maximum(np.asarray(number, dtype=np.float64)[pick], floor))
     if name == "scale":
         # a Gaussian's square has variance 2; those of neighbours may go together
-        dispersion = float(np.square(np.concatenate(even)).mean()) / 2
+        sums = np.concatenate(even)
+        dispersion = float(np.square(sums).mean()) / 2 if sums.size else 1.0
     else:
         dispersion = min(loose / max(heads, 1), SETTINGS.largest_clump)
     return picks, Responses(
