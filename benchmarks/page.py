@@ -184,10 +184,6 @@ def _noise_section(section: Section) -> str:
     return table(("field", "s"), lines)
 
 
-def _middle(values: Sequence[float]) -> float:
-    return statistics.median(values)
-
-
 def _casting(casting: Sequence[Row]) -> str:
     meshes = dict.fromkeys((row.mesh, row.triangles) for row in casting)
     lines, notes = [], []
@@ -239,12 +235,12 @@ def _scans(scans: Sequence[ScanCost]) -> str:
 def _datasets(datasets: Sequence[BatchCost]) -> str:
     lines = []
     for batch in datasets:
-        one, two = (_middle(batch.seconds[jobs]) for jobs in (1, 2))
+        one, two = (statistics.median(batch.seconds[jobs]) for jobs in (1, 2))
         ratios = ", ".join(f"{ratio:.2f}" for ratio in batch.ratios)
         lines.append(
             (
-                batch.name, f"{_middle(batch.ratios):.2f} × ({ratios})",
-                f"{_middle(batch.limits):.2f} ×", f"{one:.1f} s",
+                batch.name, f"{statistics.median(batch.ratios):.2f} × ({ratios})",
+                f"{statistics.median(batch.limits):.2f} ×", f"{one:.1f} s",
                 f"{two:.1f} s", f"{60 / one:.1f}", f"{60 / two:.1f}",
                 f"{batch.disk_bytes / 1e6:.1f} MB",
             )
