@@ -180,8 +180,8 @@ def _growth_section(section: Section) -> str:
 
 
 def _noise_section(section: Section) -> str:
-    lines = [(name, f"{value:.2f}") for name, value in section.facts["noise"].items()]
-    return table(("field", "s"), lines)
+    noise: dict[str, float] = section.facts["noise"]
+    return table(("field", "s"), [(name, f"{value:.2f}") for name, value in noise.items()])
 
 
 def _casting(casting: Sequence[Row]) -> str:
@@ -197,7 +197,6 @@ def _casting(casting: Sequence[Row]) -> str:
         lines.append((mesh[0], f"{mesh[1]:,}", *ratios, f"{sweep.rays_per_s / 1e6:.0f}"))
         notes += [f"{row.caster} {row.note}" for row in by.values() if not row.rays]
     head = ("mesh", "triangles", *(f"sweep : {name}" for name in PEERS), "sweep, Mrays/s")
-    text = table(head, lines)
     said = table(
         ("caster", *(f"Mrays/s on {name}" for name, _ in meshes)),
         [
@@ -205,7 +204,7 @@ def _casting(casting: Sequence[Row]) -> str:
             for name in ("sweep", *PEERS)
         ],
     )
-    return text + "\n" + said + "".join(f"\n{note}.\n" for note in dict.fromkeys(notes))
+    return table(head, lines) + "\n" + said + "".join(f"\n{note}.\n" for note in dict.fromkeys(notes))
 
 
 def _rate(casting: Sequence[Row], mesh: tuple[str, int], caster: str) -> str:
