@@ -204,7 +204,8 @@ def _casting(casting: Sequence[Row]) -> str:
             for name in ("sweep", *PEERS)
         ],
     )
-    return table(head, lines) + "\n" + said + "".join(f"\n{note}.\n" for note in dict.fromkeys(notes))
+    noted = "".join(f"\n{note}.\n" for note in dict.fromkeys(notes))
+    return table(head, lines) + "\n" + said + noted
 
 
 def _rate(casting: Sequence[Row], mesh: tuple[str, int], caster: str) -> str:
