@@ -180,12 +180,8 @@ def _growth_section(section: Section) -> str:
 
 
 def _noise_section(section: Section) -> str:
-    lines = [(name, f"{value:.2f}") for name, value in section.facts["noise"].items()]
-    return table(("field", "s"), lines)
-
-
-def _middle(values: Sequence[float]) -> float:
-    return statistics.median(values)
+    noise: dict[str, float] = section.facts["noise"]
+    return table(("field", "s"), [(name, f"{value:.2f}") for name, value in noise.items()])
 
 
 def _casting(casting: Sequence[Row]) -> str:
@@ -201,7 +197,6 @@ def _casting(casting: Sequence[Row]) -> str:
         lines.append((mesh[0], f"{mesh[1]:,}", *ratios, f"{sweep.rays_per_s / 1e6:.0f}"))
         notes += [f"{row.caster} {row.note}" for row in by.values() if not row.rays]
     head = ("mesh", "triangles", *(f"sweep : {name}" for name in PEERS), "sweep, Mrays/s")
-    text = table(head, lines)
     said = table(
         ("caster", *(f"Mrays/s on {name}" for name, _ in meshes)),
         [
@@ -209,7 +204,8 @@ def _casting(casting: Sequence[Row]) -> str:
             for name in ("sweep", *PEERS)
         ],
     )
-    return text + "\n" + said + "".join(f"\n{note}.\n" for note in dict.fromkeys(notes))
+    noted = "".join(f"\n{note}.\n" for note in dict.fromkeys(notes))
+    return table(head, lines) + "\n" + said + noted
 
 
 def _rate(casting: Sequence[Row], mesh: tuple[str, int], caster: str) -> str:
@@ -239,12 +235,12 @@ def _scans(scans: Sequence[ScanCost]) -> str:
 def _datasets(datasets: Sequence[BatchCost]) -> str:
     lines = []
     for batch in datasets:
-        one, two = (_middle(batch.seconds[jobs]) for jobs in (1, 2))
+        one, two = (statistics.median(batch.seconds[jobs]) for jobs in (1, 2))
         ratios = ", ".join(f"{ratio:.2f}" for ratio in batch.ratios)
         lines.append(
             (
-                batch.name, f"{_middle(batch.ratios):.2f} × ({ratios})",
-                f"{_middle(batch.limits):.2f} ×", f"{one:.1f} s",
+                batch.name, f"{statistics.median(batch.ratios):.2f} × ({ratios})",
+                f"{statistics.median(batch.limits):.2f} ×", f"{one:.1f} s",
                 f"{two:.1f} s", f"{60 / one:.1f}", f"{60 / two:.1f}",
                 f"{batch.disk_bytes / 1e6:.1f} MB",
             )
