@@ -124,7 +124,9 @@ def diagnose(
     model, ws, recorded = explanation.model, explanation.ws, explanation.recorded
     causes, held_patches = list(explanation.causes), explanation.held
     strange = list(explanation.strange)
-    bent = any(s.channel == "mean" for s in strange)
+    # what a law of light leaves of the mean passes for noise that isn't the same throughout
+    light = any(c.component is not None and c.component.relaxed.spanned for c in causes)
+    bent = any(s.channel == "mean" or (light and s.channel == "scale") for s in strange)
     beside, plain_noise = _finished(
         explanation, noise, nominal, ready.surface, bent=bent, withheld=withheld,
         share_own=not single,
