@@ -92,6 +92,9 @@ def covariate_picture(result: Diagnosis, found: FoundEffect) -> bytes | None:
     final = ws.predict(result.model)
     values, residuals, curves, missing, lost, squares, spread = [], [], [], [], [], [], []
     covariate = COVARIATES[found.covariate_key]
+    sheet = ws.patches[0].view.datasheet
+    if any(getattr(sheet, key) is None for key in covariate.needs):
+        return None
     own = found.effect.covariate == found.covariate_key
     values_of = found.effect.covariate_values if own else covariate.values
     for patch, before, after, state in zip(ws.patches, predictions, final, states, strict=True):

@@ -176,6 +176,20 @@ def test_report_opens_in_a_browser(diagnosed: tuple[Diagnosis, Path], tmp_path: 
     assert "line bow" in done.stdout
 
 
+def test_a_shadow_is_drawn_where_the_file_states_no_camera(tmp_path: Path) -> None:
+    scene, hidden = part("steps"), [{"name": "camera_occlusion", "triangulation_angle_deg": 30.0}]
+    made = [
+        record(scene, datasheet(100), hidden, name=f"r{k}", seed=k, profiles=60, pitch_mm=0.7,
+               **VIEWS[k])
+        for k in range(3)
+    ]  # fmt: skip
+    sheet = dataclasses.replace(datasheet(100), triangulation_angle_deg=None)
+    result = diagnose(made, scene.vertices_mm, scene.faces, sheet)
+    assert result.effects[0].name == "camera_occlusion"
+    write_outputs(result, tmp_path, part_name="steps")
+    assert "camera_occlusion" in (tmp_path / "report.html").read_text()
+
+
 def test_pixel_locking_is_found_and_drawn_where_no_rows_are_stated(tmp_path: Path) -> None:
     scene = part("domes")
     rows = [{"name": "pixel_locking", "amplitude_px": 0.3, "rows": 700.0}]
