@@ -9,6 +9,7 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.found import FoundEffect
 from diagnosis.noise import Field, Mask
 from diagnosis.workspace import Workspace
+from sensors.typed_yaml import RecipeError
 from sensors.view.covariates import COVARIATES
 
 if TYPE_CHECKING:
@@ -92,11 +93,12 @@ def covariate_picture(result: Diagnosis, found: FoundEffect) -> bytes | None:
     final = ws.predict(result.model)
     values, residuals, curves, missing, lost, squares, spread = [], [], [], [], [], [], []
     covariate = COVARIATES[found.covariate_key]
-    sheet = ws.patches[0].view.datasheet
-    if any(getattr(sheet, key) is None for key in covariate.needs):
-        return None
     own = found.effect.covariate == found.covariate_key
     values_of = found.effect.covariate_values if own else covariate.values
+    try:
+        values_of(ws.patches[0].view)
+    except RecipeError:
+        return None  # a camera that the sensor's file doesn't state
     for patch, before, after, state in zip(ws.patches, predictions, final, states, strict=True):
         c = np.broadcast_to(values_of(patch.view), patch.shape)
         use = state.used & np.isfinite(c) & patch.fit
