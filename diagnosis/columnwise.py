@@ -34,11 +34,6 @@ class Columns:
     right: Field
     tilted: bool
 
-    def chi_square(self) -> tuple[Field, int]:
-        """Square of the offsets in their noise, () or (draws,), and its degrees of freedom."""
-        half, dof = _half(self.gram)
-        return np.asarray(((half.T @ self.right) ** 2).sum(axis=0)), dof
-
     def level(self) -> "Columns":
         """Return the equations of columns that don't tilt."""
         k = len(self.right) // (1 + self.tilted)
@@ -153,13 +148,6 @@ def _fields(patch: Patch, *, tilted: bool) -> list[Field]:
         away = patch.view.depth_mm - patch.view.datasheet.working_distance_mm
         fields.append(np.where(np.isfinite(away), away, 0.0))
     return fields
-
-
-def _half(gram: Field) -> tuple[Field, int]:
-    size = np.sqrt(np.maximum(np.diag(gram), 1e-12))
-    values, vectors = np.linalg.eigh(gram / np.outer(size, size))
-    kept = values > 1e-3
-    return (vectors[:, kept] / np.sqrt(values[kept])) / size[:, None], int(kept.sum())
 
 
 def weights_matrix(owners: Field, values: Field, rows: int) -> csr_matrix:

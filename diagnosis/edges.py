@@ -15,8 +15,6 @@ from sensors.view.view import View
 
 EDGE_COVARIATES = {"curvature_y", "edge_y", "hidden"}
 """Covariates of effects that live on depth edges alone."""
-READ_AT_EDGES = EDGE_COVARIATES - {"hidden"}
-"""Those of effects on what is read there; the other is of shadows."""
 BESIDE_EDGES = {"half_vector"}
 """Covariates of effects that are chosen by bulk readings and show beside edges, too.
 

@@ -76,7 +76,7 @@ def departure_mask(departure_mm: Field, missing_change: Field, sd_mm: Field) -> 
     return np.asarray(mask | (np.abs(lost) > MARKED_LOST))
 
 
-def free_mask(score: Field, residual_known: Mask, wrong: Mask) -> Mask:
+def free_mask(score: Field, wrong: Mask) -> Mask:
     """Where residuals without explanation stand out, and points whose absence is unexplained."""
     strong = binary_opening(np.abs(score) > 3.5, iterations=1)
     lost = binary_closing(wrong, iterations=2)

@@ -162,7 +162,7 @@ def map_recording(
         mask = departure_mask(changes.departure_mm, changes.lost, usual * changes.noise_mm)
         mask |= _random_losses(found.model, wrong)
     else:
-        mask = free_mask(score, np.isfinite(residual), wrong)
+        mask = free_mask(score, wrong)
     size = 1e3 * np.where(np.isfinite(residual), residual, 0.0)
     moved = np.nan_to_num(1e3 * (final - plain))
     shown = moved if np.any(moved) else size
