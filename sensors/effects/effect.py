@@ -51,8 +51,7 @@ class Effect(ABC):
     faint : whether `fields` hold for small parameters only, so that a fit iterates from there
     frame : frame in which the signature is fixed
     covariate : key of `sensors.view.covariates.COVARIATES` on which the effect depends
-    relaxed : components by which a diagnosis recognises the effect, whatever the exact equation; ()
-        for an effect that is recognised otherwise
+    relaxed : components by which a diagnosis recognises the effect, whatever its equation
     rivals : confounded effects
     separating : the measurement that separates the effect from these
     needs : keys of the datasheet that the effect requires
