@@ -63,6 +63,11 @@ class Settings:
         default=400, unit="", low=1, whole=True,
         source="cycles over the readings' span, in halves, to two camera rows",
     )  # fmt: skip
+    most_columns: int = quantity(
+        "columns, or groups of neighbouring columns, with an offset of their own",
+        default=512, unit="", low=1, whole=True,
+        source="time and memory of the equations",
+    )  # fmt: skip
     spanned: int = quantity(
         "main directions kept of what a law does over its grid",
         default=3, unit="", low=1, whole=True,

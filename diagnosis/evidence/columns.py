@@ -17,6 +17,7 @@ from diagnosis.components.smooth import Ranges
 from diagnosis.noise import Mask
 from diagnosis.patch import Patch
 from diagnosis.score import Whitened
+from diagnosis.settings import SETTINGS
 from sensors.view.covariates import COVARIATES
 
 Floats = NDArray[np.float64]
@@ -142,13 +143,20 @@ def _each_profile(state: Whitened, pick: Mask, factor: Floats | None) -> sparse.
     return _assembled(entries, int(pick.sum()), n)
 
 
+def column_groups(points: int) -> Places:
+    """Number of the group that each column belongs to: its own, or one of a few hundred."""
+    size = -(-points // SETTINGS.most_columns)
+    return np.arange(points) // size
+
+
 def _each_column(state: Whitened, pick: Mask) -> sparse.csr_matrix:
-    """Whitened indicator of each column, in deviations of the noise, (N, m)."""
-    _, m = pick.shape
-    number = np.broadcast_to(np.arange(m)[None], pick.shape)[pick]
+    """Whitened indicator of each column, or group of columns, in deviations of the noise."""
+    group = column_groups(pick.shape[1])
+    m = int(group[-1]) + 1
+    number = np.broadcast_to(group[None], pick.shape)[pick]
     entries = []
     for tooth in range(COMB):
-        comb = np.where((np.arange(m) % COMB == tooth)[None], state.sd_mm, 0.0)
+        comb = np.where((group % COMB == tooth)[None], state.sd_mm, 0.0)
         value = state.whiten(comb)[pick]
         owner = number + LEFT - (number + LEFT - tooth) % COMB
         near = np.flatnonzero((owner >= 0) & (owner < m) & (value != 0))

@@ -14,7 +14,7 @@ from scipy.ndimage import uniform_filter
 
 from diagnosis.components.component import Component, mean_columns
 from diagnosis.components.smooth import Ranges
-from diagnosis.evidence.columns import Columns, Layout, columns_on
+from diagnosis.evidence.columns import Columns, Layout, column_groups, columns_on
 from diagnosis.evidence.posterior import Equations
 from diagnosis.noise import Mask, NoiseModel
 from diagnosis.patch import Patch
@@ -103,7 +103,7 @@ def grams_of(
             made = [mean_columns(c, p, ranges, noise) for p in patches]
             if all(made):
                 fields[c.name] = [m for m in made if m is not None]
-    width = patches[0].shape[1]
+    width = int(column_groups(patches[0].shape[1])[-1]) + 1
     shared = [(c, len(fields[c.name][0])) for c in components if c.name in fields]
     shared += [(c, width) for c in components if c.relaxed.each == "column"]
     blocks: list[Block] = []
