@@ -144,7 +144,7 @@ def _each_profile(state: Whitened, pick: Mask, factor: Floats | None) -> sparse.
 
 
 def column_groups(points: int) -> Places:
-    """Number of the group that each column belongs to: its own, or one of a few hundred."""
+    """Give each column the number of its group: its own, or one of a few hundred."""
     size = -(-points // SETTINGS.most_columns)
     return np.arange(points) // size
 

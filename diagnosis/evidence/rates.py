@@ -22,6 +22,7 @@ from diagnosis.components.component import (
 )
 from diagnosis.components.smooth import Ranges
 from diagnosis.evidence.causes import Scales
+from diagnosis.evidence.columns import column_groups
 from diagnosis.evidence.glm import Mode, Owners, Responses, mode
 from diagnosis.noise import Mask, NoiseModel
 from diagnosis.patch import Patch
@@ -246,10 +247,11 @@ def _owners(
     out, at = [], 0
     for patch, pick in zip(patches, picks, strict=True):
         n, m = patch.shape
-        own = np.arange(m)[None] if each == "column" else at + np.arange(n)[:, None]
+        own = column_groups(m)[None] if each == "column" else at + np.arange(n)[:, None]
         at += n
         out.append(np.broadcast_to(own, (n, m))[pick])
-    return np.concatenate(out), patches[0].shape[1] if each == "column" else at
+    groups = int(column_groups(patches[0].shape[1])[-1]) + 1
+    return np.concatenate(out), groups if each == "column" else at
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
