@@ -26,6 +26,8 @@ Turns = Mapping[str, Floats]
 """For each component's name, how its columns are combined."""
 IMITATED = 1e-6
 """Energy per reading below which a component is what a placement imitates: nothing is left."""
+AT_ONCE = 60_000
+"""Readings whose products are summed at once: memory stays flat."""
 NEAR = 5
 """Neighbours a side whose mean a reading may follow without being an outlier."""
 
@@ -171,11 +173,11 @@ def _of_recording(
         weight = edge_weight(patch, state)[pick]
         values = tamed(state.innovations, pick)[pick]
         for which, rows in enumerate((~patch.edge[pick], np.ones(values.size, dtype=bool))):
-            more = _Sums.of(
-                columns, state.columns[pick], values, np.where(rows, weight, 0.0), layout.size
-            )
-            so_far = sums[which]
-            sums[which] = more if so_far is None else so_far.plus(more)
+            taken = np.flatnonzero(rows & (weight > 0))
+            for some in np.array_split(taken, max(1, taken.size // AT_ONCE)):
+                more = _Sums.of(columns, state.columns[pick], values, weight, some, layout.size)
+                so_far = sums[which]
+                sums[which] = more if so_far is None else so_far.plus(more)
         before += patch.shape[0]
     return [s.beyond_placement() for s in sums if s is not None]
 
@@ -193,9 +195,14 @@ class _Sums:
 
     @classmethod
     def of(
-        cls, columns: Columns, pose: Floats, values: Floats, weight: Floats, size: int
+        cls,
+        columns: Columns,
+        pose: Floats,
+        values: Floats,
+        weight: Floats,
+        rows: NDArray[np.int64],
+        size: int,
     ) -> "_Sums":
-        rows = np.flatnonzero(weight > 0)
         w = weight[rows]
         p, y = pose[rows] * w[:, None], values[rows] * w
         x = columns.dense[rows] * w[:, None]
