@@ -66,7 +66,7 @@ class Strange:
 def shares_by_effect(
     shares: Mapping[str, float], effects: Mapping[str, str]
 ) -> tuple[dict[str, float], float]:
-    """Sum probabilities by catalogued effect; and what is left for no effect at all."""
+    """Sum probabilities by catalogued effect, and those of no effect."""
     named: dict[str, float] = {}
     rest = 0.0
     for component, share in shares.items():

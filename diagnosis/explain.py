@@ -1,4 +1,4 @@
-"""Explanation: causes by evidence, their laws, placing anew under them, and what is left then."""
+"""Explanation: causes by evidence, their laws, registration under them, unexplained components."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

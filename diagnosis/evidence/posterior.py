@@ -54,13 +54,13 @@ class Term:
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Cavity:
-    """What the readings say of one term, all else integrated: Λ (k, k) and η (k,)."""
+    """Information on one term, all else integrated: Λ (k, k) and η (k,)."""
 
     information: Floats
     pull: Floats
 
     def combined(self, weights: Floats) -> "Cavity":
-        """Return what they say of combinations (k, l) of the term's columns."""
+        """Return the information on combinations (k, l) of the term's columns."""
         return Cavity(
             information=weights.T @ self.information @ weights, pull=weights.T @ self.pull
         )
