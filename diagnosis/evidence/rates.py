@@ -146,18 +146,32 @@ def _responses(
             value = event.astype(float)
         picks.append(pick)
         seen.append(value[pick])
-        floor = 0.0 if name == "scale" else USUAL_SHARE
-        usual.append(np.maximum(np.asarray(number, dtype=np.float64)[pick], floor))
+        usual.append(np.asarray(number, dtype=np.float64)[pick])
     if name == "scale":
         # a Gaussian's square has variance 2; those of neighbours may go together
         sums = np.concatenate(even)
         dispersion = float(np.square(sums).mean()) / 2 if sums.size else 1.0
     else:
         dispersion = min(loose / max(heads, 1), SETTINGS.largest_clump)
+    events, expected = np.concatenate(seen), np.concatenate(usual)
+    if name != "scale":
+        expected = _at_least_usual(events, expected)
     return picks, Responses(
-        kind="scale" if name == "scale" else "rate", seen=np.concatenate(seen),
-        usual=np.concatenate(usual), dispersion=max(dispersion, 1.0),
+        kind="scale" if name == "scale" else "rate", seen=events, usual=expected,
+        dispersion=max(dispersion, 1.0),
     )  # fmt: skip
+
+
+def _at_least_usual(events: Floats, expected: Floats) -> Floats:
+    """Raise shares to what passes for noise, or to what there is where that is less.
+
+    An instrument that loses fewer readings than most departs in nothing.
+    """
+    low = expected < USUAL_SHARE
+    if not low.any():
+        return expected
+    share = min(USUAL_SHARE, (float(events[low].sum()) + 0.5) / int(low.sum()))
+    return np.where(low, share, expected)
 
 
 def _block_sums(square: Floats, pick: Mask) -> Floats:
