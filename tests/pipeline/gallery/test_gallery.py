@@ -17,6 +17,7 @@ from PIL import Image
 import flawforge.dataset
 from flawforge.cli import main
 from pipeline.gallery.page import write_gallery
+from sensors.typed_yaml import RecipeError
 
 EVIL = "</script><img src=x onerror=alert(1)>"
 
@@ -106,12 +107,18 @@ def test_names_are_text(small_dataset: Path, tmp_path: Path) -> None:
     facts = json.loads((folder / "dataset.json").read_text())
     (folder / "dataset.json").write_text(json.dumps({**facts, "name": EVIL}))
     table = pd.read_parquet(folder / "manifest.parquet")
-    table["part"] = EVIL
+    table["part"] = EVIL  # a slash may lead out of the dataset: such a table isn't read
+    table.to_parquet(folder / "manifest.parquet")
+    with pytest.raises(RecipeError, match="isn't a plain name"):
+        write_gallery(folder, tmp_path / "view.html")
+    part = EVIL.replace("/", "")
+    table["part"] = part
     table.to_parquet(folder / "manifest.parquet")
     write_gallery(folder, tmp_path / "view.html")
     seen = dom(tmp_path / "view.html", tmp_path)
     assert "<img src=" not in re.sub(r'<img class="\w+" src="data:[^"]*"', "", seen)
     assert html.escape(EVIL, quote=False) in seen
+    assert html.escape(part, quote=False) in seen
     assert seen.count("<figure") == 4
 
 
