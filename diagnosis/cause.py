@@ -87,8 +87,7 @@ def reported(assessment: Assessment) -> tuple[list[Cause], list[Strange]]:
     causes: dict[str, Cause] = {}
     strange: list[Strange] = []
     for channel, member, shares, component in _members(assessment):
-        effects = {name: effect for name, effect in member_effects(assessment, channel).items()}
-        named, rest = shares_by_effect(shares, effects)
+        named, rest = shares_by_effect(shares, assessment.effects[channel])
         if named and 1 - rest > SETTINGS.reported:
             order = sorted(named, key=lambda n: -named[n])
             own = component.effect if component.effect in named else order[0]
@@ -131,11 +130,6 @@ class _Plain:
     nats: float
     size: float
     repeats: float
-
-
-def member_effects(assessment: Assessment, channel: str) -> dict[str, str]:
-    """Effect of each component of a channel, by the component's name."""
-    return dict(assessment.effects[channel])
 
 
 def without_kin(causes: Sequence[Cause], known: Sequence[str]) -> list[Cause]:

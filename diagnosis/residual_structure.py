@@ -125,9 +125,8 @@ def _rows(view: View) -> tuple[Field, Field]:
 
 def _regions(ws: Workspace, model: Model) -> tuple[Region, ...]:
     regions: list[Region] = []
-    for patch, law, state in zip(
-        ws.patches, ws.predict(model), ws.states(ws.predict(model)), strict=True
-    ):
+    laws = ws.predict(model)
+    for patch, law, state in zip(ws.patches, laws, ws.states(laws), strict=True):
         known = state.used & ~patch.edge
         share = np.maximum(uniform_filter(known.astype(float), NEIGHBOURS), 1e-9)
         smooth = uniform_filter(np.where(known, state.residual_mm, 0.0), NEIGHBOURS) / share
