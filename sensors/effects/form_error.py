@@ -13,6 +13,7 @@ from sensors.effects.parameter import Parameter, parameter
 from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.typed_yaml import RecipeError
+from sensors.view.covariates import raised_along
 from sensors.view.creases import filled_mm
 from sensors.view.view import View
 
@@ -143,9 +144,7 @@ class FormError(AdditiveEffect):
         low, high = view.scene.vertices_mm.min(axis=0), view.scene.vertices_mm.max(axis=0)
         *long, thin = np.argsort(low - high, kind="stable")
         u, v = ((view.part_mm[..., a] - low[a]) / (high[a] - low[a]) for a in sorted(long))
-        out = np.einsum("nk,nmk->nm", view.poses[:, thin, :3], view.normal)
-        nearer = np.clip(out / np.maximum(view.cos_incidence, 1e-9), -MOST, MOST)
-        raised = -1e-3 * nearer / np.hypot(1.0, view.laser.slope_x)
+        raised = raised_along(view, int(thin), most=MOST, by=1e-3)
         return _waves(len(self.coefficients_um), u, v, raised)
 
 

@@ -80,10 +80,20 @@ MOST_RAISED = 3.0
 def raised(view: View) -> Floats:
     """Return the change of depth (n, m) by a surface raised along the part's thinnest side."""
     low, high = view.scene.vertices_mm.min(axis=0), view.scene.vertices_mm.max(axis=0)
-    thin = int(np.argmin(high - low))
-    out = np.einsum("nk,nmk->nm", view.poses[:, thin, :3], view.normal)
-    nearer = np.clip(out / np.maximum(view.cos_incidence, 1e-9), -MOST_RAISED, MOST_RAISED)
-    return np.asarray(-nearer / np.hypot(1.0, view.laser.slope_x))
+    return raised_along(view, int(np.argmin(high - low)), most=MOST_RAISED)
+
+
+def raised_along(view: View, axis: int, *, most: float, by: float = 1.0) -> Floats:
+    """Return the change of depth (n, m) by a surface raised along an axis of the part.
+
+    Parameters
+    ----------
+    most : change of depth, in units of what the surface is raised by, at the steepest walls
+    by : how far it is raised
+    """
+    out = np.einsum("nk,nmk->nm", view.poses[:, axis, :3], view.normal)
+    nearer = np.clip(out / np.maximum(view.cos_incidence, 1e-9), -most, most)
+    return np.asarray(-by * nearer / np.hypot(1.0, view.laser.slope_x))
 
 
 def _camera_row(view: View) -> Floats:
