@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import beta
 
-from challenge.probabilities import calibration_error, reliability
+from challenge.judging.probabilities import calibration_error, reliability
 
 STRANGE = ("unexplained", "partly_explained")
 CONFIDENT = 0.5

@@ -7,7 +7,7 @@ from benchmarks.other_formulas.cases import POPULATIONS
 from benchmarks.other_formulas.formulas import CATALOGUED, OUTSIDE
 from benchmarks.other_formulas.judge import Answer, by_effect, figures, load, stated
 from benchmarks.other_formulas.parts import PARTS
-from challenge.probabilities import reliability
+from challenge.judging.probabilities import reliability
 
 _INTRO = """# Bench of other formulas
 

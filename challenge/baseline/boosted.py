@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from challenge.baseline.features import features
-from challenge.score import SWITCHES
-from challenge.sealed import write_whole
-from challenge.side_answers import BOOSTED
+from challenge.judging.score import SWITCHES
+from challenge.judging.side_answers import BOOSTED
+from challenge.sets.sealed import write_whole
 
 MATCH = "match"
 """Class of recordings that the nominal model explains."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from challenge.cases.files import write_yaml
 from challenge.instrument.finish import Finish
 from challenge.payoff.specimens import Specimen, write_obj
-from challenge.processes import ONE_CORE
+from challenge.sets.processes import ONE_CORE
 
 _ART_MM = (40.0, 34.0)  # what a print's drawing covers of the part's x-y plane
 _ART_PIXEL_MM = 0.04

@@ -17,8 +17,8 @@ from challenge.payoff.segmenter import booster, features, suspicion, train
 from challenge.payoff.simulate import flawforge, generate, write_artwork, write_parts
 from challenge.payoff.specimens import Specimen
 from challenge.payoff.worlds import Ready, ready, scan, specimen, write_stranger
-from challenge.run import command
-from challenge.sealed import write_whole
+from challenge.runs.run import command
+from challenge.sets.sealed import write_whole
 
 STRANGER = ("a.h5", "b.h5", "c.h5", "plate-1.h5", "plate-2.h5", "part.stl", "sensor.yaml")
 

@@ -129,19 +129,19 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _step(arguments: argparse.Namespace) -> int:
     if arguments.step == "make":
-        from challenge.make import make
+        from challenge.sets.make import make
 
         return make(
             arguments.out, seed=arguments.seed, cases=arguments.cases, jobs=arguments.jobs,
             population=arguments.population, family=arguments.family, meshes=arguments.meshes,
         )  # fmt: skip
     if arguments.step == "calibrate":
-        from challenge.calibration_population import calibrate
+        from challenge.sets.calibration_population import calibrate
 
         return calibrate(arguments.out, nulls=arguments.nulls, each=arguments.each,
                          jobs=arguments.jobs)  # fmt: skip
     if arguments.step == "run":
-        from challenge.run import run as diagnose_all
+        from challenge.runs.run import run as diagnose_all
 
         return diagnose_all(
             arguments.set,
@@ -155,11 +155,11 @@ def _step(arguments: argparse.Namespace) -> int:
 
         return baseline(arguments.set, arguments.train)
     if arguments.step == "measure":
-        from challenge.measure import measure
+        from challenge.runs.measure import measure
 
         return measure(arguments.set)
     if arguments.step == "regions":
-        from challenge.regions import draw_again
+        from challenge.judging.regions import draw_again
 
         return draw_again(arguments.set, jobs=arguments.jobs)
     if arguments.step == "payoff":
@@ -168,11 +168,11 @@ def _step(arguments: argparse.Namespace) -> int:
 
 
 def _judge(arguments: argparse.Namespace) -> int:
-    from challenge.judge import judge, population_of
-    from challenge.populations import needs_aggregate
-    from challenge.proof import Judged, write_page
-    from challenge.record_of_tests import commit, enter
-    from challenge.scoreboard import figures, table
+    from challenge.judging.judge import judge, population_of
+    from challenge.proof.page import Judged, write_page
+    from challenge.proof.record_of_tests import commit, enter
+    from challenge.proof.scoreboard import figures, table
+    from challenge.sets.populations import needs_aggregate
 
     tests = [folder for folder in arguments.set if needs_aggregate(population_of(folder))]
     if tests and arguments.write is not None and arguments.record is None:

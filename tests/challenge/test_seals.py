@@ -13,20 +13,20 @@ import numpy as np
 import pytest
 import yaml
 
+from challenge.baseline.shuffle import SHUFFLED, shuffle
 from challenge.cases.case import SWITCHES, Secret, stage, write
 from challenge.cases.nulls import check_null
 from challenge.cases.parts import SHAPES
 from challenge.cases.seeds import child
 from challenge.cases.switches import DECOY, SINGLE, UNKNOWN
 from challenge.cases.truth import facts, levelled
-from challenge.judge import judge
-from challenge.proof import Judged, stopped, write_page
-from challenge.regions import draw_again, drawn_again
-from challenge.run import run
-from challenge.score import clopper_pearson, judge_case, overlap
-from challenge.scoreboard import figures, table
-from challenge.sealed import FULL, commitment, counts_of, draw, seal
-from challenge.shuffle import SHUFFLED, shuffle
+from challenge.judging.judge import judge
+from challenge.judging.regions import draw_again, drawn_again
+from challenge.judging.score import clopper_pearson, judge_case, overlap
+from challenge.proof.page import Judged, stopped, write_page
+from challenge.proof.scoreboard import figures, table
+from challenge.runs.run import run
+from challenge.sets.sealed import FULL, commitment, counts_of, draw, seal
 
 ROOT = Path(__file__).resolve().parents[2]
 FORMATS = {
@@ -284,7 +284,7 @@ def judged(tmp_path, bowed):
 
 
 def test_judge_scores_and_writes_a_page(judged, bowed, tmp_path, monkeypatch):
-    monkeypatch.setattr("challenge.proof.stage", lambda secret: bowed[1])  # staged already
+    monkeypatch.setattr("challenge.proof.page.stage", lambda secret: bowed[1])  # staged already
     scored = judge(judged)
     score = scored["cases"]["case-001"]["score"]
     assert score["top_1"] == 1
@@ -294,7 +294,7 @@ def test_judge_scores_and_writes_a_page(judged, bowed, tmp_path, monkeypatch):
     mine = [Judged.of(scored, judged)]
     write_page(mine, page, commit="abc")
     assert (page.parent / "pictures" / "proof-instrument.png").exists()
-    monkeypatch.setattr("challenge.proof._show_instrument", lambda scored, file: None)
+    monkeypatch.setattr("challenge.proof.page._show_instrument", lambda scored, file: None)
     write_page(mine, page, commit="abc")
     text = page.read_text()
     assert text.count("- seed 1 ") == 1  # one record for a run, however often it is judged

@@ -6,9 +6,9 @@ import sys
 
 import pytest
 
-from challenge import make as making
-from challenge.judge import judge
-from challenge.run import command, run
+from challenge.judging.judge import judge
+from challenge.runs.run import command, run
+from challenge.sets import make as making
 from flawforge.cli import main
 
 
@@ -18,7 +18,7 @@ def sealed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("set")
     counts = {"null": 1, "one": 0, "two": 0, "unknown": 0, "decoy": 0, "undecidable": 0}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("challenge.make.counts_of", lambda _: counts)
+        patch.setattr("challenge.sets.make.counts_of", lambda _: counts)
         patch.setattr("challenge.cases.nulls.NULL_DRAWS", 25)
         assert making.make(folder, seed=3, cases=12, jobs=1) == 0
     return folder
@@ -50,7 +50,7 @@ def test_run_shows_no_key_and_continues(sealed, monkeypatch):
         "answer = {'verdict': 'match', 'effects': [], 'seen': here}\n"
         "pathlib.Path('diagnosis/diagnosis.json').write_text(json.dumps(answer))\n"
     )
-    monkeypatch.setattr("challenge.run.command", lambda *_: [sys.executable, "-c", script])
+    monkeypatch.setattr("challenge.runs.run.command", lambda *_: [sys.executable, "-c", script])
     assert run(sealed, jobs=1, timeout_s=60) == 0
     answer = sealed / "answers" / "case-001"
     seen = json.loads((answer / "diagnosis.json").read_text())["seen"]
@@ -74,7 +74,7 @@ def test_a_case_without_plates_or_baselines_is_diagnosed_without_them():
 def test_a_diagnosis_that_fails_is_kept_and_told(sealed, monkeypatch, tmp_path):
     copy = tmp_path / "set"
     shutil.copytree(sealed, copy, ignore=shutil.ignore_patterns("answers"))
-    monkeypatch.setattr("challenge.run.command", lambda *_: [sys.executable, "-c", "exit(2)"])
+    monkeypatch.setattr("challenge.runs.run.command", lambda *_: [sys.executable, "-c", "exit(2)"])
     assert run(copy, jobs=1, timeout_s=60) == 1
     case = judge(copy)["cases"]["case-001"]
     assert case["run"]["code"] == 2
@@ -97,7 +97,7 @@ def test_an_interrupted_run_leaves_no_answer_and_no_process(sealed, monkeypatch,
         "os.kill(os.getppid(), signal.SIGINT)\n"
         f"time.sleep(20); pathlib.Path({str(marker)!r}).touch()\n"
     )
-    monkeypatch.setattr("challenge.run.command", lambda *_: [sys.executable, "-c", script])
+    monkeypatch.setattr("challenge.runs.run.command", lambda *_: [sys.executable, "-c", script])
     with pytest.raises(KeyboardInterrupt):
         run(copy, jobs=1, timeout_s=60)
     assert not (copy / "answers" / "case-001").exists()

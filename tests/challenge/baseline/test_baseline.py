@@ -12,7 +12,7 @@ from challenge.baseline.features import features
 from challenge.baseline.residuals import of_case
 from challenge.cases.files import write_stl
 from challenge.instrument.instrument import Solid
-from challenge.side_answers import BOOSTED
+from challenge.judging.side_answers import BOOSTED
 
 DISTANCE, PROFILES, POINTS, PITCH = 100.0, 80, 90, 0.1
 

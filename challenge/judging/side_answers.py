@@ -6,10 +6,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from challenge.measure import answers
-from challenge.probabilities import stated
-from challenge.score import SWITCHES, judge_case
-from challenge.sealed import UNDECIDABLE
+from challenge.judging.probabilities import stated
+from challenge.judging.score import SWITCHES, judge_case
+from challenge.runs.measure import answers
+from challenge.sets.sealed import UNDECIDABLE
 
 BOOSTED = "answers-boosted"
 """Folder of a set with the answers of the gradient-boosted classifier."""

@@ -7,7 +7,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from challenge.score import clopper_pearson
+from challenge.judging.score import clopper_pearson
 
 
 def draw_power(scored: dict[str, Any], file: Path) -> None:

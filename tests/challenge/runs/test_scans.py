@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from challenge.measure import RANDOM, RANKED, answers, folder, measure
-from challenge.scans import DRAWN, Change, drawn, first_proposed
-from challenge.side_answers import further
+from challenge.judging.side_answers import further
+from challenge.runs.measure import RANDOM, RANKED, answers, folder, measure
+from challenge.runs.scans import DRAWN, Change, drawn, first_proposed
 
 WAY = np.array([0.0, 1.0, 0.0])
 

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from challenge.aims import ALARMS, IOU, PRECISION, SHARE, TOP_1, UNKNOWN
 from challenge.cases.case import RECORDINGS, Secret, stage
 from challenge.cases.seeds import child, number
-from challenge.populations import needs_aggregate
-from challenge.probabilities import stated
-from challenge.proof_pictures import draw_instrument, draw_power, draw_story
-from challenge.score import clopper_pearson
-from challenge.scoreboard import curve, figures, of_kinds, table
+from challenge.judging.probabilities import stated
+from challenge.judging.score import clopper_pearson
+from challenge.proof.pictures import draw_instrument, draw_power, draw_story
+from challenge.proof.scoreboard import curve, figures, of_kinds, table
+from challenge.sets.aims import ALARMS, IOU, PRECISION, SHARE, TOP_1, UNKNOWN
+from challenge.sets.populations import needs_aggregate
 
 STRENGTHS = ("weak", "medium", "strong")
 SURE = 0.9
@@ -217,7 +217,7 @@ def write_page(sets: Sequence[Judged], page: Path, *, commit: str) -> None:
     first = next((s for s in sets if s.scored["family"] == "first"), None)
     protocol = sets[0].scored["protocol"]
     environment = Environment(
-        loader=PackageLoader("challenge", "."), undefined=StrictUndefined,
+        loader=PackageLoader("challenge", "proof"), undefined=StrictUndefined,
         keep_trailing_newline=True, trim_blocks=False,
     )  # fmt: skip
     text = environment.get_template("proof.md.j2").render(

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from challenge.judge import judge
-from challenge.populations import POPULATIONS, TEST, VALIDATION, needs_aggregate
-from challenge.record_of_tests import enter
+from challenge.judging.judge import judge
+from challenge.proof.record_of_tests import enter
+from challenge.sets.populations import POPULATIONS, TEST, VALIDATION, needs_aggregate
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 def test_no_set_belongs_to_two_populations():

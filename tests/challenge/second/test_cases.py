@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 import yaml
 
-from challenge import make as making
+from challenge.baseline.shuffle import shuffle
 from challenge.cases.case import SWITCHES, Secret
 from challenge.cases.parts import SHAPES
-from challenge.judge import judge
-from challenge.run import run
-from challenge.score import judge_case
-from challenge.sealed import FULL, draw
+from challenge.judging.judge import judge
+from challenge.judging.score import judge_case
+from challenge.runs.run import run
 from challenge.second import case as second
 from challenge.second.meshes import files as mesh_files
 from challenge.second.meshes import solid_of_file
 from challenge.second.switches import DECOY, FAULTS, SINGLE, UNDECIDABLE, UNKNOWN
 from challenge.second.world import placed
-from challenge.shuffle import shuffle
+from challenge.sets import make as making
+from challenge.sets.sealed import FULL, draw
 from flawforge.cli import main
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
@@ -36,7 +36,7 @@ COUNTS = {"null": 1, "one": 0, "two": 0, "unknown": 0, "decoy": 0, "undecidable"
 def sealed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("second")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("challenge.make.counts_of", lambda _: COUNTS)
+        patch.setattr("challenge.sets.make.counts_of", lambda _: COUNTS)
         made = making.make(folder, seed=3, cases=12, jobs=1, family="second")
     assert made == 0
     return folder
@@ -92,8 +92,8 @@ def test_a_set_of_the_second_family_is_a_test_set(sealed, monkeypatch, tmp_path,
         "answer = {'verdict': 'match', 'effects': []}\n"
         "pathlib.Path('diagnosis/diagnosis.json').write_text(json.dumps(answer))\n"
     )
-    monkeypatch.setattr("challenge.run.accepts_baselines", lambda: True)
-    monkeypatch.setattr("challenge.run.command", lambda *_: [sys.executable, "-c", script])
+    monkeypatch.setattr("challenge.runs.run.accepts_baselines", lambda: True)
+    monkeypatch.setattr("challenge.runs.run.command", lambda *_: [sys.executable, "-c", script])
     assert run(sealed, jobs=1, timeout_s=60) == 0
     with pytest.raises(ValueError, match="--aggregate only"):
         judge(sealed)

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from challenge.probabilities import calibration_error, log_score, reliability, stated
+from challenge.judging.probabilities import calibration_error, log_score, reliability, stated
 
 
 def case(names, switches=("worn roller",)):

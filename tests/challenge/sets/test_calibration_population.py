@@ -1,8 +1,8 @@
 """The opened population: what it holds, and that it is the same every time."""
 
-from challenge.calibration_population import NULLS, planned
 from challenge.cases.parts import SHAPES
 from challenge.cases.switches import SINGLE
+from challenge.sets.calibration_population import NULLS, planned
 
 
 def test_nulls_cover_every_part_and_every_switch_is_there_once():

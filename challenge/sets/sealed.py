@@ -9,13 +9,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from challenge.aims import AIMS
 from challenge.cases.case import SWITCHES, Secret
 from challenge.cases.parts import SHAPES
 from challenge.cases.seeds import child
 from challenge.cases.switches import DECOY, SINGLE, UNKNOWN
 from challenge.second import switches as second
 from challenge.second.meshes import MARK
+from challenge.sets.aims import AIMS
 
 # Cases of a full set by kind.
 FULL = {"null": 60, "one": 60, "two": 12, "unknown": 12, "decoy": 8, "undecidable": 8}

@@ -6,7 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from challenge.aims import (
+from challenge.judging.probabilities import (
+    calibration_error,
+    log_score,
+    reliability,
+    stated,
+    stated_strange,
+)
+from challenge.judging.score import ORACLE_SEES, clopper_pearson
+from challenge.runs.measure import RANDOM, RANKED
+from challenge.sets.aims import (
     AIMS,
     ALARMS,
     CONCEALED,
@@ -18,15 +27,6 @@ from challenge.aims import (
     TOP_1,
     UNKNOWN,
 )
-from challenge.measure import RANDOM, RANKED
-from challenge.probabilities import (
-    calibration_error,
-    log_score,
-    reliability,
-    stated,
-    stated_strange,
-)
-from challenge.score import ORACLE_SEES, clopper_pearson
 
 Case = dict[str, Any]
 

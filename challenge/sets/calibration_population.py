@@ -15,8 +15,8 @@ from challenge.cases.nulls import check_null
 from challenge.cases.parts import SHAPES
 from challenge.cases.seeds import child
 from challenge.cases.switches import SINGLE
-from challenge.processes import in_processes
-from challenge.sealed import write_whole
+from challenge.sets.processes import in_processes
+from challenge.sets.sealed import write_whole
 
 POPULATION = "challenge-1-calibration"
 """Name of this population, as a diagnosis states it beside the scales learnt from it."""

@@ -9,9 +9,9 @@ from scipy.stats import beta
 
 from challenge.cases.case import SWITCHES as FIRST
 from challenge.cases.switches import Switch
-from challenge.sealed import UNDECIDABLE
 from challenge.second.switches import FAULTS
 from challenge.second.world import Fault
+from challenge.sets.sealed import UNDECIDABLE
 
 SWITCHES: dict[str, Switch | Fault] = {**FIRST, **FAULTS}
 

@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from challenge.measure import CHANGE, WAYS, folder
-from challenge.measure import answers as answers_of
-from challenge.processes import ONE_CORE
-from challenge.sealed import write_whole
-from challenge.shuffle import SHUFFLED, shuffle
+from challenge.baseline.shuffle import SHUFFLED, shuffle
+from challenge.runs.measure import CHANGE, WAYS, folder
+from challenge.runs.measure import answers as answers_of
+from challenge.sets.processes import ONE_CORE
+from challenge.sets.sealed import write_whole
 
 KEPT = ("diagnosis.json", "mismatch.h5", "sensor.yaml")
 

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from challenge.cases.case import Secret, stage
 from challenge.cases.truth import DRAWS, redraw
-from challenge.processes import in_processes
-from challenge.score import has_place
-from challenge.sealed import MESHES, write_whole
+from challenge.judging.score import has_place
 from challenge.second.case import stage as second_stage
 from challenge.second.truth import redraw as second_redraw
+from challenge.sets.processes import in_processes
+from challenge.sets.sealed import MESHES, write_whole
 
 KEPT = "regions"
 Mask = NDArray[np.bool_]

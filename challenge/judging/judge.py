@@ -10,16 +10,16 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from challenge.baseline.shuffle import SHUFFLED
 from challenge.cases.case import RECORDINGS
 from challenge.cases.parameters import true_parameters
 from challenge.cases.truth import levelled
-from challenge.measure import WAYS
-from challenge.populations import VALIDATION, needs_aggregate
-from challenge.regions import Mask, drawn_again
-from challenge.score import Score, judge_case
-from challenge.sealed import commitment
-from challenge.shuffle import SHUFFLED
-from challenge.side_answers import boosted, further, held, none_of_these
+from challenge.judging.regions import Mask, drawn_again
+from challenge.judging.score import Score, judge_case
+from challenge.judging.side_answers import boosted, further, held, none_of_these
+from challenge.runs.measure import WAYS
+from challenge.sets.populations import VALIDATION, needs_aggregate
+from challenge.sets.sealed import commitment
 
 
 def population_of(out: Path) -> str:

@@ -5,7 +5,7 @@ A number of the diagnosis may come from a calibration population, never from one
 
 from dataclasses import dataclass
 
-from challenge.calibration_population import POPULATION
+from challenge.sets.calibration_population import POPULATION
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -2,11 +2,11 @@
 
 import math
 
-from challenge.aims import AIMS, COVERAGE, NEXT, SHARE, TOP_1, UNKNOWN
 from challenge.cases.parameters import true_parameters
-from challenge.probabilities import stated_strange
-from challenge.scoreboard import curve, figures, table
-from challenge.side_answers import held, none_of_these
+from challenge.judging.probabilities import stated_strange
+from challenge.judging.side_answers import held, none_of_these
+from challenge.proof.scoreboard import curve, figures, table
+from challenge.sets.aims import AIMS, COVERAGE, NEXT, SHARE, TOP_1, UNKNOWN
 
 NAN = float("nan")
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from challenge.shuffle import moved_blocks
+from challenge.baseline.shuffle import moved_blocks
 
 
 def test_shuffling_keeps_the_values_and_moves_them():

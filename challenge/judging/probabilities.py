@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from challenge.score import SWITCHES
+from challenge.judging.score import SWITCHES
 
 BINS = 10
 _LEAST = 1e-3  # a probability of 0 or 1 that is wrong costs as much as this one

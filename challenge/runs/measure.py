@@ -11,14 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from challenge import scans
 from challenge.cases import files
 from challenge.cases.case import RECORDINGS, Secret, scan, stage
 from challenge.cases.seeds import child, number
-from challenge.scans import Change
-from challenge.sealed import MESHES, write_whole
+from challenge.runs import scans
+from challenge.runs.scans import Change
 from challenge.second import case as second
 from challenge.second.world import placed
+from challenge.sets.sealed import MESHES, write_whole
 
 RANKED, RANDOM = "ranked", "random"
 WAYS = (RANKED, RANDOM)

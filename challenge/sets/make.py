@@ -16,15 +16,24 @@ from challenge.cases.nulls import check_null
 from challenge.cases.parts import SHAPES
 from challenge.cases.seeds import child
 from challenge.cases.truth import Facts, facts
-from challenge.populations import TEST, VALIDATION, needs_aggregate
-from challenge.processes import in_processes
-from challenge.score import ORACLE_SEES, moves_readings
-from challenge.sealed import FULL, MESHES, PROTOCOL, counts_of, draw, entropy, seal, write_whole
+from challenge.judging.score import ORACLE_SEES, moves_readings
 from challenge.second import case as second
 from challenge.second.meshes import files as mesh_files
 from challenge.second.nulls import LEAST_BLOCKS
 from challenge.second.nulls import check_null as check_second_null
 from challenge.second.truth import facts as second_facts
+from challenge.sets.populations import TEST, VALIDATION, needs_aggregate
+from challenge.sets.processes import in_processes
+from challenge.sets.sealed import (
+    FULL,
+    MESHES,
+    PROTOCOL,
+    counts_of,
+    draw,
+    entropy,
+    seal,
+    write_whole,
+)
 
 _TRIES = 20
 """Draws of a case in a row that may be invalid before a set is given up."""

@@ -1,0 +1,1 @@
+"""Opened keys against answers: scores of a case and of a set."""

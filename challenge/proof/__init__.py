@@ -1,0 +1,1 @@
+"""The proof's page: scoreboard, tables, pictures, record of test runs."""

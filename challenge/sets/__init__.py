@@ -1,0 +1,1 @@
+"""Sealed sets of cases: drawn, rendered, committed to before anything is diagnosed."""
