@@ -21,13 +21,13 @@ from diagnosis.noise import NoiseModel
 from diagnosis.prediction import predict
 from diagnosis.score import CLIP, placements, whitened
 from diagnosis.workspace import Model, Workspace
+from files.errors import RecipeError
 from sensors.effects import effect_of
 from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.effects.effect import Effect
 from sensors.effects.pose_error import PoseError
 from sensors.effects.roughness_level import RoughnessLevel
 from sensors.noise.uncertainty import sigma_mm
-from sensors.typed_yaml import RecipeError
 from tests.support.effect_case import Case, Entry
 from tests.support.small_parts import MISPLACED
 

@@ -13,8 +13,8 @@ import numpy as np
 from diagnosis.edges import on_edges
 from diagnosis.noise import Field, Mask
 from diagnosis.workspace import Model, Workspace
+from files.errors import RecipeError
 from sensors.effects.base import Effect
-from sensors.typed_yaml import RecipeError
 
 FIRST_STEP = 0.03
 """First step of the numeric derivatives, of the value; the second comes from the curvature."""

@@ -19,10 +19,10 @@ from diagnosis.prediction import Prediction, starting
 from diagnosis.rangewise import strongest_rows
 from diagnosis.score import Whitened
 from diagnosis.workspace import Model, Workspace
+from files.errors import RecipeError
 from sensors.effects.base import Effect
 from sensors.effects.form_error import FormError
 from sensors.effects.pixel_locking import PixelLocking
-from sensors.typed_yaml import RecipeError
 from sensors.view.creases import concave_creases, filled_mm
 
 MAX_GRID = 600

@@ -12,6 +12,7 @@ from diagnosis.plates import Plate, plate_residual
 from diagnosis.prediction import law_of
 from diagnosis.printed import MOST_READINGS, find_print
 from diagnosis.registration import Placement, check_meets
+from files.errors import RecipeError
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
@@ -20,7 +21,6 @@ from sensors.model import SensorModel
 from sensors.noise.perlin import grid_pitch
 from sensors.recording import Recording
 from sensors.surface.surface import Surface
-from sensors.typed_yaml import RecipeError
 from sensors.view.view import View
 
 CHECKED_PROFILES = 16

@@ -14,8 +14,8 @@ from diagnosis.columnwise import column_equations, likely_variance
 from diagnosis.noise import Field, Mask
 from diagnosis.score import CLIP, Whitened
 from diagnosis.workspace import Workspace
+from files.errors import RecipeError
 from sensors.effects.base import Effect
-from sensors.typed_yaml import RecipeError
 
 IMITATED = 1e-6
 ROUNDS = 2

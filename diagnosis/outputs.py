@@ -9,10 +9,10 @@ import numpy as np
 from diagnosis.diagnose import Diagnosis
 from diagnosis.printed import Print
 from diagnosis.settings import SETTINGS
+from files.hdf5_output import created
+from files.plain_data import plain
+from files.whole_file import write_whole
 from sensors.effects.reflectance_edge import ReflectanceEdge
-from sensors.hdf5_output import created
-from sensors.typed_yaml import plain
-from sensors.whole_file import write_whole
 
 FORMAT = "profilometer-diagnosis"
 

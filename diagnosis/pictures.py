@@ -9,7 +9,7 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.found import FoundEffect
 from diagnosis.noise import Field, Mask
 from diagnosis.workspace import Workspace
-from sensors.typed_yaml import RecipeError
+from files.errors import RecipeError
 from sensors.view.covariates import COVARIATES
 
 if TYPE_CHECKING:

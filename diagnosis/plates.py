@@ -6,10 +6,10 @@ import numpy as np
 
 from diagnosis.noise import Field
 from diagnosis.patch import in_range
+from files.errors import RecipeError
 from sensors.casting.laser import Laser
 from sensors.datasheet import Datasheet
 from sensors.recording import Recording, repeated_rows
-from sensors.typed_yaml import RecipeError
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

@@ -11,12 +11,12 @@ from diagnosis.noise import NoiseModel
 from diagnosis.patch import Patch, in_range
 from diagnosis.recorded import Recorded
 from diagnosis.registration import Placement, register
+from files.errors import RecipeError
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.recording import Recording
 from sensors.surface.surface import Surface
-from sensors.typed_yaml import RecipeError
 
 Progress = Callable[[str], None]
 

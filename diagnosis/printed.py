@@ -20,7 +20,7 @@ from scipy.fft import dctn, idctn, next_fast_len
 
 from diagnosis.brightness import by_direction
 from diagnosis.noise import Field
-from sensors.typed_yaml import dump_yaml
+from files.yaml_document import dump_yaml
 from sensors.view.view import View
 
 PICTURE = "reflectance.png"

@@ -16,12 +16,12 @@ from scipy.spatial.transform import Rotation
 
 from diagnosis.noise import Field, Mask, mad_sd
 from diagnosis.part_unit import unit_hint
+from files.errors import RecipeError
 from sensors.casting.hits import Hits
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.recording import Recording
-from sensors.typed_yaml import RecipeError
 from sensors.view.visibility import camera_visible
 
 PRIOR_SD = np.array([2.0, 2.0, 2.0, 0.02, 0.02, 0.02, 2e-3, 0.01, 0.01])

@@ -14,7 +14,7 @@ from diagnosis.pictures import (
 )
 from diagnosis.residual_structure import Residual
 from diagnosis.uncertainty import Estimate
-from sensors.whole_file import write_whole
+from files.whole_file import write_whole
 
 VERDICTS = {
     "match": "The nominal model explains the recordings.",

@@ -211,9 +211,9 @@ def _said(error: Exception) -> str:
 
 def _is_users(error: Exception) -> bool:
     """Whether an error is about what the user gave or the disk (and not a fault of ours)."""
+    from files.errors import RecipeError
     from flawforge.dataset import ShardError
     from pipeline.parts.part_error import PartError
-    from sensors.typed_yaml import RecipeError
 
     if isinstance(error, OSError) and (error.errno is not None or "errno = " in str(error)):
         return True

@@ -1,6 +1,6 @@
 """A region of a scan as a user writes it: R0:R1,C0:C1, profiles and points, half-open."""
 
-from sensors.typed_yaml import RecipeError
+from files.errors import RecipeError
 
 
 def parse_ranges(text: str | None, shape: tuple[int, ...]) -> tuple[slice, slice]:

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from files.whole_file import whole
 from sensors.noise.noise_target import NoiseTarget
 from sensors.noise.spectrum import power_spectrum
-from sensors.whole_file import whole
 
 Floats = NDArray[np.float64]
 

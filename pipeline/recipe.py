@@ -12,6 +12,10 @@ from annotated_types import Len
 from pydantic import PlainValidator
 
 from defects.flaw_bank import FlawBank
+from files.errors import RecipeError
+from files.plain_data import plain
+from files.record import parse, record
+from files.yaml_document import Document
 from pipeline.dataset.compression import Compression, reader_needs
 from pipeline.injection.flawplan import FlawPlan
 from pipeline.motion.given_path import given_path
@@ -26,7 +30,6 @@ from sensors.line.brightness import Brightness
 from sensors.model import SensorModel
 from sensors.surface.reflectance import ReflectanceMap
 from sensors.surface.surface import Surface
-from sensors.typed_yaml import Document, RecipeError, parse, plain, record
 
 MOST_COUNT = 1_000_000
 MOST_POINTS, MOST_SCANS = 100_000_000, 10_000_000  # in a scan; of an entry of `parts:`

@@ -3,7 +3,7 @@
 import glob
 from pathlib import Path
 
-from sensors.typed_yaml import RecipeError
+from files.errors import RecipeError
 
 
 def resolve(name: str, roots: tuple[Path, ...], where: str) -> Path:

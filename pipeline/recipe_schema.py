@@ -10,11 +10,11 @@ from typing import Annotated, Any, Final, Literal, get_args, get_origin
 from defects.kind import Kind
 from defects.kinds import KINDS
 from defects.kinds.banked import Banked
+from files.plain_data import plain
 from pipeline.injection.flawplan import FlawPlan
 from pipeline.recipe import RecipeFile
 from quantity import Quantity, quantities
 from quantity.distribution import Distribution
-from sensors.typed_yaml import plain
 
 Schema = dict[str, Any]
 

@@ -6,7 +6,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Final
 
-from sensors.typed_yaml import Document, RecipeError, load_yaml, parse_text
+from files.errors import RecipeError
+from files.yaml_document import Document, load_yaml, parse_text
 
 SECTIONS: Final = ("flaws", "motion")  # taken over key by key; everything else as a whole
 MOST_BASES: Final = 10

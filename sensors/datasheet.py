@@ -6,9 +6,12 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
 
+from files.errors import RecipeError
+from files.plain_data import plain
+from files.record import parse, record
+from files.whole_file import write_whole
+from files.yaml_document import dump_yaml, load_yaml
 from quantity import quantity
-from sensors.typed_yaml import RecipeError, dump_yaml, load_yaml, parse, plain, record
-from sensors.whole_file import write_whole
 
 MOST_AXIS_MM = 5000.0
 """How far the optical axis may lie from the sensor's origin: a field of the longest gantry."""

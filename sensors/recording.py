@@ -10,10 +10,10 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.budget import regular
-from sensors.hdf5_input import has, numbers
-from sensors.hdf5_output import created
-from sensors.typed_yaml import RecipeError
+from files.budget import regular
+from files.errors import RecipeError
+from files.hdf5_input import has, numbers
+from files.hdf5_output import created
 
 FORMAT = "profilometer-recording"
 VERSION = 1

@@ -10,19 +10,21 @@ ROOT = Path(__file__).resolve().parents[1]
 MAY_IMPORT = {
     "flawforge": {
         "flawforge", "pipeline", "diagnosis", "challenge", "sensors", "defects", "quantity",
+        "files",
     },
-    "pipeline": {"pipeline", "defects", "sensors", "quantity"},
-    "diagnosis": {"diagnosis", "sensors", "quantity"},
+    "pipeline": {"pipeline", "defects", "sensors", "quantity", "files"},
+    "diagnosis": {"diagnosis", "sensors", "quantity", "files"},
     "defects": {"defects", "quantity"},
-    "sensors": {"sensors", "quantity"},
+    "sensors": {"sensors", "quantity", "files"},
     "challenge": {"challenge"},
+    "files": {"files", "quantity"},
     "quantity": {"quantity"},
 }
 ONE_PLACE = {
     "joblib": {"pipeline/batch/backend.py"},
     "embreex": {"sensors/casting/embree.py"},
-    "pydantic": {"sensors/typed_yaml.py", "pipeline/distribution_field.py", "pipeline/recipe.py"},
-    "yaml": {"sensors/typed_yaml.py"},
+    "pydantic": {"files/record.py", "pipeline/distribution_field.py", "pipeline/recipe.py"},
+    "yaml": {"files/yaml_document.py"},
     "distributed": {"pipeline/batch/cluster.py"},
 }
 ALLOWED_IN_DATASET = {"numpy", "h5py", "pandas"}

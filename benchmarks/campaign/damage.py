@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.campaign.sandbox import Outcome, run, started
+from files.errors import RecipeError
 from pipeline.dataset.checksums import NAME, own_files
 from pipeline.dataset.verify import verify
-from sensors.typed_yaml import RecipeError
 from tests.support.small_recipe import write_shards
 
 LONGEST_S = {1: 1.0, 2: 8.0}

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from files.plain_data import plain
 from sensors.datasheet import Datasheet
-from sensors.typed_yaml import plain
 
 Floats = NDArray[np.float64]
 PROFILES, POINTS = 120, 180

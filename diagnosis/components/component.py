@@ -13,12 +13,12 @@ from diagnosis.prediction import law_of
 from diagnosis.rangewise import strongest_rows
 from diagnosis.score import Whitened
 from diagnosis.settings import SETTINGS
+from files.errors import RecipeError
 from sensors.datasheet import Datasheet
 from sensors.effects import CATALOGUE
 from sensors.effects.base import Effect
 from sensors.effects.relaxed import Relaxed, RelaxedChannel
 from sensors.model import SensorModel
-from sensors.typed_yaml import RecipeError
 from sensors.view.camera import row_of_depth
 from sensors.view.covariates import COVARIATES
 from sensors.view.view import View

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 
+from files.yaml_document import parse_text
 from pipeline.injection.flawed_part import FlawedPart
 from pipeline.injection.flawplan import FlawPlan
 from pipeline.injection.inject import inject
@@ -17,7 +18,6 @@ from pipeline.seeds import streams
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet, preset_names
-from sensors.typed_yaml import parse_text
 
 PARTS = ("bearing_cap", "car_door", "steel_plate")
 SEEDS = (1, 2, 3, 4, 5)

@@ -119,7 +119,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run one step; return the exit code."""
-    from sensors.typed_yaml import RecipeError
+    from files.errors import RecipeError
 
     try:
         return _step(arguments)

@@ -44,9 +44,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Try the recipe and print the prediction."""
+    from files.errors import RecipeError
     from flawforge.summary import MOST_LINES, duration, size, table
     from pipeline.batch.backend import one_thread_each
-    from sensors.typed_yaml import RecipeError
 
     for word in ("specimens", "scans", "jobs"):
         if getattr(arguments, word) < 1:

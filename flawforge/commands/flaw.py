@@ -54,13 +54,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Extract, write, draw, and print the dimensions."""
+    from files.errors import RecipeError
+    from files.whole_file import whole
     from flawforge.flaw.extraction import extract
     from flawforge.flaw.picture import draw
     from pipeline.parts.part import load_part
     from sensors.datasheet import Datasheet
     from sensors.recording import Recording
-    from sensors.typed_yaml import RecipeError
-    from sensors.whole_file import whole
 
     recording = Recording.load(arguments.recording)
     region = parse_region(arguments.region, recording.depth_mm.shape)
@@ -95,9 +95,9 @@ def parse_region(text: str, shape: tuple[int, ...]) -> "Region":
     RecipeError
         Where it is neither, or lies outside the scan.
     """
+    from files.errors import RecipeError
     from flawforge.flaw.extraction import Region
     from flawforge.region import parse_ranges
-    from sensors.typed_yaml import RecipeError
 
     if ":" in text:
         return Region(ranges=parse_ranges(text, shape))

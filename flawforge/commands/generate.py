@@ -60,9 +60,9 @@ def run(arguments: argparse.Namespace) -> int:
 
     jobs = arguments.jobs or os.cpu_count() or 1
     with Backend(jobs=jobs, scheduler=arguments.scheduler).started() as backend:
+        from files.errors import RecipeError
         from pipeline.batch.run import generate
         from pipeline.recipe import Recipe
-        from sensors.typed_yaml import RecipeError
 
         if (arguments.backend == "dask") != (arguments.scheduler is not None):
             raise RecipeError("--scheduler and --backend dask require each other")

@@ -163,10 +163,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Import and print a summary."""
+    from files.errors import RecipeError
     from sensors.formats import read_height_map
     from sensors.formats.conversion import Setup, convert, stack
     from sensors.formats.motion import read_poses, read_rows
-    from sensors.typed_yaml import RecipeError
 
     files, target = arguments.files, arguments.target
     _check(arguments)
@@ -216,7 +216,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _roles(columns: str | None) -> dict[str, str]:
     """Read `x=NAME,z=NAME`: the role of each named column."""
-    from sensors.typed_yaml import RecipeError
+    from files.errors import RecipeError
 
     roles: dict[str, str] = {}
     for pair in columns.split(",") if columns else []:
@@ -246,7 +246,7 @@ def _options(arguments: argparse.Namespace) -> str:
 
 
 def _check(arguments: argparse.Namespace) -> None:
-    from sensors.typed_yaml import RecipeError
+    from files.errors import RecipeError
 
     for key in POSITIVE:
         value = getattr(arguments, key)
@@ -321,8 +321,8 @@ def _draw(done: "Imported", path: Path) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    from sensors.typed_yaml import RecipeError
-    from sensors.whole_file import whole
+    from files.errors import RecipeError
+    from files.whole_file import whole
 
     recording = done.recording
     heights = done.sensor.working_distance_mm - recording.depth_mm

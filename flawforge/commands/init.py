@@ -31,9 +31,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the recipe and print the next commands."""
+    from files.errors import RecipeError
+    from files.whole_file import write_whole
     from pipeline.recipe_draft import draft
-    from sensors.typed_yaml import RecipeError
-    from sensors.whole_file import write_whole
 
     part = arguments.part
     out = arguments.out or Path(f"{part.stem}.yaml")

@@ -57,6 +57,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     import numpy as np
 
+    from files.errors import RecipeError
+    from files.hdf5_output import created
     from pipeline.parts import builtin
     from pipeline.parts.part import load_part
     from pipeline.planning.pareto import front, trade
@@ -65,9 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
     from pipeline.planning.reference_flaw import ReferencePit
     from sensors.casting.scene import Scene
     from sensors.datasheet import Datasheet
-    from sensors.hdf5_output import created
     from sensors.surface.surface import Surface
-    from sensors.typed_yaml import RecipeError
 
     for word, low, high in (("cover", 0, 1), ("samples", 100, 10**6), ("profiles", 2, 10**6)):
         if not low < getattr(arguments, word) <= high:

@@ -43,9 +43,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Fit, write the page, and print the estimates."""
+    from files.errors import RecipeError
     from pipeline.pod.page import write_page
     from pipeline.pod.study import make_study
-    from sensors.typed_yaml import RecipeError
 
     if arguments.out.suffix.lower() != ".html":
         raise RecipeError(

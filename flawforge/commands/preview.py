@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Draw and print the picture's path."""
-    from sensors.typed_yaml import RecipeError
+    from files.errors import RecipeError
 
     if arguments.out.suffix.lower() != ".png":
         raise RecipeError(
@@ -83,8 +83,8 @@ def _recipe(what: Path, roots: tuple[Path, ...]) -> tuple[Any, tuple[Path, ...]]
 
     if what.suffix.lower() not in SUFFIXES:
         return what, roots
+    from files.yaml_document import parse_text
     from pipeline.recipe_draft import draft
-    from sensors.typed_yaml import parse_text
 
     place = what.resolve()
     text = draft(what, where=str(place), unit=None, thicken_mm=None)

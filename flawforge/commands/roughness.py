@@ -68,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Measure, solve, write, draw."""
-    from sensors.typed_yaml import RecipeError
+    from files.errors import RecipeError
 
     for key in ("cutoff_mm", "pitch_x_mm", "pitch_y_mm"):
         value = getattr(arguments, key)
@@ -103,6 +103,7 @@ def _solve_for_figures(arguments: argparse.Namespace) -> int:
 def _measure(arguments: argparse.Namespace) -> int:
     import numpy as np
 
+    from files.errors import RecipeError
     from flawforge.region import parse_ranges
     from sensors.datasheet import Datasheet
     from sensors.noise.calibration import calibrate
@@ -111,7 +112,6 @@ def _measure(arguments: argparse.Namespace) -> int:
     from sensors.surface.roughness import FIGURES, profile_roughness
     from sensors.surface.surface import Surface
     from sensors.surface.topography import load_topography, resolution_of
-    from sensors.typed_yaml import RecipeError
 
     sensor = Datasheet.load(arguments.sensor) if arguments.sensor else None
     scan = load_topography(

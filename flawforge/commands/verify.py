@@ -34,8 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check, and print one line for each finding."""
+    from files.errors import RecipeError
     from pipeline.dataset.verify import compare_with_lock, verify, write_lock
-    from sensors.typed_yaml import RecipeError
 
     if arguments.write and arguments.lock is None:
         raise RecipeError("--write requires --lock FILE")

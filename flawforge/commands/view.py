@@ -23,9 +23,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the page and print its path."""
+    from files.errors import RecipeError
     from flawforge.progress import shown
     from pipeline.gallery.page import write_gallery
-    from sensors.typed_yaml import RecipeError
 
     out = arguments.out or Path(f"{arguments.dataset.resolve().name}.html")
     if out.suffix.lower() not in (".html", ".htm"):

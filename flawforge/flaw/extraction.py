@@ -12,13 +12,13 @@ from defects.kinds.banked import spread
 from defects.surface.surface import Site, SiteError, Surface, tangent_axes
 from diagnosis.noise import NoiseModel, calibrate
 from diagnosis.registration import register, smooth_weight
+from files.errors import RecipeError
 from flawforge.flaw.relief_denoising import Denoised, denoise
 from pipeline.parts.part import Part
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.recording import Recording, repeated_rows
-from sensors.typed_yaml import RecipeError
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
+from files.whole_file import whole
 from flawforge.flaw.extraction import Extracted
-from sensors.whole_file import whole
 
 RAW, RELIEF, SKIN = "#8AA4BF", "#B3321E", "#22252B"
 

@@ -145,7 +145,7 @@ class Backend:
         RecipeError
             Where the scheduler or its workers can't be used, or a worker died.
         """
-        from sensors.typed_yaml import RecipeError
+        from files.errors import RecipeError
 
         if self.scheduler:
             import joblib

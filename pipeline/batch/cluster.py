@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
+from files.errors import RecipeError
 from pipeline.dataset.manifest import versions
-from sensors.typed_yaml import RecipeError
 
 ANSWER_S: Final = 10.0  # how long the scheduler may take to answer
 WORKERS_S: Final = 60.0  # how long the first worker may take to join it

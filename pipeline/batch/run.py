@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
+from files.budget import regular
+from files.errors import RecipeError
 from pipeline.batch.backend import Backend
 from pipeline.batch.plan import Plan, PlannedPart, make_plan
 from pipeline.batch.work import Workplace, is_whole, make_shard, read_journal
@@ -27,8 +29,6 @@ from pipeline.parts.part import find_parts
 from pipeline.parts.part_error import PartError
 from pipeline.recipe import PartEntry, Recipe
 from pipeline.recipe_paths import resolve
-from sensors.budget import regular
-from sensors.typed_yaml import RecipeError
 
 __all__ = ["Backend", "generate"]
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from files.plain_data import plain
+from files.whole_file import write_whole
 from pipeline.batch.plan import PlannedPart, PlannedScans, PlannedShard
 from pipeline.dataset.shards import ShardWriter, file_sha256
 from pipeline.injection.inject import Flaw
@@ -19,8 +21,6 @@ from pipeline.scan.detectability import Evidence
 from pipeline.scan.labelled_scan import Scan, take_scan
 from pipeline.scan.labels import Tally
 from pipeline.seeds import seed_of, streams
-from sensors.typed_yaml import plain
-from sensors.whole_file import write_whole
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from files.budget import regular
+from files.whole_file import write_whole
 from pipeline.dataset.shards import file_sha256
-from sensors.budget import regular
-from sensors.whole_file import write_whole
 
 NAME: Final = "checksums.sha256"
 OWN: Final = (

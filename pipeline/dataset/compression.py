@@ -48,8 +48,8 @@ def opened(path: Path) -> Any:
     """
     import h5py
 
-    from sensors.budget import regular
-    from sensors.hdf5_input import lies_elsewhere
+    from files.budget import regular
+    from files.hdf5_input import lies_elsewhere
 
     regular(path)
     file = h5py.File(path, "r")

@@ -9,11 +9,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from files.whole_file import write_whole
+from files.yaml_document import dump_yaml
 from pipeline.dataset.manifest import FLAW_COLUMNS, SCAN_COLUMNS
 from pipeline.dataset.markdown import as_code, as_text
 from pipeline.dataset.shards import file_sha256
-from sensors.typed_yaml import dump_yaml
-from sensors.whole_file import write_whole
 
 Columns = Mapping[str, type]
 

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from sensors.typed_yaml import RecipeError
-from sensors.whole_file import write_whole
+from files.errors import RecipeError
+from files.whole_file import write_whole
 
 
 @contextmanager

@@ -17,10 +17,10 @@ from typing import Any, Final, Self
 import numpy as np
 
 from defects.kinds import KINDS
+from files.whole_file import whole, write_whole
 from pipeline.dataset.shortfalls import shortfalls
 from pipeline.dataset.statistics import Statistics
 from pipeline.scan.labelled_scan import CLASS_NAMES
-from sensors.whole_file import whole, write_whole
 
 LIBRARIES: Final = (
     "flawforge",

@@ -18,13 +18,13 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from files.hdf5_output import Output
+from files.whole_file import sync
 from pipeline.dataset.chunks import deflated
 from pipeline.dataset.compression import NEEDS, Compression, filters, opened, reader_needs
 from pipeline.scan.labelled_scan import CLASS_NAMES, REASON_NAMES, Scan
 from pipeline.scan.labels import counts_of
 from sensors.datasheet import Datasheet
-from sensors.hdf5_output import Output
-from sensors.whole_file import sync
 
 FORMAT, VERSION = "flawforge-shard", 1
 FINE_MM = 1e-4  # ideal and clean depths: counts of 0.1 µm

@@ -4,8 +4,8 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from sensors.budget import regular
-from sensors.typed_yaml import RecipeError
+from files.budget import regular
+from files.errors import RecipeError
 
 if TYPE_CHECKING:
     import pandas as pd

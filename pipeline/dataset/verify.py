@@ -7,13 +7,13 @@ from typing import Any, Final
 
 import numpy as np
 
+from files.budget import regular
+from files.errors import RecipeError
+from files.whole_file import write_whole
 from pipeline.dataset.checksums import NAME, Checksums, own_files, read_checksums
 from pipeline.dataset.manifest import FLAW_COLUMNS, SCAN_COLUMNS
 from pipeline.dataset.shards import file_sha256, pixels_in, scan_checksums, scans_in
 from pipeline.dataset.tables import is_plain, read_table
-from sensors.budget import regular
-from sensors.typed_yaml import RecipeError
-from sensors.whole_file import write_whole
 
 LOCK_FORMAT: Final = "flawforge-lock"
 MADE_BY: Final = "a file made by verify --write"

@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Final
 
+from files.whole_file import whole
 from pipeline.dataset.export.image import Coding
 from pipeline.dataset.export.source import Source
 from pipeline.gallery.thumbnail import thumbnail
-from sensors.whole_file import whole
 
 MOST: Final = 120  # scans in a sheet; of more, evenly chosen ones
 TILE_PX, GAP_PX, TEXT_PX = 240, 8, 30

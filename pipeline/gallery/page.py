@@ -10,11 +10,11 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from files.whole_file import write_whole
 from pipeline.dataset.export.image import Coding
 from pipeline.dataset.export.source import Labelled, Source
 from pipeline.gallery.thumbnail import thumbnail
 from pipeline.preview.annotation import colour_of
-from sensors.whole_file import write_whole
 
 if TYPE_CHECKING:
     from PIL.Image import Image

@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from defects.surface.surface import Surface
+from files.whole_file import write_whole
 from pipeline.batch.plan import PlannedPart
 from pipeline.injection.inject import FlawedPart, inject
 from pipeline.motion.aim import Aimer, Outlook
@@ -32,7 +33,6 @@ from pipeline.recipe import PartEntry, Recipe
 from pipeline.seeds import streams
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
-from sensors.whole_file import write_whole
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

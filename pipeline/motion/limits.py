@@ -4,10 +4,10 @@ from typing import Annotated
 
 from annotated_types import Len
 
+from files.record import record
 from pipeline.distribution_field import Distribution
 from quantity import quantity
 from quantity.distribution import Choice, Fixed
-from sensors.typed_yaml import record
 
 Vector = tuple[float, float, float]
 ZERO = Fixed(value=0.0)

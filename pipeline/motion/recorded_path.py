@@ -12,10 +12,10 @@ import h5py
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
+from files.budget import regular
+from files.errors import RecipeError
+from files.hdf5_input import has, numbers
 from pipeline.motion.trajectory import Array, Trajectory
-from sensors.budget import regular
-from sensors.hdf5_input import has, numbers
-from sensors.typed_yaml import RecipeError
 
 POSITION: Final = ("x_mm", "y_mm", "z_mm")
 QUATERNION: Final = ("qx", "qy", "qz", "qw")

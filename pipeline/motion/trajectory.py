@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
+from files.errors import RecipeError
 from pipeline.motion.limits import Motion, WaypointPath
 from sensors.datasheet import Datasheet
-from sensors.typed_yaml import RecipeError
 
 Array = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from files.whole_file import whole
 from pipeline.planning.pareto import front
 from pipeline.planning.passes import Samples
 from pipeline.planning.set_cover import Plan
-from sensors.whole_file import whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,9 +9,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from files.whole_file import write_whole
 from pipeline.pod.curve import CONFIDENCE, Curve
 from pipeline.pod.study import Group, Study
-from sensors.whole_file import write_whole
 
 GRID: Final = 41  # sizes at which a curve is drawn
 BINS: Final = 8  # of the observed shares

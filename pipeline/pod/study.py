@@ -7,12 +7,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from files.errors import RecipeError
 from pipeline.dataset.tables import read_table
 from pipeline.dataset.verify import read_dataset
 from pipeline.pod.curve import Curve, Floats, NotEstimable
 from pipeline.pod.hit_miss import HitMiss, Link
 from pipeline.pod.signal_response import SignalResponse
-from sensors.typed_yaml import RecipeError
 
 BUILT_IN_FLOOR: Final = 1.0
 """Responses of the built-in detector are in standard deviations of the noise."""

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from files.errors import RecipeError
 from pipeline.batch.plan import PlannedPart
 from pipeline.batch.run import find_wanted
 from pipeline.injection.specimen import check_plan, load_entry, make_specimen, store_part
@@ -12,7 +13,6 @@ from pipeline.parts.part_error import PartError
 from pipeline.preview.setup_picture import draw_setup
 from pipeline.recipe import Recipe
 from pipeline.seeds import streams
-from sensors.typed_yaml import RecipeError
 
 
 def draw_recipe(

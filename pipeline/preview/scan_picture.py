@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from files.errors import RecipeError
+from files.whole_file import whole
 from pipeline.dataset.shards import read_scan
 from pipeline.dataset.tables import read_table
 from pipeline.dataset.verify import read_dataset
@@ -14,8 +16,6 @@ from pipeline.preview.annotation import COLOURS, colour_of, spread
 from pipeline.preview.chart import LONGEST_PX, Chart
 from pipeline.preview.cloud import DEPTH_MAP, draw_cloud
 from pipeline.preview.cut import draw_cut
-from sensors.typed_yaml import RecipeError
-from sensors.whole_file import whole
 
 if TYPE_CHECKING:
     import pandas as pd

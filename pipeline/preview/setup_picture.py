@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from files.whole_file import whole
 from pipeline.preview.annotation import DARK, colour_of, scale_bar, spread, triad
 from pipeline.preview.camera import Camera, render
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
-from sensors.whole_file import whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from files.errors import RecipeError
 from sensors.datasheet import Datasheet
 from sensors.recording import Recording
-from sensors.typed_yaml import RecipeError
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from files.errors import RecipeError
 from sensors.datasheet import Datasheet
 from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.effects.axis_quantisation import AxisQuantisation
@@ -39,7 +40,6 @@ from sensors.effects.stage_vibration import StageVibration
 from sensors.effects.thermal_drift import ThermalDrift
 from sensors.effects.travel_ripple import TravelRipple
 from sensors.effects.volume_scattering import VolumeScattering
-from sensors.typed_yaml import RecipeError
 
 __all__ = [
     "CATALOGUE",

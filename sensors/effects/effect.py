@@ -17,13 +17,13 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from files.errors import RecipeError
 from quantity import quantities
 from sensors.effects.basis import Basis
 from sensors.effects.parameter import Parameter
 from sensors.effects.relaxed import Relaxed
 from sensors.law import Law, geometric_law
 from sensors.line.beam import Beam
-from sensors.typed_yaml import RecipeError
 from sensors.view.covariates import COVARIATES
 from sensors.view.view import View
 

@@ -6,11 +6,11 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from files.errors import RecipeError
 from sensors.effects.effect import Effect
 from sensors.effects.parameter import parameter
 from sensors.law import Law
 from sensors.piecewise_linear import hats_at
-from sensors.typed_yaml import RecipeError
 from sensors.view.covariates import COVARIATES
 from sensors.view.view import View
 

@@ -7,12 +7,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from files.errors import RecipeError
 from sensors.effects.base import AdditiveEffect
 from sensors.effects.effect import Effect
 from sensors.effects.parameter import Parameter, parameter
 from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
-from sensors.typed_yaml import RecipeError
 from sensors.view.covariates import raised_along
 from sensors.view.creases import filled_mm
 from sensors.view.view import View

@@ -6,7 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from sensors.budget import regular
+from files.budget import regular
+from files.errors import RecipeError
 from sensors.formats.clouds.geodata import read_e57, read_las
 from sensors.formats.clouds.pcd import read_pcd
 from sensors.formats.clouds.ply import read_ply
@@ -22,7 +23,6 @@ from sensors.formats.grids.x3p import read_x3p
 from sensors.formats.height_map import HeightMap
 from sensors.formats.text.decode import is_text
 from sensors.formats.text.tables import read_csv
-from sensors.typed_yaml import RecipeError
 
 
 def read_dat(path: Path, unit: str | None) -> HeightMap:

@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from files.errors import RecipeError
 from sensors.datasheet import Datasheet
 from sensors.formats.height_map import Floats, HeightMap
 from sensors.formats.motion import Rows
 from sensors.formats.plausibility import check_sentinels, check_sizes
 from sensors.recording import Recording, repeated_rows
 from sensors.surface.topography import resolution_of
-from sensors.typed_yaml import RecipeError
 
 RATE_HZ = 1000.0  # where nothing tells the time
 SAME_PLACE = 0.02  # of the pitch: nearer places are one, printed differently

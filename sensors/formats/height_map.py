@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from files.errors import RecipeError
 from sensors.formats.units import LENGTHS_MM, UNITS_MM
-from sensors.typed_yaml import RecipeError
 
 Floats = NDArray[np.float64]
 

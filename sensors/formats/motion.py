@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from files.errors import RecipeError
 from sensors.formats.height_map import Floats, scale_mm
 from sensors.formats.text.cells import number, split
 from sensors.formats.text.decode import decoded
 from sensors.formats.text.names import role_of
 from sensors.formats.units import length_in, time_in
-from sensors.typed_yaml import RecipeError
 
 CONVENTIONS = {
     "quaternion": "x,y,z,qw,qx,qy,qz (by name, in any order)",

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from files.errors import RecipeError
 from sensors.formats.height_map import Floats
-from sensors.typed_yaml import RecipeError
 
 LEAST_READINGS = 40
 """Smallest number of readings for a test of repetition."""

@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from files.record import record
 from quantity import quantity
 from sensors.effects.effect import Effect
 from sensors.effects.light_falloff import LightFalloff
 from sensors.effects.specular_dropout import SpecularDropout, returned_light
-from sensors.typed_yaml import record
 from sensors.view.view import View
 
 Floats = NDArray[np.float64]

@@ -7,8 +7,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from files.errors import RecipeError
+from files.record import record
 from quantity import quantity
-from sensors.typed_yaml import RecipeError, record
 
 Floats = NDArray[np.float64]
 

@@ -6,6 +6,11 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+from files.errors import RecipeError
+from files.plain_data import plain
+from files.record import parse, record
+from files.whole_file import write_whole
+from files.yaml_document import dump_yaml, load_yaml
 from quantity import quantity
 from sensors.datasheet import preset_path
 from sensors.noise.calibration import METHOD, Solution, calibrate
@@ -13,8 +18,6 @@ from sensors.noise.heights import HeightMap
 from sensors.noise.noise_target import NoiseTarget
 from sensors.noise.perlin import PerlinField
 from sensors.surface.roughness import FIGURES
-from sensors.typed_yaml import RecipeError, dump_yaml, load_yaml, parse, plain, record
-from sensors.whole_file import write_whole
 
 
 @record

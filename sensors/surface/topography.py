@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from files.errors import RecipeError
 from sensors.datasheet import Datasheet
 from sensors.formats import READERS, read_height_map
 from sensors.recording import Recording, repeated_rows
-from sensors.typed_yaml import RecipeError
 
 Floats = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from diagnosis.diagnose import Diagnosis, diagnose
+from files.errors import RecipeError
 from sensors.recording import Recording
-from sensors.typed_yaml import RecipeError
 from tests.support.small_parts import VIEWS, datasheet, part, record
 
 

@@ -6,9 +6,9 @@ import pytest
 import trimesh
 
 from diagnosis.diagnose import diagnose
+from files.errors import RecipeError
 from sensors.datasheet import Datasheet
 from sensors.recording import Recording
-from sensors.typed_yaml import RecipeError
 
 
 @pytest.fixture(scope="module")

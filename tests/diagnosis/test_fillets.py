@@ -9,11 +9,11 @@ import pytest
 
 from diagnosis.diagnose import diagnose
 from diagnosis.fit import _as_silent
+from files.errors import RecipeError
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.effects.form_error import FormError
 from sensors.model import SensorModel
-from sensors.typed_yaml import RecipeError
 from sensors.view.creases import concave_creases, filled_mm
 from sensors.view.view import View
 from tests.support.small_parts import Floats, datasheet, poses, record, solid

@@ -9,8 +9,8 @@ import pytest
 import diagnosis.diagnose
 import diagnosis.prepare
 from diagnosis.inputs import check_marks
+from files.errors import RecipeError
 from sensors.surface.surface import Surface
-from sensors.typed_yaml import RecipeError
 from tests.support.small_parts import datasheet, part, record
 
 

@@ -8,12 +8,12 @@ import pytest
 from diagnosis.inputs import with_brightness
 from diagnosis.printed import find_print
 from diagnosis.registration import Placement
+from files.yaml_document import load_yaml
 from sensors.casting.scene import Scene
 from sensors.line.line_operator import centroid_bias_mm
 from sensors.model import SensorModel
 from sensors.recording import Recording
 from sensors.surface.reflectance import Picture, ReflectanceMap
-from sensors.typed_yaml import load_yaml
 from sensors.view.view import View
 from tests.support.small_parts import datasheet, part, poses
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from diagnosis.registration import hits_normal, move, pose_columns, register
+from files.errors import RecipeError
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.model import SensorModel
-from sensors.typed_yaml import RecipeError
 from sensors.view.view import View
 from tests.support.small_parts import VIEWS, datasheet, part, poses, record
 

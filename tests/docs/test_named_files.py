@@ -5,7 +5,7 @@ import re
 from tests.support.page_script import HOME
 
 FOLDERS = (
-    "flawforge", "pipeline", "defects", "sensors", "diagnosis", "challenge", "quantity",
+    "flawforge", "pipeline", "defects", "sensors", "diagnosis", "challenge", "quantity", "files",
     "benchmarks", "docs", "tests", "manifests",
 )  # fmt: skip
 NAMED = re.compile(rf"(?<![\w/.-])(?:{'|'.join(FOLDERS)})/[\w/.-]+\.(?:py|md|yaml|j2)\b")

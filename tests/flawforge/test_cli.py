@@ -145,7 +145,7 @@ def test_words_that_dont_fit_are_one_line(words, said, tmp_path, capsys):
 
 
 def test_a_lock_that_cant_be_written_leaves_nothing(tmp_path):
-    from sensors.whole_file import write_whole
+    from files.whole_file import write_whole
 
     (tmp_path / "x.lock").mkdir()
     with pytest.raises(OSError, match="directory"):

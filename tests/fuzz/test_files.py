@@ -6,11 +6,11 @@ import pytest
 import yaml
 from hypothesis import example, given
 
+from files.errors import RecipeError
 from pipeline.parts.part_error import PartError
 from pipeline.recipe import Recipe
 from sensors.model import SensorModel
 from sensors.surface.surface import Surface
-from sensors.typed_yaml import RecipeError
 from tests.fuzz import strategies
 from tests.fuzz.effort import effort
 from tests.support.small_recipe import RECIPE, SENSOR, SURFACE

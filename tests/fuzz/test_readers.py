@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from files.errors import RecipeError
 from sensors.formats import read_height_map
 from sensors.formats.height_map import HeightMap
-from sensors.typed_yaml import RecipeError
 from tests.fuzz.effort import effort
 from tests.support.instrument_files import files
 from tests.support.mutation import of_bytes

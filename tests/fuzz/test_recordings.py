@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 
+from files.errors import RecipeError
 from sensors.recording import Recording
-from sensors.typed_yaml import RecipeError
 from tests.fuzz import recordings
 from tests.fuzz.effort import effort
 

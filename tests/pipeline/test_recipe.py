@@ -2,8 +2,8 @@
 
 import pytest
 
+from files.errors import RecipeError
 from pipeline.recipe import Recipe
-from sensors.typed_yaml import RecipeError
 
 
 def changed(path, old, new):

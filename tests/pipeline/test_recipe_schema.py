@@ -8,11 +8,13 @@ import jsonschema
 import pytest
 
 from defects.kinds import KINDS
+from files.errors import RecipeError
+from files.record import parse
+from files.yaml_document import load_yaml
 from flawforge.cli import main
 from pipeline.injection.flawplan import FlawPlan
 from pipeline.recipe import RecipeFile
 from pipeline.recipe_schema import MEANINGS, schema
-from sensors.typed_yaml import RecipeError, load_yaml, parse
 
 HOME = Path(__file__).resolve().parents[2]
 RECIPES = [

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from files.errors import RecipeError
 from pipeline.recipe import Recipe
 from pipeline.recipe_source import read_source
-from sensors.typed_yaml import RecipeError
 
 BASE = """\
 name: base

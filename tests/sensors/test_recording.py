@@ -6,8 +6,8 @@ import h5py
 import numpy as np
 import pytest
 
+from files.errors import RecipeError
 from sensors.recording import Recording, repeated_rows
-from sensors.typed_yaml import RecipeError
 
 
 def recording(**changes: object) -> Recording:

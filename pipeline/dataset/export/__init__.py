@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from files.errors import RecipeError
 from pipeline.dataset.export.source import ImageChoice, MaskChoice, Source
-from sensors.typed_yaml import RecipeError
 
 LOG = logging.getLogger("flawforge.export")
 

@@ -8,9 +8,9 @@ from typing import Any, TextIO
 import numpy as np
 from pycocotools import mask as run_lengths
 
+from files.whole_file import whole, write_whole
 from pipeline.dataset.export.image import Coding
 from pipeline.dataset.export.source import Labelled, Source, flaw_facts
-from sensors.whole_file import whole, write_whole
 
 
 def write(source: Source, out: Path) -> Iterator[Path]:

@@ -9,11 +9,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from files.whole_file import whole, write_whole
+from files.yaml_document import dump_yaml
 from pipeline.dataset.export.image import Coding, encoded
 from pipeline.dataset.export.source import Labelled, Source, flaw_facts
 from pipeline.dataset.markdown import as_text
-from sensors.typed_yaml import dump_yaml
-from sensors.whole_file import whole, write_whole
 
 SCANS_PER_FILE: Final = 256
 SPLITS: Final = {"val": "validation"}  # as the hub names it

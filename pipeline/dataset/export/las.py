@@ -8,9 +8,9 @@ from typing import Final
 import laspy
 import numpy as np
 
+from files.whole_file import whole
 from pipeline.dataset.export.cloud import points_mm
 from pipeline.dataset.export.source import Source
-from sensors.whole_file import whole
 
 SCALE_M: Final = 1e-7  # 0.1 µm, as finely as shards hold noise-free depths
 DAY_ZERO: Final = datetime.date(1970, 1, 1)  # the same bytes on any day

@@ -12,10 +12,10 @@ from typing import Final
 import numpy as np
 import tifffile
 
+from files.whole_file import whole, write_whole
 from pipeline.dataset.export.cloud import points_mm
 from pipeline.dataset.export.image import Coding, encoded
 from pipeline.dataset.export.source import Labelled, Source
-from sensors.whole_file import whole, write_whole
 
 LOG = logging.getLogger("flawforge.export")
 FOLDERS: Final = {"train": "train", "val": "validation", "validation": "validation"}

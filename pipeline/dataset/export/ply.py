@@ -6,9 +6,9 @@ from typing import Final
 
 import numpy as np
 
+from files.whole_file import write_whole
 from pipeline.dataset.export.cloud import class_colours, points_mm
 from pipeline.dataset.export.source import Source
-from sensors.whole_file import write_whole
 
 FIELDS: Final = {  # float, uchar and int alone: what every reader knows
     "x": "<f4", "y": "<f4", "z": "<f4", "red": "u1", "green": "u1", "blue": "u1",

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
+from files.whole_file import write_whole
 from pipeline.dataset.export.image import Coding, encoded
 from pipeline.dataset.export.source import Source
 from pipeline.dataset.export.texts import write_json
-from sensors.whole_file import write_whole
 
 
 def write(source: Source, out: Path) -> Iterator[Path]:

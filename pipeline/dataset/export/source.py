@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from files.errors import RecipeError
+from files.record import parse
 from pipeline.dataset.shards import read_scan
 from pipeline.dataset.tables import read_table
 from pipeline.dataset.verify import read_dataset
 from sensors.datasheet import Datasheet
-from sensors.typed_yaml import RecipeError, parse
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from sensors.whole_file import write_whole
+from files.whole_file import write_whole
 
 
 def write_json(path: Path, value: Any) -> Path:

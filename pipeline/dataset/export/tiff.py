@@ -9,10 +9,10 @@ import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
+from files.whole_file import whole
 from pipeline.dataset.export.source import Source
 from pipeline.dataset.export.texts import write_json
 from pipeline.dataset.relief import pitch_mm
-from sensors.whole_file import whole
 
 GDAL_NODATA = 42113  # tag of GDAL: the value of missing readings, as text
 

@@ -9,9 +9,9 @@ from typing import Final
 
 import numpy as np
 
+from files.whole_file import whole
 from pipeline.dataset.export.image import Coding, encoded
 from pipeline.dataset.export.source import Labelled, Source, flaw_facts
-from sensors.whole_file import whole
 
 SCANS_PER_TAR: Final = 256
 

@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+from files.whole_file import write_whole
+from files.yaml_document import dump_yaml
 from pipeline.dataset.export.image import Coding
 from pipeline.dataset.export.outline import outline
 from pipeline.dataset.export.source import Labelled, Source
 from pipeline.dataset.export.texts import write_json
-from sensors.typed_yaml import dump_yaml
-from sensors.whole_file import write_whole
 
 
 def write(source: Source, out: Path) -> Iterator[Path]:

@@ -10,9 +10,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from files.budget import allow, check_archive
+from files.errors import RecipeError
 from pipeline.parts.part_error import PartError
-from sensors.budget import allow, check_archive
-from sensors.typed_yaml import RecipeError
 
 SUFFIXES: Final[tuple[str, ...]] = (".stl", ".obj", ".ply", ".3mf")
 _OWN_UNITS = {

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from files.errors import RecipeError
 from sensors.formats.height_map import Floats, HeightMap
-from sensors.typed_yaml import RecipeError
 
 OFF_GRID = 0.02  # of the pitch
 

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
+from files.errors import RecipeError
 from sensors.formats.clouds.cloud import Cloud, brightness, to_height_map
 from sensors.formats.grids.surface_topography import WANTED
 from sensors.formats.height_map import Floats, HeightMap, scale_mm
-from sensors.typed_yaml import RecipeError
 
 
 def read_las(path: Path, unit: str | None) -> HeightMap:

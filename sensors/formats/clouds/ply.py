@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from files.errors import RecipeError
 from sensors.formats.clouds.cloud import Cloud, brightness, to_height_map
 from sensors.formats.height_map import Floats, HeightMap, scale_mm
-from sensors.typed_yaml import RecipeError
 
 TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1",

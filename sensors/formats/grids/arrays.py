@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.budget import allow
+from files.budget import allow
+from files.errors import RecipeError
 from sensors.formats.height_map import HeightMap, scale_mm
-from sensors.typed_yaml import RecipeError
 
 
 def read_npy(path: Path, unit: str | None) -> HeightMap:

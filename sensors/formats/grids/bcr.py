@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from files.errors import RecipeError
 from sensors.formats.height_map import HeightMap, scale_mm
-from sensors.typed_yaml import RecipeError
 
 HEADERS = {"bcrstm": 2048, "bcrf": 2048, "bcrstm_unicode": 4096, "bcrf_unicode": 4096}
 VOID = {"i2": 32767.0, "f4": 1e38}  # floats from there on are missing

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.budget import allow
+from files.budget import allow
+from files.errors import RecipeError
 from sensors.formats.clouds.cloud import Cloud, brightness, to_height_map
 from sensors.formats.grids.arrays import from_array
 from sensors.formats.grids.surface_topography import read_topography
 from sensors.formats.height_map import HeightMap, scale_mm
-from sensors.typed_yaml import RecipeError
 
 PARK_TAG = 50434
 """Magic tag of Park Systems' TIFF."""

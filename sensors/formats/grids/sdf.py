@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from files.errors import RecipeError
 from sensors.formats.height_map import Floats, HeightMap, scale_mm, unit_decision
 from sensors.formats.text.decode import decoded
-from sensors.typed_yaml import RecipeError
 
 HEAD = {
     "ManufacID": 10, "CreateDate": 12, "ModDate": 12, "NumPoints": 2, "NumProfiles": 2,

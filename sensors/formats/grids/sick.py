@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from files.errors import RecipeError
 from sensors.formats.height_map import Floats, HeightMap, scale_mm
-from sensors.typed_yaml import RecipeError
 
 TYPES = {
     "uint8": "u1", "int8": "i1", "uint16": "u2", "int16": "i2", "uint32": "u4", "int32": "i4",

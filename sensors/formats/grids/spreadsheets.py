@@ -10,11 +10,11 @@ import zlib
 from pathlib import Path
 from xml.etree import ElementTree
 
-from sensors.budget import check_archive
+from files.budget import check_archive
+from files.errors import RecipeError
 from sensors.formats.height_map import HeightMap
 from sensors.formats.text.cells import Rows
 from sensors.formats.text.tables import from_rows
-from sensors.typed_yaml import RecipeError
 
 MAIN = "{http://schemas.openxmlformats.org/spreadsheetml/2006/main}"
 RELATION = "{http://schemas.openxmlformats.org/officeDocument/2006/relationships}id"

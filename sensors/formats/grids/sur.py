@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from files.errors import RecipeError
 from sensors.formats.height_map import HeightMap, scale_mm
-from sensors.typed_yaml import RecipeError
 
 HEADER = 512
 MIRROR_COLUMNS, MIRROR_ROWS = 2, 3  # of the inversion flag; 1, 2 and 3 invert the heights

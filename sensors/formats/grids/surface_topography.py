@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from files.errors import RecipeError
 from sensors.formats.height_map import HeightMap, scale_mm, unit_decision
-from sensors.typed_yaml import RecipeError
 
 SUFFIXES = (
     ".al3d", ".di", ".frt", ".hfm", ".ibw", ".jpk", ".mi", ".mnt", ".nc", ".nid", ".nms", ".opd",

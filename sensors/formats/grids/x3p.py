@@ -8,9 +8,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from sensors.budget import check_archive
+from files.budget import check_archive
+from files.errors import RecipeError
 from sensors.formats.height_map import Floats, HeightMap
-from sensors.typed_yaml import RecipeError
 
 TYPES = {"I": "<i2", "L": "<i4", "F": "<f4", "D": "<f8"}
 MM = 1000.0

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from files.errors import RecipeError
 from sensors.formats.height_map import Floats, HeightMap, scale_mm
 from sensors.formats.text.cells import number
-from sensors.typed_yaml import RecipeError
 
 CORNER = re.compile(r"(?i)^\s*\"?y\s*[\\/]\s*x\"?$")
 

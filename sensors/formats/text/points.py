@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
+from files.errors import RecipeError
 from sensors.formats.clouds.cloud import Cloud, brightness, to_height_map
 from sensors.formats.height_map import Floats, HeightMap, scale_mm, unit_decision
 from sensors.formats.text.fan import from_profiles
-from sensors.typed_yaml import RecipeError
 
 LEAST_POINTS = 9  # points of a lattice
 MIN_POINTS = 64  # rows from which three columns are points and no matrix

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from files.errors import RecipeError
 from sensors.formats.height_map import Floats, HeightMap, scale_mm, unit_decision
 from sensors.formats.text.axes import is_counter, without_axes
 from sensors.formats.text.cells import Rows, is_numbers, number, split
@@ -16,7 +17,6 @@ from sensors.formats.text.headers import Header, read_header
 from sensors.formats.text.names import role_of
 from sensors.formats.text.points import MIN_POINTS, are_points, points_map
 from sensors.formats.units import LENGTHS_MM, length_in, time_in
-from sensors.typed_yaml import RecipeError
 
 MIN_PROFILE = 3  # rows from which two columns, the first rising, are a profile and no matrix
 SIDE = ("counter", "quality", "time", "encoder", "brightness")

@@ -15,11 +15,11 @@ import pandas as pd
 import pytest
 import trimesh
 
+from files.errors import RecipeError
 from pipeline.batch.run import Backend, generate
 from pipeline.dataset.shards import DepthCode, ShardWriter, file_sha256, read_scan
 from pipeline.parts.part_error import PartError
 from pipeline.recipe import Recipe
-from sensors.typed_yaml import RecipeError
 
 OUTPUTS = ("shard-*.h5", "manifest.*", "flaws.*", "dataset.json")
 

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
+from files.errors import RecipeError
 from pipeline.batch.cluster import cluster
 from pipeline.dataset.manifest import versions
 from pipeline.dataset.shards import file_sha256
-from sensors.typed_yaml import RecipeError
 
 pytest.importorskip("distributed", reason="distributed isn't installed: flawforge[dask]")
 

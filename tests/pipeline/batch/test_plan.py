@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from files.yaml_document import Document
 from pipeline.batch.plan import PlannedPart, make_plan
 from pipeline.batch.splits import Unit, assign
 from pipeline.injection.flawplan import FlawPlan
 from pipeline.recipe import PartEntry, Recipe, RecipeFile
 from sensors.datasheet import Datasheet
 from sensors.model import SensorModel
-from sensors.typed_yaml import Document
 
 SHEET = Datasheet(
     name="s",

@@ -9,13 +9,13 @@ import h5py
 import pytest
 
 import flawforge.dataset
+from files.errors import RecipeError
 from flawforge.cli import main
 from flawforge.dataset import ShardError
 from pipeline.batch.run import generate
 from pipeline.dataset.compression import reader_needs
 from pipeline.dataset.verify import verify
 from pipeline.recipe import Recipe
-from sensors.typed_yaml import RecipeError
 from tests.support.tiny_recipe import write_recipe
 
 ONE = ["specimens=1", "scans=2", "splits={train: 1.0}"]

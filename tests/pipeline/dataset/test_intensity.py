@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from files.errors import RecipeError
 from pipeline.batch.run import generate
 from pipeline.dataset.export import export
 from pipeline.dataset.shards import read_scan
 from pipeline.recipe import Recipe
 from sensors.line.brightness import LEVELS
 from sensors.recording import Recording
-from sensors.typed_yaml import RecipeError
 
 
 def test_shards_and_recordings_hold_it(recipe_path, tmp_path):

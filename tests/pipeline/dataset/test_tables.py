@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from files.errors import RecipeError
 from flawforge.cli import main
 from pipeline.dataset.tables import NAMES, is_plain, read_table
-from sensors.typed_yaml import RecipeError
 
 OUT = ("../x", "/etc/x", "a/../../b", "..", ".", "", "a\\b", "a\nb", "a\0b")
 

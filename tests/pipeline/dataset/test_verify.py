@@ -11,11 +11,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from files.errors import RecipeError
 from pipeline.batch.run import generate
 from pipeline.dataset.checksums import NAME, own_files
 from pipeline.dataset.verify import compare_with_lock, read_dataset, verify, write_lock
 from pipeline.recipe import Recipe
-from sensors.typed_yaml import RecipeError
 
 
 def test_a_whole_dataset_verifies_and_a_damaged_one_does_not(once, tmp_path):

@@ -15,9 +15,9 @@ import pytest
 from PIL import Image
 
 import flawforge.dataset
+from files.errors import RecipeError
 from flawforge.cli import main
 from pipeline.gallery.page import write_gallery
-from sensors.typed_yaml import RecipeError
 
 EVIL = "</script><img src=x onerror=alert(1)>"
 

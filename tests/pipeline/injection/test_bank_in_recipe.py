@@ -5,11 +5,11 @@ import json
 import pandas as pd
 import pytest
 
+from files.errors import RecipeError
 from flawforge.cli import main
 from pipeline.batch.backend import Backend
 from pipeline.batch.run import generate
 from pipeline.recipe import Recipe
-from sensors.typed_yaml import RecipeError
 from tests.support.reliefs import hollow_and_rim
 
 FLAWS = """\

@@ -6,11 +6,11 @@ import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
+from files.errors import RecipeError
 from pipeline.batch.run import generate
 from pipeline.motion.recorded_path import replay
 from pipeline.motion.trajectory import frame
 from pipeline.recipe import Recipe
-from sensors.typed_yaml import RecipeError
 
 DOWN = frame((0, 0, -1), (0, 1, 0))
 

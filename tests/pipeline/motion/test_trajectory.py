@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from files.errors import RecipeError
 from pipeline.motion.limits import Motion, Waypoint, WaypointPath
 from pipeline.motion.trajectory import draw, follow, frame, poses_along, tilted
 from quantity.distribution import Fixed, Uniform
 from sensors.datasheet import Datasheet
-from sensors.typed_yaml import RecipeError
 
 SHEET = Datasheet(
     name="s",

@@ -8,6 +8,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from files.errors import RecipeError
 from flawforge.cli import main
 from pipeline.batch.run import generate
 from pipeline.batch.trial import try_recipe
@@ -21,7 +22,6 @@ from pipeline.recipe import Recipe
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.surface.surface import Surface
-from sensors.typed_yaml import RecipeError
 
 SHEET = Datasheet(
     name="s", working_distance_mm=100.0, z_range_mm=60.0, x_fov_mm=40.0, points_per_profile=81,

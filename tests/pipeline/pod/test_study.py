@@ -8,9 +8,9 @@ import pandas as pd
 import pytest
 from scipy.special import expit
 
+from files.errors import RecipeError
 from flawforge.cli import main
 from pipeline.pod.study import make_study
-from sensors.typed_yaml import RecipeError
 
 COUNT = 400
 

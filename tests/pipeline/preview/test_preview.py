@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from PIL import Image
 
+from files.errors import RecipeError
 from pipeline.dataset.shards import read_scan
 from pipeline.parts.builtin import build
 from pipeline.preview import scan_picture as preview
@@ -16,7 +17,6 @@ from pipeline.preview.cut import place_of_cut
 from pipeline.preview.scan_picture import draw_scan, most_visible
 from pipeline.preview.setup_picture import draw_setup
 from sensors.datasheet import Datasheet
-from sensors.typed_yaml import RecipeError
 
 
 def ink(path: Path) -> float:

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import trimesh
 
+from files.errors import RecipeError
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet, with_effects
-from sensors.typed_yaml import RecipeError
 
 SHEET = Datasheet(
     name="s",

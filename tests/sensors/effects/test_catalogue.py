@@ -7,6 +7,9 @@ import pickle
 import numpy as np
 import pytest
 
+from files.errors import RecipeError
+from files.record import parse
+from files.yaml_document import dump_yaml, load_yaml
 from sensors.datasheet import Datasheet
 from sensors.effects import (
     CATALOGUE,
@@ -20,7 +23,6 @@ from sensors.law import geometric_law
 from sensors.model import SensorModel
 from sensors.noise.perlin import PerlinField
 from sensors.surface.reflectance import ReflectanceMap, Stripes
-from sensors.typed_yaml import RecipeError, dump_yaml, load_yaml, parse
 from sensors.view.covariates import COVARIATES
 
 NAMES = [

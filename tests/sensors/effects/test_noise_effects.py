@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from files.errors import RecipeError
 from sensors.effects import CATALOGUE
 from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.effects.empirical import Empirical
@@ -16,7 +17,6 @@ from sensors.effects.specular_dropout import SpecularDropout
 from sensors.law import geometric_law
 from sensors.noise.lay import sample_lay
 from sensors.noise.perlin import PerlinField
-from sensors.typed_yaml import RecipeError
 from sensors.view.view import Reason
 
 FIELD = PerlinField(amplitude_mm=0.05, cell_x_mm=3.0, cell_y_mm=3.0, octaves=2)

@@ -8,11 +8,11 @@ import pytest
 import tifffile
 from PIL import Image
 
+from files.errors import RecipeError
 from sensors.formats import read_height_map
 from sensors.formats.conversion import Setup, convert
 from sensors.formats.motion import read_poses, read_rows
 from sensors.recording import Recording
-from sensors.typed_yaml import RecipeError
 from tests.support.instrument_files import plate
 
 

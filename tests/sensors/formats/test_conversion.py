@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from files.errors import RecipeError
 from sensors.formats import read_height_map
 from sensors.formats.conversion import Imported, Setup, convert, nice_above, stack
-from sensors.typed_yaml import RecipeError
 from tests.support.exact_heights import heights, same, sick
 
 Floats = NDArray[np.float64]

@@ -12,8 +12,8 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
+from files.errors import RecipeError
 from sensors.formats import read_height_map
-from sensors.typed_yaml import RecipeError
 from tests.support.exact_heights import grid_points, heights, same, sick
 
 

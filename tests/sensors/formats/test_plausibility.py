@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from files.errors import RecipeError
 from sensors.formats.plausibility import check_sizes, sentinels
-from sensors.typed_yaml import RecipeError
 
 
 def surface(seed=0, kind="step"):

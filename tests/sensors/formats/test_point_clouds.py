@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from files.errors import RecipeError
 from sensors.formats import read_height_map
 from sensors.formats.clouds.pcd import lzf_unpack
-from sensors.typed_yaml import RecipeError
 from tests.support.exact_heights import grid_points, heights, same
 
 Floats = NDArray[np.float64]

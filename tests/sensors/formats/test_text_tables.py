@@ -7,6 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from files.errors import RecipeError
 from sensors.formats import read_height_map
 from sensors.formats.text.axes import without_axes
 from sensors.formats.text.cells import split
@@ -14,7 +15,6 @@ from sensors.formats.text.decode import decoded
 from sensors.formats.text.headers import read_header
 from sensors.formats.text.names import role_of
 from sensors.formats.units import length_in, time_in
-from sensors.typed_yaml import RecipeError
 from tests.support.instrument_files import plate
 
 QUICK = settings(

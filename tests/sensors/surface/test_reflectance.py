@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from files.errors import RecipeError
+from files.record import parse
 from sensors.surface.reflectance import Patch, Picture, ReflectanceMap, Stripes
-from sensors.typed_yaml import RecipeError, parse
 
 
 def points(*xy):

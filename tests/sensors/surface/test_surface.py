@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from files.errors import RecipeError
 from sensors.datasheet import preset_names
 from sensors.surface.surface import Surface
-from sensors.typed_yaml import RecipeError
 
 THREE = "name: mine\nrpm_mm: 0.02\nrvm_mm: 0.03\npc_per_mm: 4.0\n"
 

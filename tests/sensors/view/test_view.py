@@ -6,8 +6,8 @@ import pickle
 import numpy as np
 import pytest
 
+from files.errors import RecipeError
 from sensors.surface.reflectance import ReflectanceMap, Stripes
-from sensors.typed_yaml import RecipeError
 from sensors.view.covariates import COVARIATES
 from sensors.view.edges import edge_height_mm, edge_offset_mm
 from sensors.view.view import Reason, View

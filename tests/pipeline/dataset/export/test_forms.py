@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from files.errors import RecipeError
 from pipeline.dataset.export import FORMS, export
 from pipeline.dataset.export.source import Source
-from sensors.typed_yaml import RecipeError
 
 NEEDS = {name: form.package for name, form in FORMS.items() if form.package}
 

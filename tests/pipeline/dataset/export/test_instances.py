@@ -14,9 +14,9 @@ from PIL import Image
 from scipy.ndimage import binary_fill_holes
 
 import flawforge.dataset
+from files.yaml_document import load_yaml
 from pipeline.dataset.export import export
 from pipeline.dataset.export.outline import outline
-from sensors.typed_yaml import load_yaml
 
 
 def filled(polygon: list[tuple[float, float]], shape: tuple[int, ...]) -> np.ndarray:

@@ -8,10 +8,11 @@ import h5py
 import numpy as np
 import pytest
 
-from sensors.budget import allow, limit, regular
+from files.budget import allow, limit, regular
+from files.errors import RecipeError
+from files.yaml_document import load_yaml
 from sensors.formats import read_height_map
 from sensors.recording import Recording
-from sensors.typed_yaml import RecipeError, load_yaml
 
 
 def test_limits_are_raised_by_the_environment(monkeypatch):

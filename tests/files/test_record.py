@@ -6,8 +6,11 @@ from typing import Annotated
 import pytest
 from annotated_types import Len
 
+from files.errors import RecipeError
+from files.plain_data import plain
+from files.record import parse, record
+from files.yaml_document import dump_yaml, load_yaml
 from quantity import quantity
-from sensors.typed_yaml import RecipeError, dump_yaml, load_yaml, parse, plain, record
 
 
 @record

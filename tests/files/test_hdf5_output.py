@@ -7,14 +7,14 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from sensors.hdf5_output import created
+from files.hdf5_output import created
 
 HOME = Path(__file__).resolve().parents[2]
 SCRIPT = """
 import resource, sys
 from pathlib import Path
 import numpy as np
-from sensors.hdf5_output import created
+from files.hdf5_output import created
 
 def write(path):
     with created(path) as file:

@@ -6,8 +6,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.budget import allow
-from sensors.typed_yaml import RecipeError
+from files.budget import allow
+from files.errors import RecipeError
 
 
 def has(file: h5py.File, key: str) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-from sensors.typed_yaml import RecipeError
+from files.errors import RecipeError
 
 VARIABLE: Final = "FLAWFORGE_LIMITS"
 LIMITS: Final[Mapping[str, float]] = {

@@ -15,7 +15,7 @@ from typing import Any
 
 import h5py
 
-from sensors.whole_file import whole
+from files.whole_file import whole
 
 
 class Output(io.RawIOBase):

@@ -5,7 +5,7 @@ import threading
 
 import pytest
 
-from sensors.whole_file import whole, write_whole
+from files.whole_file import whole, write_whole
 
 
 @pytest.mark.parametrize("synced", [False, True])
