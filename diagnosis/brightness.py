@@ -1,8 +1,8 @@
-"""Brightness without speckle: what of an intensity image belongs to the surface.
+"""Brightness without speckle: the part of an intensity image that belongs to the surface.
 
 Speckle moves a reading's depth and its brightness together, so a raw intensity image explains
-part of the noise. What is left here is what surfaces of one direction have in common, and what
-changes over several readings and stands clear of speckle: prints, stains, shading.
+part of the noise. Two parts are kept: the mean of all surfaces of one direction, and changes over
+several readings that exceed speckle (albedo patterns, stains, shading).
 """
 
 import math
@@ -20,7 +20,7 @@ WINDOWS = (NARROW, 3, 1)
 CLEAR = 6.0
 """A change of brightness counts as the surface's beyond this many deviations of speckle."""
 EVEN = 0.15
-"""Scatter of the logarithm that directions may leave over; more is a print."""
+"""Scatter of the logarithm that directions may leave over; more is an albedo pattern."""
 BIN_DEG = 3.0
 """Directions of the surface that count as one."""
 SIDE = int(180 / BIN_DEG) + 1
@@ -29,7 +29,7 @@ CHUNK = 450_000
 REACH = 2
 """Profiles to each side of a border that a line reaches over, as beside depth edges."""
 FEWEST = 50
-"""Readings that tell how bright a direction is."""
+"""Readings that the brightness of a direction needs at least."""
 
 
 def by_direction(intensity: Field, view: View) -> Field:
@@ -44,10 +44,10 @@ def by_direction(intensity: Field, view: View) -> Field:
     lit = (place >= 0) & np.isfinite(intensity) & (intensity > 0)
     count = np.bincount(place[lit], minlength=SIDE**2).reshape(SIDE, SIDE)
     total = np.bincount(place[lit], np.log(intensity[lit]), SIDE**2).reshape(SIDE, SIDE)
-    told = count >= FEWEST
-    if not told.any():
+    known = count >= FEWEST
+    if not known.any():
         return np.ones(intensity.shape)
-    nearest = distance_transform_edt(~told, return_distances=False, return_indices=True)
+    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
     table = np.exp((total / np.maximum(count, 1))[tuple(nearest)])
     return np.asarray(np.append(table.ravel(), 1.0)[place])
 
@@ -63,8 +63,8 @@ def _direction(view: View) -> NDArray[np.int32]:
 def surface_brightness(intensity: Field, view: View) -> Field:
     """Return the surface's part of an intensity image, (n, m), same unit; NaN where missing.
 
-    What a direction has on average is told by a part of one finish; where something is printed on
-    it, a direction's mean is how much print happens to lie there.
+    The mean of a direction describes a part of one albedo. On a part with an albedo pattern the
+    mean only states how much of the pattern lies there.
 
     Parameters
     ----------
@@ -82,9 +82,9 @@ def surface_brightness(intensity: Field, view: View) -> Field:
 def smoothed_brightness(intensity: Field) -> Field:
     """Return what stands clear of speckle, (n, m), same unit; NaN where missing.
 
-    Medians keep steps, but lose what is narrower than half their window. The logarithm is taken as
-    it was read, else from a narrow median, where that stands out of a wide median by `CLEAR`
-    deviations of what speckle leaves in it; from the wide one elsewhere.
+    Medians keep steps, but lose features narrower than half their window. The logarithm is taken
+    as read, else from a narrow median, where that differs from a wide median by `CLEAR` deviations
+    of the speckle in it; from the wide median elsewhere.
     """
     known = np.isfinite(intensity) & (intensity > 0)
     if known.sum() < 4 * NARROW**2:
@@ -101,7 +101,7 @@ def smoothed_brightness(intensity: Field) -> Field:
 
 
 def _speckle(log: Field, known: Mask, lag: int) -> float:
-    """Return the scatter of a logarithm by what is so far apart that it shares no reading."""
+    """Return the scatter of a logarithm from differences of readings that share no window."""
     apart = [
         np.abs(log[lag:] - log[:-lag])[known[lag:] & known[:-lag]],
         np.abs(log[:, lag:] - log[:, :-lag])[known[:, lag:] & known[:, :-lag]],

@@ -17,7 +17,7 @@ from sensors.surface.surface import Surface
 from sensors.view.view import View
 
 EVEN_SHARE = 0.1
-"""Share of a recording's readings off depth edges that must lie off borders of a print, too."""
+"""Share of a recording's readings off depth edges that must lie off borders of the albedo, too."""
 USUAL_SHARE = 5e-4
 """Most spikes and losses on a plate that pass for noise; more is for the sensor's file to state."""
 
@@ -29,7 +29,7 @@ def calibrated_noise(
 ) -> tuple[NoiseModel, NoiseModel | None]:
     """Correlation and size from the recordings' own residuals, losses and tails from plates.
 
-    Residuals count where the nominal mean is sure: off depth edges and off borders of a print.
+    Residuals count where the nominal mean is sure: off depth edges and off borders of the albedo.
     """
     fields, masks = [], []
     for patch in patches:

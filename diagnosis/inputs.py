@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.albedo import MOST_READINGS, find_albedo
 from diagnosis.brightness import surface_brightness
 from diagnosis.noise import LAG_PART, Mask
 from diagnosis.patch import Patch, in_range
 from diagnosis.plates import Plate, plate_residual
 from diagnosis.prediction import law_of
-from diagnosis.printed import MOST_READINGS, find_print
 from diagnosis.registration import Placement, check_meets
 from files.errors import RecipeError
 from sensors.casting.laser import Laser
@@ -198,7 +198,7 @@ def with_brightness(
     datasheet: Datasheet,
     laser: Mapping[str, Laser],
 ) -> tuple[Scene, list[Recording]]:
-    """Return the part with its print, and recordings with the surface's part of their brightness.
+    """Return the part with its albedo, and recordings with the surface's part of their brightness.
 
     Parameters
     ----------
@@ -220,5 +220,5 @@ def with_brightness(
             views.append(view)
     if len(views) < len(recordings):
         return scene, kept
-    found = find_print([r.intensity for r in recordings if r.intensity is not None], views)
+    found = find_albedo([r.intensity for r in recordings if r.intensity is not None], views)
     return scene.finished(found), kept

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from diagnosis.albedo import AlbedoPattern
 from diagnosis.diagnose import Diagnosis
-from diagnosis.printed import Print
 from diagnosis.settings import SETTINGS
 from files.hdf5_output import created
 from files.plain_data import plain
@@ -26,7 +26,7 @@ def write_outputs(
 ) -> None:
     """Write the four files into a folder, which is made where it isn't there.
 
-    Where a print was found to lean readings, it is written as well, for a recipe.
+    An albedo pattern that biases readings is written as well, for a recipe.
     """
     folder.mkdir(parents=True, exist_ok=True)
     text = json.dumps(plain(as_json(result)), indent=1, ensure_ascii=False)
@@ -41,9 +41,10 @@ def write_outputs(
                 group.create_dataset(
                     key, data=getattr(maps, key), compression="gzip", compression_opts=4
                 )
-    printed = result.fit_patches[0].view.scene.reflectance
-    if isinstance(printed, Print) and any(e.name == ReflectanceEdge.name for e in result.effects):
-        printed.save(folder)
+    pattern = result.fit_patches[0].view.scene.reflectance
+    biased = any(e.name == ReflectanceEdge.name for e in result.effects)
+    if biased and isinstance(pattern, AlbedoPattern):
+        pattern.save(folder)
     progress("writing the report")
     from diagnosis.report import write_report
 

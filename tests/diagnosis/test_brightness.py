@@ -25,7 +25,7 @@ def test_speckle_alone_leaves_next_to_nothing() -> None:
     assert left.std() < 0.15 * np.log(raw).std()
 
 
-def test_a_print_keeps_its_edge_and_its_contrast() -> None:
+def test_an_albedo_pattern_keeps_its_edge_and_its_contrast() -> None:
     base = np.full((120, 160), 0.6)
     base[40:80, 50:110] = 0.15
     left = smoothed_brightness(speckled(base, 2))
@@ -65,7 +65,7 @@ def test_directions_that_few_readings_have_take_their_neighbours_brightness() ->
     assert np.allclose(usual[np.isfinite(view.depth_mm)], 0.4)
 
 
-def test_a_print_on_a_curved_part_makes_no_creases() -> None:
+def test_an_albedo_pattern_on_a_curved_part_makes_no_creases() -> None:
     view = View(
         part("domes"), SensorModel(datasheet(100)), poses(120, pitch_mm=0.3), np.arange(120) / 200.0
     )

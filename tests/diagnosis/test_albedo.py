@@ -1,12 +1,12 @@
-"""Prints: drawn sharply from blurred and speckled brightness, and only where there are any."""
+"""Albedo patterns: sharp from blurred and speckled brightness, and only where there is one."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from diagnosis.albedo import find_albedo
 from diagnosis.inputs import with_brightness
-from diagnosis.printed import find_print
 from diagnosis.registration import Placement
 from files.yaml_document import load_yaml
 from sensors.casting.scene import Scene
@@ -53,9 +53,9 @@ def recorded(view: View, ratio: float, seed: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", ["wedge", "domes"])
-def test_a_print_is_drawn_to_a_fraction_of_the_pitch(name: str) -> None:
+def test_a_pattern_is_drawn_to_a_fraction_of_the_pitch(name: str) -> None:
     view = view_of(name)
-    found = find_print([recorded(view, 0.3, seed) for seed in (1, 2)], [view, view])
+    found = find_albedo([recorded(view, 0.3, seed) for seed in (1, 2)], [view, view])
     assert found is not None
     here = np.isfinite(view.depth_mm)
     truth = np.where(dark(view.part_mm), 0.3, 1.0)
@@ -68,9 +68,9 @@ def test_a_print_is_drawn_to_a_fraction_of_the_pitch(name: str) -> None:
     assert wrong.mean() < 2 * 0.25 * pitch_mm / PERIOD_MM
 
 
-def test_a_saved_print_is_a_recipes_reflectance(tmp_path: Path) -> None:
+def test_a_saved_pattern_is_a_recipes_reflectance(tmp_path: Path) -> None:
     view = view_of("wedge")
-    found = find_print([recorded(view, 0.3, seed) for seed in (1, 2)], [view, view])
+    found = find_albedo([recorded(view, 0.3, seed) for seed in (1, 2)], [view, view])
     assert found is not None
     found.save(tmp_path)
     lines = load_yaml(tmp_path / "reflectance.yaml").data["reflectance"]
@@ -82,21 +82,21 @@ def test_a_saved_print_is_a_recipes_reflectance(tmp_path: Path) -> None:
     assert again.max() == 1.0
 
 
-def test_no_print_is_found_where_brightness_follows_the_slope() -> None:
+def test_no_pattern_is_found_where_brightness_follows_the_slope() -> None:
     view = view_of("wedge")
     shaded = np.where(view.slope_x > 0, 0.2, 1.0)
     speckle = np.exp(0.4 * np.random.default_rng(3).standard_normal(view.shape))
-    assert find_print([0.3 * shaded * speckle], [view]) is None
+    assert find_albedo([0.3 * shaded * speckle], [view]) is None
 
 
-def test_a_print_has_no_brightness_where_there_is_no_part() -> None:
+def test_a_pattern_has_no_brightness_where_there_is_no_part() -> None:
     view = view_of("wedge")
-    found = find_print([recorded(view, 0.3, 1)], [view])
+    found = find_albedo([recorded(view, 0.3, 1)], [view])
     assert found is not None
     assert np.isnan(found.at(np.full((2, 3), np.nan))).all()
 
 
-def test_a_print_tells_more_of_a_lean_than_the_brightness_it_is_drawn_from() -> None:
+def test_a_pattern_predicts_the_bias_better_than_the_brightness_it_is_drawn_from() -> None:
     view = view_of("wedge")
     true = View(
         view.scene.finished(Striped()), view.sensor, view.poses, view.time_s, laser=view.laser

@@ -1,11 +1,11 @@
-"""What is printed on a part: bright and dark with a sharp border, from all recordings together.
+"""Albedo pattern of a part: two levels with a sharp border, from all recordings together.
 
-A recorded brightness is blurred by the line and torn by speckle, and a line leans to the bright
-side by the brightness *within* its width. Recordings of one part see the same print: pooled over
-its x-y plane they place a border to a fraction of the pitch. Between the two levels around a place
-(Chan and Vese, IEEE Trans. Image Process. 10 (2001) 266, in a window) nothing is taken to lie,
-and a border is no more crooked than a blur and a threshold leave it (Merriman, Bence and Osher,
-J. Comput. Phys. 112 (1994) 334).
+A recorded brightness is blurred by the line and carries speckle. The centroid's bias depends on the
+brightness *within* the line's width. All recordings of a part show the same pattern: their
+readings, pooled over the part's x-y plane, place a border to a fraction of the pitch. Each place
+has one of the two levels around it (Chan and Vese, IEEE Trans. Image Process. 10 (2001) 266, in a
+window). A blur and a threshold straighten the border (Merriman, Bence and Osher, J. Comput. Phys.
+112 (1994) 334).
 """
 
 import math
@@ -27,7 +27,7 @@ PICTURE = "reflectance.png"
 CELLS = 0.2
 """Side of a cell of the map over the pitch of the readings."""
 BLUR = 1.5
-"""Standard deviation over the pitch, that pools readings before two levels are told."""
+"""Standard deviation over the pitch, that pools readings before the two levels are estimated."""
 FINE = 1.0
 """Standard deviation over the pitch, that pools readings before a border is drawn."""
 STRAIGHT = 1.5
@@ -36,24 +36,24 @@ WINDOW = 8.0
 """Standard deviation over the blur, of the window within which levels are the same."""
 ROUNDS = 4
 TURNS = 3
-"""A direction's brightness is told better once the print on it is known."""
+"""Rounds: the pattern found in one corrects the brightness by direction of the next."""
 MOST_CELLS = 9_000_000
 MOST_READINGS = 3_000_000
-"""Readings that a print is drawn from at most: more take memory, and are finer than their line."""
+"""Readings that a pattern is drawn from at most: more need memory and resolve no more."""
 STEEPEST_COS = 0.5
-"""Faces that are hit at more than 60° tell nothing: much of them lies in one cell."""
+"""Faces hit at more than 60° are left out: much of them lies in one cell."""
 LEAST_STEP = 0.3
-"""Step of the logarithm that is a print, around most readings.
+"""Least step of the logarithm between the two levels, around most readings.
 
-Speckle of a contrast of 0.4 leaves 0.12 in a single recording; less than a print is shading, too.
+Speckle of a contrast of 0.4 leaves 0.12 in a single recording. Shading leaves less than a pattern.
 """
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Print:
+class AlbedoPattern:
     """Relative brightness over a part's x-y plane, in cells (a, b) from a corner, mm.
 
-    Linear between the cells' middles: that tells a border's place more finely than cells do.
+    Linear between the cells' middles: a border's place is finer than the cells.
     """
 
     corner_mm: Field
@@ -82,8 +82,8 @@ class Print:
         (folder / "reflectance.yaml").write_text(dump_yaml(lines), encoding="utf-8")
 
 
-def find_print(intensities: Sequence[Field], views: Sequence[View]) -> Print | None:
-    """Find a print that all recordings show; None where brightness follows directions alone.
+def find_albedo(intensities: Sequence[Field], views: Sequence[View]) -> AlbedoPattern | None:
+    """Find a pattern that all recordings show; None where brightness follows directions alone.
 
     Parameters
     ----------
@@ -93,14 +93,14 @@ def find_print(intensities: Sequence[Field], views: Sequence[View]) -> Print | N
     lit, pitches = [], []
     for intensity, view in zip(intensities, views, strict=True):
         with np.errstate(invalid="ignore"):
-            told = np.isfinite(view.depth_mm) & (view.cos_incidence > STEEPEST_COS)
-            lit.append(told & (intensity > 0))
+            usable = np.isfinite(view.depth_mm) & (view.cos_incidence > STEEPEST_COS)
+            lit.append(usable & (intensity > 0))
         if not lit[-1].any():
             return None
         steps = np.abs(view.travel_step_mm), np.abs(np.diff(view.column_x_mm))
         pitches.append(float(np.sqrt(np.median(steps[0]) * np.median(steps[1]))))
     place = np.concatenate([v.part_mm[here][:, :2] for v, here in zip(views, lit, strict=True)])
-    found: Print | None = None
+    found: AlbedoPattern | None = None
     for _ in range(TURNS):
         logs = []
         for intensity, view, here in zip(intensities, views, lit, strict=True):
@@ -131,7 +131,7 @@ def _looked_up(level: Field, corner_mm: Field, cell_mm: float, place_mm: Field) 
     return out
 
 
-def _drawn(place_mm: Field, log: Field, pitch_mm: float) -> Print | None:
+def _drawn(place_mm: Field, log: Field, pitch_mm: float) -> AlbedoPattern | None:
     """Draw the borders between two levels, readings (N, 2) of a brightness's logarithm (N,)."""
     corner = place_mm.min(axis=0) - WINDOW * pitch_mm
     extent = place_mm.max(axis=0) + WINDOW * pitch_mm - corner
@@ -156,7 +156,7 @@ def _drawn(place_mm: Field, log: Field, pitch_mm: float) -> Print | None:
     frayed = _mean(total, count, FINE * pitch_mm / cell) > middle
     bright = _blurred(frayed.astype(np.float64), STRAIGHT * pitch_mm / cell) > 0.5
     level = np.where(step < LEAST_STEP, smooth, np.where(bright, high, low))
-    return Print(corner_mm=corner, cell_mm=cell, level=np.exp(level))
+    return AlbedoPattern(corner_mm=corner, cell_mm=cell, level=np.exp(level))
 
 
 def _binned(index: NDArray[np.int64], values: Field | None, shape: tuple[int, ...]) -> Field:
