@@ -14,7 +14,7 @@ from diagnosis.noise import Field, Mask, NoiseModel
 from diagnosis.patch import in_range
 from diagnosis.prediction import Prediction, law_of, predict
 from diagnosis.recorded import Recorded
-from diagnosis.registration import PRIOR_SD, Placement, hits_normal, pose_columns
+from diagnosis.registration import PRIOR_SD, Placement, hits_normal, pose_columns, travel_columns
 from diagnosis.workspace import Model
 from sensors.model import SensorModel
 from sensors.recording import Recording, repeated_rows
@@ -62,7 +62,7 @@ class RecordingMaps:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class _Pieces:
+class Pieces:
     """A whole recording looked at piece by piece from where a model places it.
 
     Attributes
@@ -80,8 +80,8 @@ class _Pieces:
         """The recording."""
         return self.recorded.recordings[self.number]
 
-    def views(self) -> Iterator[View]:
-        """Yield views of successive profiles."""
+    def views(self) -> Iterator[tuple[slice, View]]:
+        """Yield successive profiles and the view of them."""
         recording, poses = self.recording, self.placement.poses
         n, m = recording.depth_mm.shape
         rows = max(8, min(n, CHUNK // m))
@@ -89,17 +89,18 @@ class _Pieces:
         scene = self.recorded.scene
         travel = View(scene, sensor, poses, recording.time_s, laser=laser).travel_mm
         for part in (slice(start, min(start + rows, n)) for start in range(0, n, rows)):
-            yield View(
+            yield part, View(
                 scene, sensor, poses[part], recording.time_s[part], laser=laser,
                 intensity=None if recording.intensity is None else recording.intensity[part],
                 start_time_s=recording.start_time_s, travel_mm=travel[part],
             )  # fmt: skip
 
-    def columns(self, view: View) -> Field:
+    def columns(self, part: slice, view: View) -> Field:
         """Change of depth (n, m, 9) by the placement, each in its prior deviations."""
         columns = pose_columns(
             view.poses, view.laser, view.hits.depth_mm,
             hits_normal(self.recorded.scene, view.hits), self.placement.centre_mm,
+            travel_columns(self.placement.poses)[part],
         )  # fmt: skip
         seen = np.isfinite(view.depth_mm)[..., None]
         return np.asarray(np.where(seen, columns, 0.0) * PRIOR_SD)
@@ -115,18 +116,18 @@ def expected(
     recorded: Recorded, number: int, placed: Placed, noise: NoiseModel
 ) -> Field:
     """Compute the expected depth of a whole recording where a model places it, (n, m) mm."""
-    pieces = _Pieces(
+    pieces = Pieces(
         recorded=recorded, number=number, placement=placed.places[number].placement,
         shift=placed.shifts[number],
     )  # fmt: skip
     model, means = placed.model, []
-    for view in pieces.views():
+    for part, view in pieces.views():
         edge, soft = pieces.edges(view, noise)
         law = expect(
             view, model.of(number), noise, edge, softness=soft, level=model.level,
             shares=model.shares,
         )  # fmt: skip
-        means.append(law.mean_mm + pieces.columns(view) @ pieces.shift)
+        means.append(law.mean_mm + pieces.columns(part, view) @ pieces.shift)
     return np.concatenate(means)
 
 
@@ -201,7 +202,7 @@ class _Changes:
 
 
 def _changes(recorded: Recorded, number: int, found: Placed, noise: NoiseModel) -> _Changes:
-    pieces = _Pieces(
+    pieces = Pieces(
         recorded=recorded, number=number, placement=found.places[number].placement,
         shift=found.shifts[number],
     )  # fmt: skip
@@ -213,12 +214,12 @@ def _changes(recorded: Recorded, number: int, found: Placed, noise: NoiseModel) 
     alone: dict[str, list[Mask]] = {e.name: [] for e in effects}
     rigid: list[Field] = []
     samples: list[Field] = []
-    for view in pieces.views():
+    for part, view in pieces.views():
         edge, soft = pieces.edges(view, noise)
         before = predict(view, (), noise, softness=soft)
         after = predict(view, effects, noise, softness=soft, level=model.level)
         change = (after.mean_mm - before.mean_mm).astype(np.float32)
-        rigid.append(pieces.columns(view)[..., :RIGID].reshape(-1, RIGID)[::few])
+        rigid.append(pieces.columns(part, view)[..., :RIGID].reshape(-1, RIGID)[::few])
         samples.append(np.where(edge, np.nan, change).reshape(-1)[::few])
         out["change"].append(change)
         out["lost"].append((after.p_missing - before.p_missing).astype(np.float32))
@@ -236,7 +237,7 @@ def _changes(recorded: Recorded, number: int, found: Placed, noise: NoiseModel) 
         # what the effects do beyond what any placement takes up; not the two placements found,
         # which disagree at every edge, however near they are
         taken = _taken_up(np.concatenate(samples), np.concatenate(rigid))
-        moved = np.concatenate([pieces.columns(v)[..., :RIGID] @ taken for v in pieces.views()])
+        moved = np.concatenate([pieces.columns(*p)[..., :RIGID] @ taken for p in pieces.views()])
         # a wall beside an edge would move by any amount
         most = np.abs(moved[~whole["edge"]]).max(initial=0.0)
         departure = departure - np.clip(moved, -most, most)

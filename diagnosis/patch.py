@@ -13,7 +13,7 @@ from numba import njit
 from diagnosis.edges import edge_softness, near_edges
 from diagnosis.noise import Field, Mask
 from diagnosis.prediction import law_of
-from diagnosis.registration import PRIOR_SD, Placement, hits_normal, pose_columns
+from diagnosis.registration import PRIOR_SD, Placement, hits_normal, pose_columns, travel_columns
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
@@ -112,6 +112,7 @@ def cut(
     spans = strips(n, m)
     sensor = SensorModel(datasheet)
     whole_travel = View(scene, sensor, placement.poses, recording.time_s, laser=laser).travel_mm
+    travel = travel_columns(placement.poses)
     patches = []
     for rows in spans:
         view = View(
@@ -132,6 +133,7 @@ def cut(
             view.hits.depth_mm,
             hits_normal(scene, view.hits),
             placement.centre_mm,
+            travel[rows],
         )
         columns = np.where(np.isfinite(view.depth_mm)[..., None], columns, 0.0) * PRIOR_SD
         edge = near_edges(view, plain)

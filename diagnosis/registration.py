@@ -113,7 +113,12 @@ def _turned(way: Field, poses: Field) -> Field:
 
 
 def pose_columns(
-    poses: Field, laser: Laser, depth_mm: Field, normal: Field, centre_mm: Field
+    poses: Field,
+    laser: Laser,
+    depth_mm: Field,
+    normal: Field,
+    centre_mm: Field,
+    travel: Field,
 ) -> Field:
     """Return the derivative of depth by the parameters of a placement, (n, m, 9).
 
@@ -124,6 +129,9 @@ def pose_columns(
     ----------
     normal : (n, m, 3)
         Outward normals at the hits, part frame.
+    travel : (n, 3, 3)
+        `travel_columns` of the whole recording, of these profiles: a strip's own would count from
+        its own mean.
     """
     axis = poses[:, None, :3, 2] + laser.slope_x[None, :, None] * poses[:, None, :3, 0]
     depth = np.nan_to_num(depth_mm)
@@ -136,7 +144,7 @@ def pose_columns(
     facing = np.where(np.abs(facing) < 1e-3, -1e-3, facing)
     lever = -normal / facing[..., None]
     arm = np.cross(hit - centre_mm, lever)
-    return np.concatenate([lever, arm, lever @ travel_columns(poses)], axis=-1)
+    return np.concatenate([lever, arm, lever @ travel], axis=-1)
 
 
 def smooth_weight(depth_mm: Field, normal: Field, pitch_mm: float) -> Field:
@@ -273,7 +281,9 @@ def _smooth_fit(
             scale = max(scale, 1.4826 * np.median(np.abs(residual)))
         tune = max(3.5, tune * 0.8)
         robust = (1 - np.clip(residual / (tune * scale), -1, 1) ** 2) ** 2
-        columns = pose_columns(moved, rays, hits.depth_mm, normal, centre)[use]
+        columns = pose_columns(
+            moved, rays, hits.depth_mm, normal, centre, travel_columns(moved)
+        )[use]
         columns /= spread[use][:, None]
         factor = weight[use] * robust / scale**2
         normal_matrix = (columns * factor[:, None]).T @ columns

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagnosis.registration import hits_normal, move, pose_columns, register
+from diagnosis.registration import hits_normal, move, pose_columns, register, travel_columns
 from files.errors import RecipeError
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
@@ -21,7 +21,8 @@ def test_pose_columns_are_the_derivative_of_depth() -> None:
     laser, scan = Laser.from_datasheet(sheet), poses(12, **VIEWS[1])
     hits = scene.cast(laser, scan)
     centre = np.array([1.0, -2.0, 3.0])
-    columns = pose_columns(scan, laser, hits.depth_mm, hits_normal(scene, hits), centre)
+    normal, travel = hits_normal(scene, hits), travel_columns(scan)
+    columns = pose_columns(scan, laser, hits.depth_mm, normal, centre, travel)
     for k, size in enumerate([1e-3] * 3 + [1e-5] * 3 + [1e-4] * 3):
         step = np.zeros(9)
         step[k] = size
