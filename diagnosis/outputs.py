@@ -46,7 +46,7 @@ def write_outputs(
     if biased and isinstance(pattern, AlbedoPattern):
         pattern.save(folder)
     progress("writing the report")
-    from diagnosis.report import write_report
+    from diagnosis.report.page import write_report
 
     write_report(result, folder / "report.html", part_name=part_name)
 

@@ -6,12 +6,9 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from diagnosis.diagnose import Diagnosis
-from diagnosis.pictures import (
-    covariate_picture,
-    mismatch_map,
-    profile_picture,
-    residual_maps,
-)
+from diagnosis.report.covariate_picture import covariate_picture
+from diagnosis.report.map_pictures import mismatch_map, residual_maps
+from diagnosis.report.profile_picture import profile_picture
 from diagnosis.residual_structure import Residual
 from diagnosis.uncertainty import Estimate
 from files.whole_file import write_whole
@@ -30,26 +27,6 @@ FRAMES = {
     "travel": "It runs with the travel: look at the axis and its encoder.",
     "part": "It stays with the part: look at its shape, finish or material.",
 }
-STYLE = """
-body{font:15px/1.5 system-ui,sans-serif;color:#22303c;
-  max-width:1080px;margin:24px auto;padding:0 20px}
-h1{font-size:22px;margin:0 0 4px}
-h2{font-size:17px;margin:30px 0 6px;border-bottom:1px solid #d6dde2}
-.verdict{padding:14px 18px;border-radius:8px;
-  margin:14px 0;background:#eef3f5;border-left:6px solid #1f6f8b}
-.unexplained,.partly_explained{background:#fbf0ec;border-color:#c2452d}
-.match{background:#eef6ef;border-color:#3c8a4b}
-.verdict b{font-size:18px;display:block}
-table{border-collapse:collapse;margin:8px 0}
-td,th{padding:3px 14px 3px 0;text-align:left;vertical-align:top}
-th{font-weight:600;color:#5b6b78;font-size:13px}
-td.n{font-variant-numeric:tabular-nums}
-.effect{display:flex;gap:22px;align-items:flex-start;flex-wrap:wrap}
-.effect>div{flex:1 1 420px}
-img{max-width:100%;height:auto}
-.small{color:#5b6b78;font-size:13px}
-.next{background:#f6f3e7;padding:8px 14px;border-radius:6px}
-"""
 
 
 def write_report(result: Diagnosis, path: Path, *, part_name: str) -> None:
@@ -60,13 +37,12 @@ def write_report(result: Diagnosis, path: Path, *, part_name: str) -> None:
 def render(result: Diagnosis, *, part_name: str) -> str:
     """Return the page as text; names from files are escaped, nothing is loaded from elsewhere."""
     pages = Environment(
-        loader=PackageLoader("diagnosis", "."), autoescape=True, undefined=StrictUndefined,
+        loader=PackageLoader("diagnosis", "report"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True,
     )  # fmt: skip
     departs = result.verdict != "match"
     return pages.get_template("report.html.j2").render(
         title=f"Diagnosis of {part_name} by {result.datasheet.name}",
-        style=STYLE,
         result=result,
         headline=_headline(result),
         summary=_summary(result),

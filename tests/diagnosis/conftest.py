@@ -1,0 +1,25 @@
+"""A small diagnosis that several tests look at."""
+
+from pathlib import Path
+
+import pytest
+
+from diagnosis.diagnose import Diagnosis, diagnose
+from diagnosis.outputs import write_outputs
+from tests.support.small_parts import VIEWS, datasheet, part, record
+
+BOW = [{"name": "line_bow", "sag_um": 40.0}]
+
+
+@pytest.fixture(scope="session")
+def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Diagnosis, Path]:
+    """A bowl of which a bow is diagnosed, and the folder of its files."""
+    scene, sheet = part("bowl"), datasheet(100)
+    made = [
+        record(scene, sheet, BOW, name=n, seed=k, profiles=60, pitch_mm=0.7, **VIEWS[k])
+        for k, n in enumerate(("left", "right", "kept back"))
+    ]
+    result = diagnose(made, scene.vertices_mm, scene.faces, sheet)
+    folder = tmp_path_factory.mktemp("diagnosis")
+    write_outputs(result, folder, part_name="bowl")
+    return result, folder
