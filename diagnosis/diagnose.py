@@ -86,7 +86,7 @@ def diagnose(
     baselines: Sequence[Recording] = (),
     seed: int = 0,
     withheld: Iterable[str] = (),
-    progress: Progress = lambda text: None,
+    progress: Progress = lambda _: None,
 ) -> Diagnosis:
     """Diagnose recordings of one part by one sensor.
 

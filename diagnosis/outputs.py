@@ -22,7 +22,7 @@ def write_outputs(
     folder: Path,
     *,
     part_name: str = "part",
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> None:
     """Write the four files into a folder, which is made where it isn't there.
 

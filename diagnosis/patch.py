@@ -167,10 +167,8 @@ def thinned(patches: Sequence[Patch], budget: int) -> list[Patch]:
         wanted = max(FEWEST_ROWS, int(n * share))
         count = max(1, min(4, wanted // 24))
         rows = min(wanted // count, n // count)
-        for start in (
-            np.linspace(0, n - rows, count).astype(int) if count > 1 else [(n - rows) // 2]
-        ):
-            out.append(strip_of(patch, slice(int(start), int(start) + rows)))
+        starts = np.linspace(0, n - rows, count).astype(int) if count > 1 else [(n - rows) // 2]
+        out.extend(strip_of(patch, slice(int(start), int(start) + rows)) for start in starts)
     return out
 
 

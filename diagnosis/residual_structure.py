@@ -134,6 +134,6 @@ def _regions(ws: Workspace, model: Model) -> tuple[Region, ...]:
         if not np.any(np.abs(smooth) > SETTINGS.sharp * law.sd_mm):
             continue
         mask = departure_mask(smooth, np.zeros(patch.shape), law.sd_mm)
-        for region in regions_of(patch.name, mask, 1e3 * smooth, ()):
-            regions.append(region.below(patch.rows.start))
+        found = regions_of(patch.name, mask, 1e3 * smooth, ())
+        regions.extend(region.below(patch.rows.start) for region in found)
     return tuple(regions)

@@ -6,21 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import diagnosis.diagnose
-import diagnosis.prepare
+from diagnosis.diagnose import diagnose
 from diagnosis.inputs import check_marks
 from files.errors import RecipeError
 from sensors.surface.surface import Surface
 from tests.support.small_parts import datasheet, part, record
 
 
-def no_registration(*_: object, **__: object) -> None:
-    raise AssertionError("registered before the inputs were checked")
-
-
-def test_faults_of_the_inputs_are_told_before_the_first_registration(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_faults_of_the_inputs_are_told_before_the_first_registration() -> None:
     scene, sheet = part("domes"), datasheet(60)
     made = [
         record(scene, sheet, [], name=f"r{k}", seed=k, profiles=40, pitch_mm=0.7) for k in range(2)
@@ -32,7 +25,7 @@ def test_faults_of_the_inputs_are_told_before_the_first_registration(
     )
     sharp = Surface(name="sharp", rpm_mm=0.01, rvm_mm=0.01, pc_per_mm=500.0)
     bent = record(part("domes"), sheet, [], name="plate", seed=3, profiles=40, pitch_mm=0.7)
-    monkeypatch.setattr(diagnosis.prepare, "register", no_registration)
+    steps: list[str] = []
     for recordings, sensor, more, fault in (
         ([made[0], replace(made[1], poses=far)], sheet, {}, "r1: doesn't overlap the part"),
         (made, needs_rows, {}, "camera_rows"),
@@ -40,15 +33,16 @@ def test_faults_of_the_inputs_are_told_before_the_first_registration(
         (made, sheet, {"references": [bent]}, "plate: a reference should be a flat plate"),
     ):
         with pytest.raises(RecipeError, match=fault):
-            diagnosis.diagnose.diagnose(
-                recordings, scene.vertices_mm, scene.faces, sensor, **more
+            diagnose(
+                recordings, scene.vertices_mm, scene.faces, sensor, progress=steps.append, **more
             )
+        assert steps == []
 
 
 @pytest.mark.parametrize("mark", [-32768.0, 0.0, 65535.0, -99.9999])
 @pytest.mark.parametrize("role", ["recording", "reference"])
 def test_marks_for_missing_points_are_told_before_the_first_registration(
-    mark: float, role: str, monkeypatch: pytest.MonkeyPatch
+    mark: float, role: str
 ) -> None:
     scene, sheet = part("domes"), datasheet(60)
     made = [
@@ -58,11 +52,13 @@ def test_marks_for_missing_points_are_told_before_the_first_registration(
     depth[10:15, 20:30] = mark
     marked = replace(made[1], depth_mm=depth, name="marked")
     recordings, references = ([made[0], marked], []) if role == "recording" else (made, [marked])
-    monkeypatch.setattr(diagnosis.prepare, "register", no_registration)
+    steps: list[str] = []
     with pytest.raises(RecipeError, match=r"marked: .*depth \S+ mm 50 times.*--missing") as fault:
-        diagnosis.diagnose.diagnose(
-            recordings, scene.vertices_mm, scene.faces, sheet, references=references
-        )
+        diagnose(
+            recordings, scene.vertices_mm, scene.faces, sheet, references=references,
+            progress=steps.append,
+        )  # fmt: skip
+    assert steps == []
     assert f"depth {mark:.9g} mm" in str(fault.value)
 
 
