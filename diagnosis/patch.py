@@ -161,7 +161,7 @@ def cut(
 def thinned(patches: Sequence[Patch], budget: int) -> list[Patch]:
     """Cut strips of whole profiles so that at most about `budget` readings are left."""
     share = budget / sum(p.depth_mm.size for p in patches)
-    out = []
+    out: list[Patch] = []
     for patch in patches:
         n = patch.shape[0]
         wanted = max(FEWEST_ROWS, int(n * share))
