@@ -11,7 +11,7 @@ the interval's formula, not the search. Coverage's own 95 % interval is Clopper 
 import argparse
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
@@ -20,14 +20,10 @@ from benchmarks.diagnose import OF
 from benchmarks.strength import at_strength
 from diagnosis.curvature import TURN
 from diagnosis.fit import fit_effect
-from diagnosis.noise import calibrate
-from diagnosis.patch import cut
-from diagnosis.registration import register
 from diagnosis.uncertainty import intervals, refined
 from diagnosis.workspace import Model, Workspace
-from sensors.casting.laser import Laser
 from sensors.effects import effect_of
-from tests.support.effect_case import PITCH_MM, Case, Entry
+from tests.support.effect_case import Case, Entry
 
 EFFECTS = (
     "line_bow", "range_scale", "incidence_bias", "volume_scattering", "stage_vibration",
@@ -52,21 +48,9 @@ class Held:
 
 def workspace(case: Case, effect: Entry, seed: int) -> Workspace:
     """Register two recordings with an effect in them, noise calibrated from themselves."""
-    sheet, scene = case.datasheet(), case.scene()
-    laser = Laser.from_datasheet(sheet)
-    patches = []
-    for k in range(2):
-        made = case.record([effect], k, name=f"c{k}", seed=100 * seed + k)
-        placed = register(
-            scene, made, laser, datasheet=sheet, valid=np.isfinite(made.depth_mm), sd_mm=0.001
-        )
-        patches += cut(k, made, placed, scene, sheet, laser, lateral_mm=0.03)
-    noise = calibrate(
-        [p.depth_mm - p.plain_mm for p in patches],
-        [np.isfinite(p.depth_mm - p.plain_mm) & ~p.edge for p in patches],
-        pitch_mm=(0.44, PITCH_MM), missing_share=0.0, from_reference=False,
-    )  # fmt: skip
-    return Workspace.build(patches, replace(noise, tail_share=0.0))
+    return case.workspace_of(
+        [case.record([effect], k, name=f"c{k}", seed=100 * seed + k) for k in range(2)]
+    )
 
 
 def simulate(name: str, entry: Entry, seed: int) -> Iterator[Held]:

@@ -83,6 +83,22 @@ class Law:
             reason=np.where(hit, np.uint8(reason), self.reason),
         )
 
+    def biased(self, by_mm: Floats) -> "Law":
+        """Return the law with its mean moved by so much, (n, m) mm."""
+        return dataclasses.replace(self, mean_mm=self.mean_mm + by_mm)
+
+    def noisier(self, gain: Floats) -> "Law":
+        """Return the law with all its noise, white and speckle, times a gain (n, m)."""
+        return dataclasses.replace(
+            self,
+            white_sd_mm=np.asarray(self.white_sd_mm * gain),
+            speckle_gain=np.asarray(self.speckle_gain * gain),
+        )
+
+    def losing(self, p: Floats | float) -> "Law":
+        """Return the law with a further, independent probability of a missing reading."""
+        return dataclasses.replace(self, p_missing=1.0 - (1.0 - self.p_missing) * (1.0 - p))
+
     @property
     def smoothing(self) -> Floats | None:
         """Correlation of white noise as it is delivered, see `Delivery`; None where it is white."""

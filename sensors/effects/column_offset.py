@@ -1,7 +1,7 @@
 """Fixed-pattern error: an offset and a scale of each column."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -101,7 +101,7 @@ class ColumnOffset(AdditiveEffect):
             return law
         scales = 1e-6 * np.array(self.scales_ppm) @ hats(len(self.scales_ppm), view.shape[1])
         away = view.depth_mm - view.datasheet.working_distance_mm
-        return replace(law, mean_mm=law.mean_mm + scales * away)
+        return law.biased(scales * away)
 
     def words(self) -> dict[str, Any]:
         """Return the standard deviations of offsets and scales for the statement."""

@@ -81,7 +81,7 @@ class EdgeMixing(Effect):
 
     def changed(self, law: Law, view: View) -> Law:
         """Add the bias of a cut or doubled line; zero where the line is whole."""
-        return replace(law, mean_mm=law.mean_mm + self.shift(view))
+        return law.biased(self.shift(view))
 
     def shift(self, view: View) -> NDArray[np.float64]:
         """Return the cut or doubled line's centroid minus its footprint's mean."""

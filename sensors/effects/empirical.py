@@ -1,6 +1,6 @@
 """A fitted curve over a covariate, for a residual that no physical effect explains."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -92,16 +92,8 @@ class Empirical(Effect):
         """Change the curve's channel; zero change where the covariate is unknown."""
         curve = np.tensordot(np.array(self.values), self._hats(view), axes=1)
         if self.channel == "mean":
-            return replace(law, mean_mm=law.mean_mm + 1e-3 * curve)
-        if self.channel == "variance":
-            factor = np.exp(curve)
-            return replace(
-                law,
-                white_sd_mm=np.asarray(law.white_sd_mm * factor),
-                speckle_gain=np.asarray(law.speckle_gain * factor),
-            )
-        kept = (1.0 - law.p_missing) * (1.0 - curve)
-        return replace(law, p_missing=np.asarray(1.0 - kept))
+            return law.biased(1e-3 * curve)
+        return law.noisier(np.exp(curve)) if self.channel == "variance" else law.losing(curve)
 
     def _hats(self, view: View) -> Floats:
         covariate = COVARIATES[self.against].values(view)

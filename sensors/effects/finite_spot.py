@@ -125,7 +125,7 @@ class FiniteSpot(Effect):
 
     def changed(self, law: Law, view: View) -> Law:
         """Add the difference between the footprint's mean and the depth at its centre."""
-        return replace(law, mean_mm=law.mean_mm + self.shift(view))
+        return law.biased(self.shift(view))
 
     def shift(self, view: View) -> NDArray[np.float64]:
         """Return the footprint's mean minus the centre's depth, a wider line's change included."""

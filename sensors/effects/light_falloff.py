@@ -1,7 +1,7 @@
 """Falloff of the laser line's light towards its ends: more noise and missing readings."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -101,12 +101,7 @@ class LightFalloff(Effect):
         log_signal = self.log_signal(view)
         gain = np.exp(-self.noise_exponent * log_signal)
         missing = self.share * expit((math.log(self.threshold) - log_signal) / self.softness)
-        return replace(
-            law,
-            white_sd_mm=law.white_sd_mm * gain,
-            speckle_gain=law.speckle_gain * gain,
-            p_missing=np.asarray(1.0 - (1.0 - law.p_missing) * (1.0 - missing)),
-        )
+        return law.noisier(gain).losing(missing)
 
     def log_signal(self, view: View) -> Floats:
         """Logarithm of the light over its maximum, (n, m); 0 at missing readings."""

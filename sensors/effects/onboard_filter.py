@@ -27,6 +27,13 @@ DRAWN_POINTS = 192
 """Points along either axis of the speckle whose variance after the filter is taken."""
 
 
+def window(of: str, *, high: int, typical: int) -> Any:
+    """Declare a filter's window, readings."""
+    return parameter(
+        f"window of the {of}; 1: none", low=1, high=high, typical=typical, null=1, kind="integer"
+    )
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class OnboardFilter(DeliveryEffect):
     """Gap filling along the line, then a median, then a mean, each over a window.
@@ -61,38 +68,10 @@ class OnboardFilter(DeliveryEffect):
     rivals: ClassVar = ("roughness_level", "finite_spot", "motion_blur")
     separating: ClassVar = "switch the filters off in the sensor's settings and scan again"
 
-    median_points: int = parameter(
-        "window of the median along the line; 1: none",
-        low=1,
-        high=63,
-        typical=3,
-        null=1,
-        kind="integer",
-    )
-    median_profiles: int = parameter(
-        "window of the median along the travel; 1: none",
-        low=1,
-        high=63,
-        typical=3,
-        null=1,
-        kind="integer",
-    )
-    mean_points: int = parameter(
-        "window of the mean along the line; 1: none",
-        low=1,
-        high=255,
-        typical=5,
-        null=1,
-        kind="integer",
-    )
-    mean_profiles: int = parameter(
-        "window of the mean along the travel; 1: none",
-        low=1,
-        high=255,
-        typical=1,
-        null=1,
-        kind="integer",
-    )
+    median_points: int = window("median along the line", high=63, typical=3)
+    median_profiles: int = window("median along the travel", high=63, typical=3)
+    mean_points: int = window("mean along the line", high=255, typical=5)
+    mean_profiles: int = window("mean along the travel", high=255, typical=1)
     gap_points: int = parameter(
         "longest gap along the line that is filled by a straight line; 0: none",
         low=0,

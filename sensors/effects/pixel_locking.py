@@ -1,7 +1,7 @@
 """Pixel locking: an error of the peak position that is periodic in the camera's rows."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -102,9 +102,7 @@ class PixelLocking(AdditiveEffect):
         _, turn = self._turn(view)
         slope = 1 + 2 * math.pi * self.amplitude_px * np.cos(turn + self.phase_rad)
         gain = np.nan_to_num(np.maximum(np.abs(slope), LEAST_SLOPE), nan=1.0)
-        return replace(
-            law, white_sd_mm=law.white_sd_mm * gain, speckle_gain=law.speckle_gain * gain
-        )
+        return law.noisier(gain)
 
     def fields(self, view: View) -> tuple[Floats, ...]:
         """Return sine and cosine of the row, each times the depth of one row."""

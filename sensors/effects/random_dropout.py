@@ -46,8 +46,5 @@ class RandomDropout(Effect):
 
     def changed(self, law: Law, view: View) -> Law:
         """Add the probability; of several effects the largest patch size holds."""
-        return replace(
-            law,
-            p_missing=1.0 - (1.0 - law.p_missing) * (1.0 - self.share),
-            missing_patch_mm=max(law.missing_patch_mm, self.patch_mm),
-        )
+        lost = law.losing(self.share)
+        return replace(lost, missing_patch_mm=max(law.missing_patch_mm, self.patch_mm))

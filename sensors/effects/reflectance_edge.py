@@ -75,4 +75,4 @@ class ReflectanceEdge(Effect):
             return law
         sd = line_sd_mm(view, self.line_sd_um, self.rayleigh_mm)
         along = 1e-3 * (self.along_um or view.sensor.beam.along_um)
-        return replace(law, mean_mm=law.mean_mm + centroid_bias_mm(view, sd, along_mm=along))
+        return law.biased(centroid_bias_mm(view, sd, along_mm=along))

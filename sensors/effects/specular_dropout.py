@@ -1,7 +1,7 @@
 """Missing readings where a specular surface sends the camera too little light, or too much."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
@@ -108,17 +108,15 @@ class SpecularDropout(Effect):
 
     def changed(self, law: Law, view: View) -> Law:
         """Add the probability of a missing reading, and the centroid bias towards lit parts."""
-        mean = law.mean_mm
         if self.kind == "weak" and view.datasheet.line_width_um is not None:
             lean, signal = self._lit(view)
-            mean = mean + self.share * lean
+            law = law.biased(self.share * lean)
         else:
             signal = self._signal(view)
         with np.errstate(divide="ignore"):
             excess = (np.log(signal) - math.log(self.threshold)) / self.softness
         missing = self.share * expit(-excess if self.kind == "weak" else excess)
-        kept = (1.0 - law.p_missing) * (1.0 - np.where(view.valid, missing, 0.0))
-        return replace(law, mean_mm=mean, p_missing=np.asarray(1.0 - kept))
+        return law.losing(np.where(view.valid, missing, 0.0))
 
     def _lit(self, view: View) -> tuple[Floats, Floats]:
         """Centroid bias of a line towards its lit part, (n, m) mm, and its signal, (n, m).

@@ -89,14 +89,17 @@ class Case:
     @cached_property
     def workspace(self) -> Workspace:
         """The fitted recordings with nothing in them."""
+        # the true albedo, where there is one, instead of the speckled brightness
+        return self.workspace_of([replace(made, intensity=None) for made in self.fitted([])])
+
+    def workspace_of(self, recordings: Sequence[Recording]) -> Workspace:
+        """Register recordings, their noise calibrated from themselves."""
         sheet, scene = self.datasheet(), self.scene()
         laser = Laser.from_datasheet(sheet)
         patches = []
-        for k, made in enumerate(self.fitted([])):
+        for k, made in enumerate(recordings):
             valid = np.isfinite(made.depth_mm)
             placed = register(scene, made, laser, datasheet=sheet, valid=valid, sd_mm=0.001)
-            # the true print, where there is one, instead of the speckled brightness
-            made = replace(made, intensity=None)
             patches += cut(k, made, placed, scene, sheet, laser, lateral_mm=0.03)
         noise = calibrate(
             [p.depth_mm - p.plain_mm for p in patches],
