@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from challenge.cases.stated import Rays, stated
-from challenge.instrument.finish import Finish
 from challenge.instrument.instrument import Casts, Instrument, Path, Solid
+from challenge.instrument.optical_surface import OpticalSurface
 
 _STEPS_MM = (0.3, 0.6, 1.5)
 _LAND_MM = 0.7
@@ -129,7 +129,7 @@ def edge_figures(device: Instrument, rng: np.random.Generator, *, along_um: floa
     shots = np.stack(
         [
             device.scan(
-                solid, Finish(), path, rng, specimen=int(rng.integers(2**31)), casts=casts
+                solid, OpticalSurface(), path, rng, specimen=int(rng.integers(2**31)), casts=casts
             )[0][:, ::every]
             for _ in range(_SPECIMENS)
         ]

@@ -13,8 +13,8 @@ from challenge.cases.nominal import NoiseLaw, repeatability_um, usual_effects
 from challenge.cases.parts import SHAPES, plate, solid_of
 from challenge.cases.seeds import child, number
 from challenge.cases.switches import DECOY, SINGLE, UNKNOWN, Switch, World
-from challenge.instrument.finish import Finish
 from challenge.instrument.instrument import Casts, Instrument, Path, Solid
+from challenge.instrument.optical_surface import OpticalSurface
 from challenge.instrument.rays import plant
 from challenge.instrument.stripes import first_hits
 
@@ -120,7 +120,7 @@ def stage(secret: Secret) -> Staged:
     if slow and slow[0]:
         rate = float(np.exp(child(secret.seed, "rate").uniform(np.log(2.0), np.log(5.0))))
         scans = replace(scans, paths=tuple(replace(p, rate_hz=rate) for p in scans.paths))
-    off = World(device=device, finish=Finish(), solid=shape, nominal=shape, scans=scans,
+    off = World(device=device, surface=OpticalSurface(), solid=shape, nominal=shape, scans=scans,
                 seed=secret.seed)  # fmt: skip
     on = off
     for name in secret.switches:
@@ -195,7 +195,7 @@ def scan(
     """Scan the case's part in one of its poses; `casts` is one for many specimens."""
     return world.device.scan(
         world.solid,
-        world.finish,
+        world.surface,
         scans.paths[index],
         rng,
         specimen=specimen,
@@ -219,7 +219,7 @@ def write(secret: Secret, staged: Staged, folder: FilePath) -> None:
     flat = plate(child(secret.seed, "plate"))
     for name, path in zip(PLATES, staged.plates, strict=True):
         depth, bright = world.device.scan(
-            flat, Finish(), path, child(secret.seed, "noise", name),
+            flat, OpticalSurface(), path, child(secret.seed, "noise", name),
             specimen=number(secret.seed, "specimen", name),
         )  # fmt: skip
         files.write_recording(folder / f"{name}.h5", depth, bright, path, name)

@@ -7,8 +7,8 @@ import numpy as np
 
 from challenge.cases.artefact import edge_figures
 from challenge.cases.devices import Scans
-from challenge.instrument.finish import Finish
 from challenge.instrument.instrument import Instrument, Path, Solid
+from challenge.instrument.optical_surface import OpticalSurface
 
 _SLOPES = (-0.8, -0.6, -0.4, -0.2, 0.2, 0.4, 0.6, 0.8)
 _COMMON = 0.35  # slopes up to about this are the common ones; steeper plates weigh less
@@ -52,7 +52,7 @@ def noise_on_plane(
         start=start, direction=1, profiles=profiles, pitch_mm=pitch, rate_hz=100.0, start_s=0.0
     )
     plane = _tilted(distance, slope_x, slope_y)
-    depth, _ = device.scan(plane, Finish(), path, rng, specimen=int(rng.integers(2**31)))
+    depth, _ = device.scan(plane, OpticalSurface(), path, rng, specimen=int(rng.integers(2**31)))
     # tilts beyond the range's ends are cut off: keep the middle of the line
     middle = abs(np.linspace(-1, 1, device.camera.columns)) < 0.5
     y = start[1, 3] + pitch * np.arange(profiles)[:, None]
@@ -116,6 +116,6 @@ def repeatability_um(
 ) -> float:
     """Electronic repeatability: two scans of the same surface without moving anything."""
     path = replace(scans.paths[0], profiles=20)
-    pair = [device.scan(solid, Finish(), path, rng, specimen=1)[0] for _ in range(2)]
+    pair = [device.scan(solid, OpticalSurface(), path, rng, specimen=1)[0] for _ in range(2)]
     rest = pair[0] - pair[1]
     return float(1e3 * 1.4826 * np.nanmedian(np.abs(rest - np.nanmedian(rest))) / np.sqrt(2))

@@ -1,6 +1,6 @@
 """Physical switches: what differs from the maker's file in each class of case.
 
-A switch changes the optics, the finish, the motion, the readout, the calibration or the solid;
+A switch changes the optics, the surface, the motion, the readout, the calibration or the solid;
 never a depth. Strength 0, 1, 2 is weak, medium, strong.
 """
 
@@ -12,8 +12,8 @@ import numpy as np
 from challenge.cases.devices import Scans
 from challenge.cases.parts import bent, corners, solid_of
 from challenge.cases.seeds import child
-from challenge.instrument.finish import Finish
 from challenge.instrument.instrument import Instrument, Solid
+from challenge.instrument.optical_surface import OpticalSurface
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -24,14 +24,14 @@ class World:
     ----------
     device
         Not yet calibrated.
-    finish
-        Of the part; reference plates are matt and plain.
+    surface
+        Of the part; reference plates are diffuse and of one albedo.
     solid
         The part as it is; the STL shows `nominal`.
     """
 
     device: Instrument
-    finish: Finish
+    surface: OpticalSurface
     solid: Solid
     nominal: Solid
     scans: Scans
@@ -75,39 +75,39 @@ def _wide_waist(world: World, strength: int, rng: np.random.Generator) -> World:
     return replace(world, device=replace(world.device, sheet=sheet))
 
 
-def _print(world: World, strength: int, rng: np.random.Generator) -> World:
-    finish = replace(
-        world.finish,
-        print_ratio=_pick(strength, 0.5, 0.3, 0.15, rng),
-        print_period_mm=float(rng.uniform(2.5, 5.0)),
-        print_angle_rad=float(rng.uniform(0, np.pi)),
+def _albedo_pattern(world: World, strength: int, rng: np.random.Generator) -> World:
+    surface = replace(
+        world.surface,
+        albedo_ratio=_pick(strength, 0.5, 0.3, 0.15, rng),
+        albedo_period_mm=float(rng.uniform(2.5, 5.0)),
+        albedo_angle_rad=float(rng.uniform(0, np.pi)),
     )
-    return replace(world, finish=finish)
+    return replace(world, surface=surface)
 
 
-def _gloss(world: World, strength: int, rng: np.random.Generator) -> World:
-    finish = replace(
-        world.finish,
+def _specular_lobe(world: World, strength: int, rng: np.random.Generator) -> World:
+    surface = replace(
+        world.surface,
         albedo=_pick(strength, 0.035, 0.02, 0.01, rng),
-        gloss=float(rng.uniform(0.15, 0.3)),
-        gloss_slope=float(rng.uniform(0.18, 0.3)),
+        specular=float(rng.uniform(0.15, 0.3)),
+        facet_slope=float(rng.uniform(0.18, 0.3)),
     )
-    return replace(world, finish=finish)
+    return replace(world, surface=surface)
 
 
 def _mirror(world: World, strength: int, rng: np.random.Generator) -> World:
-    finish = replace(
-        world.finish,
+    surface = replace(
+        world.surface,
         mirror=_pick(strength, 0.06, 0.15, 0.4, rng),
-        gloss_slope=float(rng.uniform(0.08, 0.16)),
+        facet_slope=float(rng.uniform(0.08, 0.16)),
     )
     device = replace(world.device, finder=replace(world.device.finder, kind="gravity_all"))
-    return replace(world, finish=finish, device=device)
+    return replace(world, surface=surface, device=device)
 
 
 def _translucent(world: World, strength: int, rng: np.random.Generator) -> World:
     return replace(
-        world, finish=replace(world.finish, depth_mm=_pick(strength, 0.03, 0.07, 0.15, rng))
+        world, surface=replace(world.surface, depth_mm=_pick(strength, 0.03, 0.07, 0.15, rng))
     )
 
 
@@ -221,15 +221,15 @@ def _lossy(world: World, strength: int, rng: np.random.Generator) -> World:
 
 def _relief(world: World, strength: int, rng: np.random.Generator, ratio: float) -> World:
     short = float(rng.uniform(0.12, 0.25))
-    finish = replace(
-        world.finish,
+    surface = replace(
+        world.surface,
         relief_mm=_pick(strength, 0.006, 0.010, 0.018, rng),
         relief_x_mm=short * ratio,
         relief_y_mm=short,
         relief_angle_rad=float(rng.uniform(0, np.pi)),
         relief_seed=int(rng.integers(2**31)),
     )
-    return replace(world, finish=finish)
+    return replace(world, surface=surface)
 
 
 def _ground(world: World, strength: int, rng: np.random.Generator) -> World:
@@ -302,8 +302,8 @@ SINGLE: dict[str, Switch] = {
         rivals=("motion_blur",),
         shapes=("terraces", "grooves", "corners", "bosses"),
     ),
-    "reflectance_edge": Switch(apply=_print, accept=("reflectance_edge",)),
-    "specular_dropout": Switch(apply=_gloss, accept=("specular_dropout",), shapes=_SLOPED),
+    "reflectance_edge": Switch(apply=_albedo_pattern, accept=("reflectance_edge",)),
+    "specular_dropout": Switch(apply=_specular_lobe, accept=("specular_dropout",), shapes=_SLOPED),
     "interreflection": Switch(
         apply=_mirror, accept=("interreflection",), shapes=("grooves", "corners")
     ),

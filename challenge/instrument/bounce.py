@@ -5,7 +5,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from challenge.instrument.camera import Camera
-from challenge.instrument.finish import Finish
+from challenge.instrument.optical_surface import OpticalSurface
 from challenge.instrument.rays import Tree, nearest
 
 
@@ -44,9 +44,9 @@ def _trace(
                 # another pattern at every ray, evenly filling the square
                 u = (toss[k, 0] + 0.6180339887 * m + 0.7548776662 * g) % 1.0
                 v = (toss[k, 1] + 0.5698402910 * m + 0.3819660113 * g) % 1.0
-                glossy = u * total < mirror
+                specular = u * total < mirror
                 angle = 2 * np.pi * v
-                if glossy:
+                if specular:
                     share = max(u * total / mirror, 1e-9)
                     tangent = facet_slope * np.sqrt(-np.log(share))
                     h = n + tangent * (np.cos(angle) * e1 + np.sin(angle) * e2)
@@ -90,7 +90,7 @@ def _trace(
 def second_light(
     tree: Tree,
     camera: Camera,
-    finish: Finish,
+    surface: OpticalSurface,
     where_mm: NDArray[np.float64],
     rng: np.random.Generator,
     *,
@@ -118,12 +118,12 @@ def second_light(
     angles = camera.angles_rad()
     found = _trace(
         tree, y, np.tan(angles), camera.side * camera.base_mm, toss,
-        finish.mirror, finish.albedo, finish.gloss_slope,
+        surface.mirror, surface.albedo, surface.facet_slope,
     )  # fmt: skip
     matt = 0.6 * np.cos(camera.triangulation_rad) / np.pi
     range_0 = camera.working_distance_mm / np.cos(camera.triangulation_rad)
     lit = found[..., 3] > 0
-    sent = finish.towards(found[..., 4], found[..., 5], found[..., 6]) * found[..., 3]
+    sent = surface.towards(found[..., 4], found[..., 5], found[..., 6]) * found[..., 3]
     length = np.where(lit, found[..., 7], 1.0)
     z = np.where(lit, found[..., 2] - where_mm[:, 0, 2, None], camera.working_distance_mm)
     x = found[..., 0] - where_mm[:, 0, 0, None]

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from challenge.instrument.bounce import second_light
 from challenge.instrument.calibration import Calibration, CalibrationPlan, fit
 from challenge.instrument.camera import Camera
-from challenge.instrument.finish import Finish
 from challenge.instrument.frames import Faults, expose
 from challenge.instrument.motion import Motion
+from challenge.instrument.optical_surface import OpticalSurface
 from challenge.instrument.peaks import PeakFinder
 from challenge.instrument.rays import Tree, plant
 from challenge.instrument.sheet import LaserSheet
@@ -86,7 +86,7 @@ class Instrument:
     def rows_of(
         self,
         solid: Solid,
-        finish: Finish,
+        surface: OpticalSurface,
         path: Path,
         rng: np.random.Generator,
         *,
@@ -127,15 +127,15 @@ class Instrument:
             vertices = solid.vertices_mm @ to_sensor[:3, :3].T + to_sensor[:3, 3]
             tree = plant(vertices, solid.faces)
             cast = lay_out(
-                tree, true_start, self.sheet, self.camera, finish,
+                tree, true_start, self.sheet, self.camera, surface,
                 first_mm=first, last_mm=last, pitch_mm=path.pitch_mm,
             )  # fmt: skip
             casts[key] = tree, cast
         tree, cast = casts[key]
         stripes = cast.stripes.of(specimen, cast.part_mm)
         glow = None
-        if finish.mirror > 0:
-            glow = second_light(tree, self.camera, finish, where, rng)
+        if surface.mirror > 0:
+            glow = second_light(tree, self.camera, surface, where, rng)
         return expose(
             stripes,
             self.sheet,
@@ -145,7 +145,7 @@ class Instrument:
             where,
             begin + path.start_s,
             rng,
-            translucence_mm=finish.depth_mm,
+            translucence_mm=surface.depth_mm,
             glow=glow,
             keep=keep,
         )
@@ -162,7 +162,7 @@ class Instrument:
         stated = np.linspace(low - margin, high + margin, plan.heights)
         half_x = 1.2 * high * np.tan(self.camera.fov_rad / 2)
         pitch = 4 * self.sheet.waist_mm
-        finish = Finish()
+        surface = OpticalSurface()
         # calibrated standing still and before anything went wrong
         fresh = replace(self, faults=Faults(), sheet=replace(self.sheet, exposure_s=1e-5))
         rows, depths = [], []
@@ -177,7 +177,7 @@ class Instrument:
                 rate_hz=100.0, start_s=0.0,
             )  # fmt: skip
             row, _, _ = fresh.rows_of(
-                plate, finish, path, rng, specimen=int(rng.integers(2**31)) + k, moving=False
+                plate, surface, path, rng, specimen=int(rng.integers(2**31)) + k, moving=False
             )
             rows.append(row)
             depths.append(np.full(plan.frames, height))
@@ -187,7 +187,7 @@ class Instrument:
     def scan(
         self,
         solid: Solid,
-        finish: Finish,
+        surface: OpticalSurface,
         path: Path,
         rng: np.random.Generator,
         *,
@@ -206,7 +206,7 @@ class Instrument:
         misplaced : (4, 4), optional
             Small rigid error of where the part lies, part -> part.
         casts : dict, optional
-            One for all scans of this solid and finish by this sheet and camera.
+            One for all scans of this solid and surface by this sheet and camera.
 
         Returns
         -------
@@ -214,7 +214,7 @@ class Instrument:
         """
         assert self.calibration is not None, "calibrate the instrument first"
         row, peak, _ = self.rows_of(
-            solid, finish, path, rng, specimen=specimen, misplaced=misplaced, casts=casts
+            solid, surface, path, rng, specimen=specimen, misplaced=misplaced, casts=casts
         )
         depth = self.calibration.depth_mm(row)
         if self.faults.lost_share > 0:

@@ -30,7 +30,7 @@ def phases(
     part_mm : (n, 3)
         Points in the part frame; points of one cell of a micrometre share a phase.
     seed : int
-        Another seed is another specimen of the same finish.
+        Another seed is another specimen of the same surface.
 
     Returns
     -------

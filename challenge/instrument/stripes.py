@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from challenge.instrument.camera import Camera
-from challenge.instrument.finish import Finish
+from challenge.instrument.optical_surface import OpticalSurface
 from challenge.instrument.rays import Tree, nearest
 from challenge.instrument.sheet import LaserSheet
 from challenge.instrument.speckle import phases
@@ -145,7 +145,7 @@ def lay_out(
     to_part: NDArray[np.float64],
     sheet: LaserSheet,
     camera: Camera,
-    finish: Finish,
+    surface: OpticalSurface,
     *,
     first_mm: float,
     last_mm: float,
@@ -186,7 +186,7 @@ def lay_out(
     half = view + light
     half /= np.linalg.norm(half, axis=-1)[..., None]
     cos_in = np.einsum("gmi,mi->gm", normal, light)
-    sent = finish.towards(
+    sent = surface.towards(
         cos_in, np.einsum("gmi,gmi->gm", normal, view), np.einsum("gmi,gmi->gm", normal, half)
     )
     matt = 0.6 * cos(camera.triangulation_rad) / np.pi  # a white plate, reference of exposure
@@ -212,14 +212,14 @@ def lay_out(
 
     points = np.stack([x_fine, np.broadcast_to(y[:, None], x_fine.shape), z_fine], -1)
     part = points @ to_part[:3, :3].T + to_part[:3, 3]
-    power = power * finish.brightness(part)
-    if finish.relief_mm > 0:
-        rise = finish.relief(part)  # along the part's z, towards the sensor
+    power = power * surface.brightness(part)
+    if surface.relief_mm > 0:
+        rise = surface.relief(part)  # along the part's z, towards the sensor
         up = to_part[2, :3]  # the part's z in the sensor frame
         x_fine = x_fine + rise * up[0]
         z_fine = z_fine + rise * up[2]
     below = np.zeros((1, 1, 3), np.float32)
-    if finish.depth_mm > 0:
+    if surface.depth_mm > 0:
         ratio = 1 / _REFRACTION
         sine_2 = ratio**2 * (1 - np.clip(cos_in, 0, 1) ** 2)
         inward = (ratio * np.clip(cos_in, 0, 1) - np.sqrt(1 - sine_2))[..., None] * normal

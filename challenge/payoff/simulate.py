@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from challenge.cases.files import write_yaml
-from challenge.instrument.finish import Finish
+from challenge.instrument.optical_surface import OpticalSurface
 from challenge.payoff.specimens import Specimen, write_obj
 from challenge.sets.processes import ONE_CORE
 
@@ -46,7 +46,7 @@ def write_parts(folder: FilePath, specimens: list[Specimen]) -> None:
         write_obj(folder / f"part-{k:03d}.obj", specimen.solid)
 
 
-def write_artwork(file: FilePath, finish: Finish) -> None:
+def write_artwork(file: FilePath, surface: OpticalSurface) -> None:
     """Write a print's drawing, which the maker of the part has, as a picture."""
     from matplotlib.image import imsave
 
@@ -54,7 +54,7 @@ def write_artwork(file: FilePath, finish: Finish) -> None:
     x = (np.arange(columns) + 0.5) * _ART_PIXEL_MM - _ART_MM[0] / 2
     y = _ART_MM[1] / 2 - (np.arange(rows) + 0.5) * _ART_PIXEL_MM
     plane = np.stack([*np.meshgrid(x, y), np.zeros((rows, columns))], -1)
-    imsave(file, finish.brightness(plane), cmap="gray", vmin=0.0, vmax=1.0)
+    imsave(file, surface.brightness(plane), cmap="gray", vmin=0.0, vmax=1.0)
 
 
 def recipe(

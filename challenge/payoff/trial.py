@@ -107,9 +107,9 @@ def simulate(world: Ready, made: list[Specimen], folder: Path) -> dict[str, list
     for file in ("surface.yaml", "sensor.yaml", "diagnosed.yaml"):
         shutil.copyfile(folder / "diagnose" / file, there / file)
     artwork = None
-    if world.staged.on.finish.print_ratio != 1.0:
+    if world.staged.on.surface.albedo_ratio != 1.0:
         artwork = "artwork.png"
-        write_artwork(there / artwork, world.staged.on.finish)
+        write_artwork(there / artwork, world.staged.on.surface)
     columns = world.staged.on.device.camera.columns
     sensors = {"plain": "sensor.yaml", "diagnosed": "diagnosed.yaml"}
     return {

@@ -1,4 +1,4 @@
-"""The worlds: one physical switch of the instrument or the finish each, and what is scanned there.
+"""The worlds: one physical switch of the instrument or the surface each, and what is scanned there.
 
 A world is one part, one instrument and its setting. A stranger gets recordings of the clean part
 and what was written when the instrument was accepted: its file and two scans of a plate.
@@ -14,8 +14,8 @@ from challenge.cases import files
 from challenge.cases.case import PLATES, Secret, Staged, stage, write
 from challenge.cases.parts import plate
 from challenge.cases.seeds import child, number
-from challenge.instrument.finish import Finish
 from challenge.instrument.instrument import Path
+from challenge.instrument.optical_surface import OpticalSurface
 from challenge.payoff.specimens import Specimen, draw_path, make_specimen
 
 PROFILES = 120
@@ -105,7 +105,7 @@ def write_stranger(world: Ready, folder: FilePath) -> None:
     flat = plate(child(seed, "plate"))
     for name, path in zip(PLATES, world.staged.plates, strict=True):
         depth, bright = good.scan(
-            flat, Finish(), path, child(seed, "accepted", name),
+            flat, OpticalSurface(), path, child(seed, "accepted", name),
             specimen=number(seed, "accepted", name),
         )  # fmt: skip
         files.write_recording(folder / f"{name}.h5", depth, bright, path, name)
@@ -131,11 +131,11 @@ def specimen(world: Ready, purpose: str, k: int) -> Specimen:
 def scan(world: Ready, purpose: str, k: int, made: Specimen) -> NDArray[np.float32]:
     """Scan a specimen with the world's instrument; every specimen has its own surface."""
     on, seed = world.staged.on, world.secret.seed
-    finish = on.finish
-    if finish.relief_mm > 0:
-        finish = replace(finish, relief_seed=number(seed, "relief", purpose, str(k)))
+    surface = on.surface
+    if surface.relief_mm > 0:
+        surface = replace(surface, relief_seed=number(seed, "relief", purpose, str(k)))
     depth, _ = on.device.scan(
-        made.solid, finish, made.path, child(seed, "payoff noise", purpose, str(k)),
+        made.solid, surface, made.path, child(seed, "payoff noise", purpose, str(k)),
         specimen=number(seed, "payoff surface", purpose, str(k)),
     )  # fmt: skip
     return depth

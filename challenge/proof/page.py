@@ -253,7 +253,7 @@ def _show_instrument(scored: Scored, file: Path) -> None:
     device, path = world.device, world.scans.paths[0]
     assert device.calibration is not None
     row, brightness, frame = device.rows_of(
-        world.solid, world.finish, path, child(secret.seed, "picture"),
+        world.solid, world.surface, path, child(secret.seed, "picture"),
         specimen=number(secret.seed, "specimen"), misplaced=world.scans.misplaced[0],
         keep=path.profiles // 2,
     )  # fmt: skip

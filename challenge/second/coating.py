@@ -23,13 +23,13 @@ class Layer:
     Attributes
     ----------
     along_mm, deeper_mm : (k, m) displacement in the sensor's y and z
-    base, gloss : (k, m) factors on the light of the matt base, and of the surface's own lobe
+    base, specular : (k, m) factors on the light of the diffuse base, and of the specular lobe
     """
 
     along_mm: Floats
     deeper_mm: Floats
     base: Floats
-    gloss: Floats
+    specular: Floats
 
 
 class Coat(Protocol):
@@ -97,8 +97,8 @@ class Film:
         Mean thickness, its relative amplitude over the part, and over which length it varies.
     index
         Of refraction.
-    gloss
-        Share of the surface's own lobe that the outer interface keeps.
+    specular
+        Share of the surface's specular lobe that the outer interface keeps.
     wavelength_mm, coherence_mm
         Of the light: fringes fade where the layer's optical path is longer.
     mirror
@@ -109,7 +109,7 @@ class Film:
     unevenness: float = 0.0
     period_mm: float = 6.0
     index: float = 1.47
-    gloss: float = 1.0
+    specular: float = 1.0
     wavelength_mm: float = 4.5e-4
     coherence_mm: float = 0.02
     mirror: float = 0.1
@@ -140,9 +140,9 @@ class Film:
         passed = passed * self.fringes(thick, np.minimum(inward, 1.0))
         nothing = np.zeros_like(thick)
         base = Layer(along_mm=shift[..., 1] * way, deeper_mm=shift[..., 2] * way - rise,
-                     base=passed, gloss=nothing)  # fmt: skip
+                     base=passed, specular=nothing)  # fmt: skip
         outer = Layer(along_mm=nothing, deeper_mm=-rise, base=nothing,
-                      gloss=np.full_like(thick, self.gloss))  # fmt: skip
+                      specular=np.full_like(thick, self.specular))  # fmt: skip
         return [base, outer]
 
 
@@ -169,8 +169,9 @@ class Turbid:
         found = []
         for t, weight in zip(at, weights, strict=True):
             way = t * self.free_path_mm / path
+            on_top = np.full(way.shape, float(t == at[0]))
             found.append(
                 Layer(along_mm=shift[..., 1] * way, deeper_mm=shift[..., 2] * way,
-                      base=np.full(way.shape, weight), gloss=np.full(way.shape, float(t == at[0])))
+                      base=np.full(way.shape, weight), specular=on_top)
             )  # fmt: skip
         return found

@@ -12,12 +12,12 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Facets:
-    """Anisotropic Trowbridge-Reitz facets over a matt base (Heitz, JCGT 3(2), 2014).
+    """Anisotropic Trowbridge-Reitz facets over a diffuse base (Heitz, JCGT 3(2), 2014).
 
     Attributes
     ----------
     albedo
-        Of the matt base.
+        Of the diffuse base.
     mirror
         Reflectance of the facets.
     slope_along, slope_across
@@ -26,7 +26,7 @@ class Facets:
         Direction of the lay in the part's x-y plane.
     modes
         Independent speckle patterns that a cell averages: contrast is modes^-1/2.
-    print_ratio, print_period_mm, print_rad
+    albedo_ratio, albedo_period_mm, albedo_rad
         Printed stripes: their brightness against the ground, 1 for none.
     coat
         What lies over or in the surface.
@@ -40,9 +40,9 @@ class Facets:
     slope_across: float = 0.35
     lay_rad: float = 0.0
     modes: float = 12.0
-    print_ratio: float = 1.0
-    print_period_mm: float = 4.0
-    print_rad: float = 0.0
+    albedo_ratio: float = 1.0
+    albedo_period_mm: float = 4.0
+    albedo_rad: float = 0.0
     coat: Coat | None = None
     bounces: bool = False
 
@@ -61,7 +61,7 @@ class Facets:
     def towards(
         self, normal: Floats, lay: Floats, to_laser: Floats, to_camera: Floats
     ) -> tuple[Floats, Floats]:
-        """Radiance of the matt base and of the facets towards the camera.
+        """Radiance of the diffuse base and of the facets towards the camera.
 
         The points are lit with unit irradiance across the sheet.
 
@@ -78,17 +78,18 @@ class Facets:
         half = half / np.linalg.norm(half)
         along = lay @ half
         across = np.cross(normal, lay) @ half
-        gloss = self.mirror * self.density(normal @ half, along, across)
-        gloss = gloss / (4 * np.maximum(seen * lit, 0.05)) * lit
+        specular = self.mirror * self.density(normal @ half, along, across)
+        specular = specular / (4 * np.maximum(seen * lit, 0.05)) * lit
         shown = seen > 0.02
-        return np.where(shown, self.albedo / np.pi * lit, 0.0), np.where(shown, gloss, 0.0)
+        return np.where(shown, self.albedo / np.pi * lit, 0.0), np.where(shown, specular, 0.0)
 
-    def printed(self, points_mm: Floats) -> Floats:
+    def albedo_pattern(self, points_mm: Floats) -> Floats:
         """Relative brightness of points (..., 3) in the part frame."""
-        if self.print_ratio == 1.0:
+        if self.albedo_ratio == 1.0:
             return np.ones(points_mm.shape[:-1])
-        u = points_mm[..., 0] * np.cos(self.print_rad) + points_mm[..., 1] * np.sin(self.print_rad)
-        return np.where(np.mod(u / self.print_period_mm, 1.0) < 0.5, self.print_ratio, 1.0)
+        c, s = np.cos(self.albedo_rad), np.sin(self.albedo_rad)
+        u = points_mm[..., 0] * c + points_mm[..., 1] * s
+        return np.where(np.mod(u / self.albedo_period_mm, 1.0) < 0.5, self.albedo_ratio, 1.0)
 
     def speckle(self, shape: tuple[int, ...], rng: np.random.Generator) -> Floats:
         """Relative brightness of cells: gamma-distributed, mean 1 (Goodman, section 6)."""

@@ -67,15 +67,15 @@ def lit_cells(
     lay = np.array([np.cos(facets.lay_rad), np.sin(facets.lay_rad), 0.0]) @ start[:3, :3]
     lay = lay - (normal @ lay)[..., None] * normal
     lay = lay / np.maximum(np.linalg.norm(lay, axis=-1, keepdims=True), 1e-9)
-    base, gloss = facets.towards(normal, lay, np.array([0.0, 0.0, -1.0]), to_camera)
+    base, specular = facets.towards(normal, lay, np.array([0.0, 0.0, -1.0]), to_camera)
     grain = facets.speckle(depth.shape, np.random.default_rng([specimen, 2]))
-    shown = visible(depth, y, to_camera) * np.nan_to_num(facets.printed(points)) * grain
+    shown = visible(depth, y, to_camera) * np.nan_to_num(facets.albedo_pattern(points)) * grain
     if facets.coat is None:
-        whole = np.where(np.isfinite(depth), shown * (base + gloss), 0.0)
+        whole = np.where(np.isfinite(depth), shown * (base + specular), 0.0)
         return Lit(y_mm=y, layers=(Cells(along_mm=np.zeros_like(depth), z_mm=depth, bright=whole),))
     layers = []
     for layer in facets.coat.layers(normal, points, to_camera):
-        light = np.nan_to_num(shown * (base * layer.base + gloss * layer.gloss))
+        light = np.nan_to_num(shown * (base * layer.base + specular * layer.specular))
         layers.append(
             Cells(along_mm=np.nan_to_num(layer.along_mm), z_mm=depth + layer.deeper_mm,
                   bright=np.where(np.isfinite(depth), light, 0.0))

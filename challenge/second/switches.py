@@ -55,10 +55,10 @@ def _loose(world: World, size: float, rng: np.random.Generator) -> World:
     return replace(world, mounting=wrong)
 
 
-def _printed(world: World, size: float, rng: np.random.Generator) -> World:
+def _albedo_pattern(world: World, size: float, rng: np.random.Generator) -> World:
     facets = replace(
-        world.facets, print_ratio=0.2 / size**0.5, print_period_mm=float(rng.uniform(3, 5)),
-        print_rad=float(rng.uniform(0, np.pi)),
+        world.facets, albedo_ratio=0.2 / size**0.5, albedo_period_mm=float(rng.uniform(3, 5)),
+        albedo_rad=float(rng.uniform(0, np.pi)),
     )  # fmt: skip
     return replace(world, facets=facets)
 
@@ -167,7 +167,7 @@ SINGLE: dict[str, Fault] = {
         apply=changed("device", warmth=lambda d, s: replace(d.warmth, shift_mm=0.012 * s,
                                                             constant_s=90.0)),
         accept=("thermal_drift",), slow=True),
-    "printed stripes": Fault(apply=_printed, accept=("reflectance_edge",)),
+    "printed stripes": Fault(apply=_albedo_pattern, accept=("reflectance_edge",)),
     "long exposure": Fault(
         apply=_exposed, accept=("motion_blur",), rivals=("finite_spot", "edge_mixing"),
         shapes=STEPPED, parameters=_blurred),

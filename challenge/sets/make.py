@@ -166,7 +166,7 @@ def _make_one(root: str, name: str, secret: Secret) -> None:
     known["stated"] = {"effects": staged.effects, "noise_law": asdict(staged.noise_law)}
     world = staged.on
     known["switched"] = {
-        "finish": asdict(world.finish),
+        "surface": asdict(world.surface),
         "motion": asdict(world.device.motion),
         "faults": asdict(world.device.faults),
         "plan": asdict(world.device.plan),

@@ -11,10 +11,10 @@ from challenge.cases.devices import draw_instrument, draw_scans
 from challenge.cases.parts import SHAPES, solid_of
 from challenge.cases.switches import World
 from challenge.cases.truth import followed
-from challenge.instrument.finish import Finish
 from challenge.instrument.frames import Faults
 from challenge.instrument.instrument import Solid
 from challenge.instrument.motion import Motion
+from challenge.instrument.optical_surface import OpticalSurface
 from challenge.instrument.peaks import KINDS, locate
 from challenge.instrument.rays import nearest, plant
 from challenge.instrument.sheet import LaserSheet
@@ -86,7 +86,7 @@ def test_poor_calibration_leaves_a_bow(instrument):
     camera = replace(instrument.camera, smile=3.0)
     device = replace(instrument, plan=plan, camera=camera).calibrated(np.random.default_rng(5))
     depth, _ = device.scan(
-        strip(DISTANCE), Finish(), path(30, 0.4), np.random.default_rng(0), specimen=1
+        strip(DISTANCE), OpticalSurface(), path(30, 0.4), np.random.default_rng(0), specimen=1
     )
     bend = np.polyfit(np.linspace(-1, 1, 160), depth.mean(0), 2)[0]
     assert bend == pytest.approx(3.0 / camera.depth_to_row_slope(), rel=0.15)
@@ -98,7 +98,7 @@ def test_stretched_gauge_scales_the_range(instrument):
     read = []
     for z in (147.0, 153.0):
         depth, _ = device.scan(
-            strip(z), Finish(), path(30, 0.4), np.random.default_rng(0), specimen=1
+            strip(z), OpticalSurface(), path(30, 0.4), np.random.default_rng(0), specimen=1
         )
         read.append(depth.mean())
     assert (read[1] - read[0]) / 6.0 - 1 == pytest.approx(-2e-3, rel=0.25)
@@ -108,7 +108,7 @@ def test_vibration_moves_whole_rows(calibrated):
     motion = Motion(shake_mm=0.03, shake_hz=13.0)
     device = replace(calibrated, motion=motion)
     depth, _ = device.scan(
-        strip(DISTANCE), Finish(), path(100, 0.1), np.random.default_rng(0), specimen=1
+        strip(DISTANCE), OpticalSurface(), path(100, 0.1), np.random.default_rng(0), specimen=1
     )
     spectrum = np.abs(np.fft.rfft(depth.mean(1) - depth.mean()))
     assert np.argmax(spectrum) == 13
@@ -118,7 +118,7 @@ def test_vibration_moves_whole_rows(calibrated):
 def test_mounting_roll_tilts_a_plate(calibrated):
     device = replace(calibrated, motion=Motion(roll_rad=2e-3))
     depth, _ = device.scan(
-        strip(DISTANCE), Finish(), path(20, 0.4), np.random.default_rng(0), specimen=1
+        strip(DISTANCE), OpticalSurface(), path(20, 0.4), np.random.default_rng(0), specimen=1
     )
     x = DISTANCE * np.tan(calibrated.camera.angles_rad())
     # rotating the sensor by +roll about its y turns the plate by -roll under it: z rises with x
@@ -143,7 +143,7 @@ def test_second_bounce_lands_beside_the_line_in_a_groove(calibrated):
     for mirror in (0.0, 0.5):
         depth, _ = device.scan(
             groove,
-            Finish(mirror=mirror, gloss_slope=0.1),
+            OpticalSurface(mirror=mirror, facet_slope=0.1),
             where,
             np.random.default_rng(0),
             specimen=1,
@@ -152,13 +152,15 @@ def test_second_bounce_lands_beside_the_line_in_a_groove(calibrated):
     assert error[1] > 3 * error[0]
 
 
-def test_printed_stripes_shift_the_line_at_their_edges(calibrated):
-    finish = Finish(print_ratio=0.2, print_period_mm=2.0, print_angle_rad=pi / 2, print_share=0.5)
+def test_stripes_of_albedo_shift_the_line_at_their_edges(calibrated):
+    surface = OpticalSurface(
+        albedo_ratio=0.2, albedo_period_mm=2.0, albedo_angle_rad=pi / 2, albedo_share=0.5
+    )
     where = path(40, 0.05)
     total = []
     for specimen in range(6):
         depth, _ = calibrated.scan(
-            strip(DISTANCE), finish, where, np.random.default_rng(0), specimen=specimen
+            strip(DISTANCE), surface, where, np.random.default_rng(0), specimen=specimen
         )
         total.append(depth.mean(1) - DISTANCE)
     mean = np.mean(total, 0)
@@ -169,15 +171,16 @@ def test_printed_stripes_shift_the_line_at_their_edges(calibrated):
 
 
 def test_faults_reach_the_file(calibrated):
-    where = path(40, 0.4)
-    clean, _ = calibrated.scan(
-        strip(DISTANCE), Finish(), where, np.random.default_rng(0), specimen=1
-    )
-    spiky = replace(calibrated, faults=Faults(spikes=0.02))
-    depth, _ = spiky.scan(strip(DISTANCE), Finish(), where, np.random.default_rng(0), specimen=1)
+    def read(device):
+        depth, _ = device.scan(
+            strip(DISTANCE), OpticalSurface(), path(40, 0.4), np.random.default_rng(0), specimen=1
+        )
+        return depth
+
+    clean = read(calibrated)
+    depth = read(replace(calibrated, faults=Faults(spikes=0.02)))
     assert 0.002 < np.mean(~(np.abs(depth - DISTANCE) < 0.2)) < 0.025
-    lost = replace(calibrated, faults=Faults(lost_share=0.1))
-    depth, _ = lost.scan(strip(DISTANCE), Finish(), where, np.random.default_rng(0), specimen=1)
+    depth = read(replace(calibrated, faults=Faults(lost_share=0.1)))
     assert np.isnan(depth).mean() == pytest.approx(0.1, abs=0.03)
     assert not np.isnan(clean).any()
 
@@ -185,7 +188,7 @@ def test_faults_reach_the_file(calibrated):
 def test_fixed_rng_fixed_recording(calibrated):
     def scan():
         return calibrated.scan(
-            strip(DISTANCE), Finish(), path(5, 0.4), np.random.default_rng(7), specimen=1
+            strip(DISTANCE), OpticalSurface(), path(5, 0.4), np.random.default_rng(7), specimen=1
         )
 
     for one, two in zip(scan(), scan(), strict=True):
@@ -197,7 +200,7 @@ def test_a_longer_exposure_is_followed_by_the_way_to_its_middle():
     scans = draw_scans(np.random.default_rng(2), device)
     block = solid_of(SHAPES["terraces"](np.random.default_rng(3)))
     world = World(
-        device=device, finish=Finish(), solid=block, nominal=block, scans=scans, seed=0
+        device=device, surface=OpticalSurface(), solid=block, nominal=block, scans=scans, seed=0
     )  # fmt: skip
     path = scans.paths[1]
     exposure = device.sheet.exposure_s + 4.0 / path.rate_hz

@@ -6,8 +6,8 @@ from math import atan, cos, exp, hypot, pi, radians, sin, sqrt, tan
 import numpy as np
 import pytest
 
-from challenge.instrument.finish import Finish
 from challenge.instrument.instrument import Solid
+from challenge.instrument.optical_surface import OpticalSurface
 from challenge.instrument.stripes import spacings
 from tests.support.optical_targets import DISTANCE, path, strip
 
@@ -26,7 +26,7 @@ def speckle_sd_mm(faultless, waist, sin_u, column_pitch, columns=120):
     )
     device = replace(faultless, camera=camera, sheet=replace(faultless.sheet, waist_mm=waist))
     row, _, _ = device.rows_of(
-        strip(DISTANCE), Finish(), path(40, 8 * waist), np.random.default_rng(0), specimen=3
+        strip(DISTANCE), OpticalSurface(), path(40, 8 * waist), np.random.default_rng(0), specimen=3
     )
     return float(np.nanstd(row - np.nanmean(row, 0))) / camera.depth_to_row_slope()
 
@@ -59,7 +59,7 @@ def test_speckle_grows_with_line_width_and_falls_with_aperture(faultless, waist,
 def test_speckle_belongs_to_the_surface(calibrated):
     def scan(specimen, noise):
         return calibrated.scan(
-            strip(DISTANCE), Finish(), path(20, 0.1), np.random.default_rng(noise),
+            strip(DISTANCE), OpticalSurface(), path(20, 0.1), np.random.default_rng(noise),
             specimen=specimen,
         )[0]  # fmt: skip
 
@@ -78,7 +78,7 @@ def test_half_covered_line_is_drawn_to_the_lit_half(faultless, side):
         # the edge at every place between two sub-lines, about the line's middle on average
         edge = strip(DISTANCE, end_y=(specimen % 4 - 1.5) / 4 * spacing)
         row, _, _ = device.rows_of(
-            edge, Finish(), path(21, 0.05, start_y=-1.0), np.random.default_rng(0),
+            edge, OpticalSurface(), path(21, 0.05, start_y=-1.0), np.random.default_rng(0),
             specimen=specimen,
         )  # fmt: skip
         whole.append(row[0].mean())
@@ -107,8 +107,9 @@ def test_pixel_locking(faultless, sigma_rows, within):
     for k in range(16):
         z = DISTANCE + k / 8 / camera.depth_to_row_slope()
         row, _, _ = device.rows_of(
-            strip(z), Finish(), path(12, 8 * waist), np.random.default_rng(0), specimen=3 + k
-        )
+            strip(z), OpticalSurface(), path(12, 8 * waist), np.random.default_rng(0),
+            specimen=3 + k,
+        )  # fmt: skip
         truth.append(camera.row_of(np.zeros(1), np.zeros(1), np.array([z]))[0])
         error.append(np.nanmean(row) - truth[-1])
     phase = 2 * pi * np.array(truth)
@@ -136,7 +137,7 @@ def test_shadow_beside_a_step(calibrated, side):
         faces = faces[:, ::-1]
     depth, _ = device.scan(
         Solid(vertices_mm=corners, faces=faces),
-        Finish(),
+        OpticalSurface(),
         path(80, pitch, start_y=-2.0),
         np.random.default_rng(0),
         specimen=1,
@@ -155,7 +156,7 @@ def test_no_bias_on_a_tilted_plane(calibrated, slope):
     run = slope * (-1.5 + 0.1 * np.arange(30))[:, None]
     for specimen in range(4):
         rng = np.random.default_rng(0)
-        args = (Finish(), where, rng)
+        args = (OpticalSurface(), where, rng)
         flat.append(calibrated.scan(strip(DISTANCE), *args, specimen=specimen)[0] - DISTANCE)
         depth, _ = calibrated.scan(strip(DISTANCE, slope_y=slope), *args, specimen=specimen)
         tilted.append(depth - DISTANCE - run)

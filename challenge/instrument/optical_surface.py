@@ -1,4 +1,4 @@
-"""The surface's finish: brightness map, matt and glossy share, translucence, micro relief."""
+"""The surface as light meets it: albedo pattern, specular lobe, translucence, micro relief."""
 
 from dataclasses import dataclass
 
@@ -8,19 +8,19 @@ from scipy.ndimage import map_coordinates
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Finish:
-    """What the light meets.
+class OpticalSurface:
+    """What light does at the surface.
 
     Attributes
     ----------
-    albedo, gloss, gloss_slope
-        Matt reflectance; strength of the glossy lobe relative to a white plate; rms slope of
+    albedo, specular, facet_slope
+        Diffuse reflectance; strength of the specular lobe relative to a white plate; rms slope of
         its facets (Beckmann).
     mirror
-        Share of the light that goes on to a second surface along the glossy lobe (the matt
+        Share of the light that goes on to a second surface along the specular lobe (the diffuse
         share follows from `albedo`); 0 switches the second bounce off.
-    print_ratio, print_period_mm, print_angle_rad, print_share
-        Printed stripes: reflectance of the dark ones relative to the bright ones, period,
+    albedo_ratio, albedo_period_mm, albedo_angle_rad, albedo_share
+        Stripes of albedo: reflectance of the dark ones relative to the bright ones, period,
         direction in the part's x-y plane, share of dark.
     depth_mm
         Mean path of the light below the surface before it turns (0: opaque).
@@ -30,13 +30,13 @@ class Finish:
     """
 
     albedo: float = 0.6
-    gloss: float = 0.0
-    gloss_slope: float = 0.15
+    specular: float = 0.0
+    facet_slope: float = 0.15
     mirror: float = 0.0
-    print_ratio: float = 1.0
-    print_period_mm: float = 4.0
-    print_angle_rad: float = 0.3
-    print_share: float = 0.4
+    albedo_ratio: float = 1.0
+    albedo_period_mm: float = 4.0
+    albedo_angle_rad: float = 0.3
+    albedo_share: float = 0.4
     depth_mm: float = 0.0
     relief_mm: float = 0.0
     relief_x_mm: float = 0.1
@@ -45,13 +45,13 @@ class Finish:
     relief_seed: int = 0
 
     def brightness(self, part_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Reflectance relative to the bright finish at points (..., 3) of the part frame."""
-        if self.print_ratio == 1.0:
+        """Reflectance relative to the bright stripes at points (..., 3) of the part frame."""
+        if self.albedo_ratio == 1.0:
             return np.ones(part_mm.shape[:-1])
-        along = part_mm[..., 0] * np.cos(self.print_angle_rad)
-        along = along + part_mm[..., 1] * np.sin(self.print_angle_rad)
-        dark = np.mod(along / self.print_period_mm, 1.0) < self.print_share
-        return np.where(dark, self.print_ratio, 1.0)
+        along = part_mm[..., 0] * np.cos(self.albedo_angle_rad)
+        along = along + part_mm[..., 1] * np.sin(self.albedo_angle_rad)
+        dark = np.mod(along / self.albedo_period_mm, 1.0) < self.albedo_share
+        return np.where(dark, self.albedo_ratio, 1.0)
 
     def relief(self, part_mm: NDArray[np.float64]) -> NDArray[np.float64]:
         """Height of the micro relief in mm at points (..., 3) of the part frame."""
@@ -94,11 +94,11 @@ class Finish:
         """
         seen = (cos_in > 0) & (cos_out > 0)
         out = self.albedo * np.maximum(cos_out, 0) / np.pi
-        if self.gloss > 0:
+        if self.specular > 0:
             cos_h = np.clip(cos_half, 1e-3, 1.0)
             tan_2 = 1 / cos_h**2 - 1
-            lobe = np.exp(-tan_2 / self.gloss_slope**2) / (
-                np.pi * self.gloss_slope**2 * cos_h**4
+            lobe = np.exp(-tan_2 / self.facet_slope**2) / (
+                np.pi * self.facet_slope**2 * cos_h**4
             )
-            out = out + self.gloss * lobe / (4 * np.maximum(cos_in, 0.05))
+            out = out + self.specular * lobe / (4 * np.maximum(cos_in, 0.05))
         return np.where(seen, out, 0.0)
