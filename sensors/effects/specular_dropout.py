@@ -109,8 +109,8 @@ class SpecularDropout(Effect):
     def changed(self, law: Law, view: View) -> Law:
         """Add the probability of a missing reading, and the centroid bias towards lit parts."""
         if self.kind == "weak" and view.datasheet.line_width_um is not None:
-            lean, signal = self._lit(view)
-            law = law.biased(self.share * lean)
+            bias, signal = self._lit(view)
+            law = law.biased(self.share * bias)
         else:
             signal = self._signal(view)
         with np.errstate(divide="ignore"):
@@ -126,13 +126,13 @@ class SpecularDropout(Effect):
         larger change counts where one is brighter, and the smaller signal where none is.
         """
         across = float(line_sd_mm(view, None, None))
-        lean, signal = self._lit_along(view, across, "y", 1e-3 * view.sensor.beam.merge_um)
+        bias, signal = self._lit_along(view, across, "y", 1e-3 * view.sensor.beam.merge_um)
         along = 1e-3 * view.sensor.beam.along_um
         if along:
             further, other = self._lit_along(view, along, "x", None)
-            lean = lean + further
+            bias = bias + further
             signal = np.fmax(signal + other - self._signal(view), np.fmin(signal, other))
-        return lean, signal
+        return bias, signal
 
     def _lit_along(
         self, view: View, sd_mm: float, axis: str, merge_mm: float | None

@@ -151,7 +151,7 @@ def read_line(
             None if within_mm is None else _of_rows(within_mm.T, part).T,
             [_of_rows(w, part) if isinstance(w, np.ndarray) else w for w in weights],
             axis=axis,
-            lean=1.0 / place if camera and place is not None else 0.0,
+            cot_per_mm=1.0 / place if camera and place is not None else 0.0,
             seen_from=place if visible else None,
             intensity=_intensity_rows(view, part) if brightness else None,
             brightness=brightness,
@@ -185,7 +185,7 @@ def _read_rows(
     weights: list[Floats | float],
     *,
     axis: str,
-    lean: float,
+    cot_per_mm: float,
     seen_from: float | None,
     intensity: IntensityAt | None,
     brightness: bool,
@@ -218,7 +218,7 @@ def _read_rows(
                 last_depth,
                 sub.valid if seen_from is None else sub.visible_from(seen_from),
                 np.broadcast_to(np.abs(eta - last_offset), n),
-                np.broadcast_to(lean * (eta if within is None else within[k]), n),
+                np.broadcast_to(cot_per_mm * (eta if within is None else within[k]), n),
                 np.atleast_2d(np.asarray(weights[k], dtype=np.float64)),
                 light,
             )
@@ -279,18 +279,18 @@ def centroid_bias_mm(
     Parameters
     ----------
     along_mm : standard deviation of a reading's footprint along the line
-    creases : only where the line bends, not at what is printed on a face
+    creases : only where the line bends, not at an albedo pattern on a face
     """
     # what is known of the part itself is sharper than a recording, which its own line blurred
-    printed = view.reflectance is not None and not creases
-    line = bright_line(view, sd_mm, partial(_printed, along_mm=along_mm) if printed else None)
-    leans = line.whole & (line.light > 0)
+    drawn = view.reflectance is not None and not creases
+    line = bright_line(view, sd_mm, partial(_albedo, along_mm=along_mm) if drawn else None)
+    biased = line.whole & (line.light > 0)
     if creases:
-        leans &= np.abs(line.spot_mm - view.depth_mm) > BENT * sd_mm
-    return np.where(leans, line.depth_mm - line.even_mm, 0.0)
+        biased &= np.abs(line.spot_mm - view.depth_mm) > BENT * sd_mm
+    return np.where(biased, line.depth_mm - line.even_mm, 0.0)
 
 
-def _printed(view: View, *, along_mm: float) -> Floats:
+def _albedo(view: View, *, along_mm: float) -> Floats:
     """Brightness of the part itself, averaged over the footprint along the line, (n, m).
 
     A border that runs askew crosses a wide footprint little by little.
@@ -314,11 +314,14 @@ def _add(
     last: Floats,
     counted: NDArray[np.bool_],
     gap: Floats,
-    lean: Floats,
+    oblique: Floats,
     weight: Floats,
     bright: Floats,
 ) -> None:
-    """Add one sub-line to the sums that `_located` names."""
+    """Add one sub-line to the sums that `_located` names.
+
+    A sub-line off the laser's plane by η reads deeper by z · `oblique`, oblique = κ η / b.
+    """
     n, m = depth.shape
     for i in range(n):
         steepest = STEEPEST * gap[i]
@@ -336,14 +339,14 @@ def _add(
             if here:
                 sums[4, i, j] += w
                 sums[5, i, j] += w * z
-                sums[6, i, j] += w * z * (1.0 + lean[i])
+                sums[6, i, j] += w * z * (1.0 + oblique[i])
             if not seen:
                 continue
             light = w * bright[bi, j if bright.shape[1] > 1 else 0]
             if not light > 0.0:
                 continue
             k = 0 if here else 2
-            read = z * (1.0 + lean[i])
+            read = z * (1.0 + oblique[i])
             sums[k, i, j] += light
             sums[k + 1, i, j] += light * read
             sums[8 + k // 2, i, j] += light * read * read
