@@ -9,7 +9,7 @@ import numpy as np
 from challenge.baseline.features import features
 from challenge.judging.score import SWITCHES
 from challenge.judging.side_answers import BOOSTED
-from challenge.sets.sealed import write_whole
+from challenge.sets.sealed import commitments_of, write_whole
 
 MATCH = "match"
 """Class of recordings that the nominal model explains."""
@@ -54,7 +54,7 @@ def baseline(out: Path, train: Path) -> int:
                    if len({r[n] for r in rows if np.isfinite(r.get(n, np.nan))}) > 1)  # fmt: skip
     trees = HistGradientBoostingClassifier(early_stopping=False, random_state=0, **TREES)
     trees.fit(_table(rows, names), labels)
-    for case in sorted(json.loads((out / "commitments.json").read_text())["cases"]):
+    for case in sorted(commitments_of(out)["cases"]):
         seen = _kept(out / "cases" / case, out / BOOSTED / case / "features.json")
         chances = trees.predict_proba(_table([seen], names))[0]
         said = _answer(dict(zip(trees.classes_, map(float, chances), strict=True)))

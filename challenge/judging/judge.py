@@ -19,21 +19,12 @@ from challenge.judging.score import Score, judge_case
 from challenge.judging.side_answers import boosted, further, held, none_of_these
 from challenge.runs.measure import WAYS
 from challenge.sets.populations import VALIDATION, needs_aggregate
-from challenge.sets.sealed import commitment
+from challenge.sets.sealed import commitment, commitments_of
 
 
 def population_of(out: Path) -> str:
-    """Name of the population that a set belongs to.
-
-    Raises
-    ------
-    ValueError
-        Where the folder holds no finished set.
-    """
-    file = out / "commitments.json"
-    if not file.exists():
-        raise ValueError(f"{out} has no commitments.json: finish `challenge make` first")
-    return str(json.loads(file.read_text()).get("population", VALIDATION.name))
+    """Name of the population that a set belongs to."""
+    return str(commitments_of(out).get("population", VALIDATION.name))
 
 
 def judge(out: Path, *, partial: bool = False, aggregate: bool = False) -> dict[str, Any]:
@@ -59,7 +50,7 @@ def judge(out: Path, *, partial: bool = False, aggregate: bool = False) -> dict[
         When a seal is broken or the set is not complete, or where a set of a test population is
         to be judged case by case.
     """
-    public = json.loads((out / "commitments.json").read_text())
+    public = commitments_of(out)
     population = population_of(out)
     if needs_aggregate(population) and not aggregate:
         raise ValueError(f"{out} is a test set: it is judged with --aggregate only")

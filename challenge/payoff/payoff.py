@@ -43,7 +43,8 @@ def payoff(
     names = worlds if worlds else list(WORLDS)
     unknown = sorted(set(names) - set(WORLDS))
     if unknown:
-        raise ValueError(f"no world {', '.join(unknown)}; there are {', '.join(WORLDS)}")
+        allowed = ", ".join(WORLDS)
+        raise ValueError(f"--world: unknown, got {', '.join(unknown)}; allowed: {allowed}")
     effort = SMALL if small else Effort()
     out.mkdir(parents=True, exist_ok=True)
     plan_file = out / "plan.json"

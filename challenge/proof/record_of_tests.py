@@ -31,7 +31,7 @@ def enter(file: Path, *, reason: str, commit: str, lines: Sequence[str]) -> None
         Where no reason is given.
     """
     if not reason.strip():
-        raise ValueError("--reason: a test run is entered with its reason; value ''")
+        raise ValueError("--reason: missing; a test run is entered with its reason")
     before = file.read_text(encoding="utf-8") if file.exists() else _HEAD
     day = datetime.datetime.now(tz=datetime.UTC).date().isoformat()
     entry = ["", f"## {day}, {commit}", "", reason.strip(), "", *lines, ""]

@@ -18,7 +18,7 @@ from challenge.runs import scans
 from challenge.runs.scans import Change
 from challenge.second import case as second
 from challenge.second.world import placed
-from challenge.sets.sealed import MESHES, write_whole
+from challenge.sets.sealed import MESHES, commitments_of, write_whole
 
 RANKED, RANDOM = "ranked", "random"
 WAYS = (RANKED, RANDOM)
@@ -46,8 +46,7 @@ def measure(out: Path) -> int:
     int
         0, or 1 where some answers propose no scan: they count as undecided.
     """
-    if not (out / "commitments.json").exists():
-        raise ValueError(f"{out} has no commitments.json: finish `challenge make` first")
+    commitments_of(out)
     made = silent = 0
     for key in sorted((out / "keys").glob("*.key.json")):
         name = key.name.removesuffix(".key.json")

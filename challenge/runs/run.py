@@ -20,7 +20,7 @@ from challenge.baseline.shuffle import SHUFFLED, shuffle
 from challenge.runs.measure import CHANGE, WAYS, folder
 from challenge.runs.measure import answers as answers_of
 from challenge.sets.processes import ONE_CORE
-from challenge.sets.sealed import write_whole
+from challenge.sets.sealed import commitments_of, write_whole
 
 KEPT = ("diagnosis.json", "mismatch.h5", "sensor.yaml")
 
@@ -42,17 +42,14 @@ def run(
     int
         0, or 1 when the diagnosis failed on some cases (they count against it).
     """
-    sealed = out / "commitments.json"
-    if not sealed.exists():
-        raise ValueError(f"{out} has no commitments.json: finish `challenge make` first")
-    names = sorted(json.loads(sealed.read_text())["cases"])
+    names = sorted(commitments_of(out)["cases"])
     answers = out / (SHUFFLED if shuffled else "answers")
     cases = out / "cases"
     if shuffled:
         names = names[:shuffled]
     if measured is not None:
         if measured not in WAYS:
-            raise ValueError(f"--measured: value {measured!r}; allowed: {', '.join(WAYS)}")
+            raise ValueError(f"--measured: unknown, got {measured!r}; allowed: {', '.join(WAYS)}")
         cases, answers = folder(out, measured), answers_of(out, measured)
         names = [name for name in names if (cases / name / CHANGE).exists()]
     answers.mkdir(exist_ok=True)

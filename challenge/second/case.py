@@ -100,7 +100,7 @@ def stage(secret: Secret, meshes: Path | None = None) -> Staged:
     """
     if secret.shape.startswith(MARK):
         if meshes is None:
-            raise ValueError(f"meshes: needed for the part; value none; {secret.shape}")
+            raise ValueError(f"part {secret.shape}: needs the set's meshes")
         shape = solid_of_file(meshes / secret.shape.removeprefix(MARK))
     else:
         shape = solid_of(SHAPES[secret.shape](child(secret.seed, "part")))

@@ -32,7 +32,7 @@ def files(folder: Path) -> list[Path]:
     """
     found = [p for p in sorted(folder.iterdir()) if p.suffix.lower() in KINDS and _fit(p)]
     if not found:
-        raise ValueError(f"--meshes: no closed mesh; value {folder}; allowed: {', '.join(KINDS)}")
+        raise ValueError(f"--meshes: no closed mesh in {folder}; allowed: {', '.join(KINDS)}")
     return found
 
 
@@ -66,7 +66,7 @@ def solid_of_file(file: Path) -> Solid:
         Where the file is none, or its mesh isn't closed.
     """
     if not file.exists() or not _closed(file):
-        raise ValueError(f"mesh: not a closed mesh; value {file.name}")
+        raise ValueError(f"{file.name}: not a closed mesh")
     mesh = trimesh.load_mesh(file)
     vertices, extents = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.extents)
     order = np.argsort(extents)[::-1]  # longest along x, shortest up

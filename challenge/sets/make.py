@@ -72,7 +72,7 @@ def make(
         population = TEST.name if family == "second" else VALIDATION.name
     needs_aggregate(population)
     if meshes is not None and family != "second":
-        raise ValueError(f"--meshes: of the second family; value --family {family}")
+        raise ValueError(f"--meshes: needs --family second, got {family!r}")
     (out / "cases").mkdir(parents=True, exist_ok=True)
     (out / "keys").mkdir(exist_ok=True)
     master_file = out / "keys" / "master.json"

@@ -52,5 +52,5 @@ def needs_aggregate(population: str) -> bool:
     """
     if population not in POPULATIONS:
         allowed = ", ".join(POPULATIONS)
-        raise ValueError(f"population: no such one; value {population!r}; allowed: {allowed}")
+        raise ValueError(f"population: unknown, got {population!r}; allowed: {allowed}")
     return population == TEST.name

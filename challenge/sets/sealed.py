@@ -71,7 +71,7 @@ def counts_of(cases: int) -> dict[str, int]:
         Where there are fewer cases than kinds.
     """
     if cases < LEAST:
-        raise ValueError(f"--cases: too few; value {cases}; allowed: {LEAST} or more")
+        raise ValueError(f"--cases: too few, got {cases}; allowed: {LEAST} or more")
     whole = sum(FULL.values())
     counts = {kind: max(1, cases * n // whole) for kind, n in FULL.items()}
     behind = sorted(FULL, key=lambda kind: counts[kind] - cases * FULL[kind] / whole)
@@ -98,7 +98,7 @@ def draw(
     if family == "second":
         return _draw_second(master, counts, meshes)
     if family != "first":
-        raise ValueError(f"family: no such one; value {family!r}; allowed: first, second")
+        raise ValueError(f"--family: unknown, got {family!r}; allowed: first, second")
     rng = child(master, "set")
     wanted: list[tuple[str, tuple[str, ...]]] = [("null", ())] * counts["null"]
     names = list(rng.permutation(list(SINGLE)))
@@ -215,6 +215,20 @@ def seal(secret: Secret, facts: dict[str, Any]) -> tuple[bytes, str, str]:
     key = json.dumps({"secret": asdict(secret), "facts": facts}, sort_keys=True).encode()
     nonce = secrets.token_hex(32)
     return key, nonce, commitment(nonce, key)
+
+
+def commitments_of(out: Path) -> dict[str, Any]:
+    """Read what was committed to when a set was made.
+
+    Raises
+    ------
+    ValueError
+        Where the folder holds no finished set.
+    """
+    file = out / "commitments.json"
+    if not file.exists():
+        raise ValueError(f"{out} has no commitments.json: finish `challenge make` first")
+    return dict(json.loads(file.read_text()))
 
 
 def commitment(nonce: str, key: bytes) -> str:

@@ -3,60 +3,127 @@
 import argparse
 from pathlib import Path
 
+EPILOG = """\
+Order of the steps: make (or calibrate), run, measure, run --measured, judge. A step that was
+stopped continues where it stopped. `flawforge challenge STEP --help` describes each.
+
+example:
+  flawforge challenge make --out out/proof --jobs 2
+  flawforge challenge run out/proof --jobs 2
+  flawforge challenge measure out/proof
+  flawforge challenge judge out/proof --write docs/proof.md
+  flawforge challenge payoff --out out/payoff --write docs/payoff.md
+"""
+STEPS = {
+    "make": (
+        "draw, render and seal a set of cases",
+        "Draws cases, renders their recordings with an instrument of its own, and writes\n"
+        "DIR/cases/ (what a diagnosis gets), DIR/keys/ (what is hidden) and\n"
+        "DIR/commitments.json (SHA-256 of each key with a nonce, and of each file).",
+    ),
+    "calibrate": (
+        "make the open population that may set the scales of a diagnosis",
+        "Makes sets of recordings whose causes are open: nulls, and sets with one effect. Only\n"
+        "they may set numbers of the diagnosis. DIR/population.json lists them.",
+    ),
+    "run": (
+        "diagnose each case in a process and a folder without its key",
+        "Runs `flawforge diagnose` on each case of SET. The process sees a copy of the case's\n"
+        "files and no key. Answers are in SET/answers/. Exit code 1 where a diagnosis failed or\n"
+        "took too long; the case counts as answered wrong.",
+    ),
+    "measure": (
+        "make the scan that each answer proposes first, and a random scan",
+        "Adds a scan to each case that one recording cannot decide: the first of the answer's\n"
+        "proposals (ranked), and for comparison a random one (random). Both are written below\n"
+        "SET/measured/; `run --measured` diagnoses them. Exit code 1 where an answer proposes\n"
+        "no scan.",
+    ),
+    "baseline": (
+        "answer a set by a gradient-boosted classifier on figures of residuals",
+        "Trains a classifier on the population of `calibrate` and answers each case of SET.",
+    ),
+    "regions": (
+        "draw the true regions of an answered set again",
+        "Renders each case of SET again from its key: the region where it departs, and regions\n"
+        "from other draws of the speckle. Their overlap is the largest that an answer can reach.",
+    ),
+    "judge": (
+        "open the keys, check the seals, score the answers",
+        "Checks each key and file against commitments.json, scores the answers and prints the\n"
+        "scoreboard. A test set is judged in aggregate only; its run is entered with --record\n"
+        "and --reason.",
+    ),
+    "payoff": (
+        "train a flaw segmenter on nominal and on diagnosed simulation, test both on sealed scans",
+        "Compares a flaw segmenter trained on the nominal simulation with one trained on the\n"
+        "simulation that a diagnosis corrected, in several worlds, on sealed scans.",
+    ),
+}
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's steps and options to a parser."""
-    parser.epilog = (
-        "example:\n"
-        "  flawforge challenge make --out out/proof --jobs 2\n"
-        "  flawforge challenge run out/proof --jobs 2\n"
-        "  flawforge challenge measure out/proof\n"
-        "  flawforge challenge judge out/proof --write docs/proof.md\n"
-        "  flawforge challenge payoff --out out/payoff --write docs/payoff.md"
-    )
+    parser.epilog = EPILOG
     steps = parser.add_subparsers(dest="step", metavar="STEP", required=True)
-    make = steps.add_parser("make", help="draw, render and seal a set of cases")
-    make.add_argument("--out", type=Path, required=True, help="folder of the set")
-    make.add_argument(
-        "--seed", type=int, help="master seed (default: the operating system's entropy)"
+    at = {
+        name: steps.add_parser(
+            name, help=words, description=f"{words[0].upper()}{words[1:]}.\n\n{more}",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        for name, (words, more) in STEPS.items()
+    }  # fmt: skip
+    for name in ("make", "calibrate", "payoff"):
+        at[name].add_argument("--out", type=Path, required=True, metavar="DIR", help="folder")
+    for name in ("run", "measure", "baseline", "regions"):
+        at[name].add_argument("set", type=Path, metavar="SET", help="folder of a set")
+    for name in ("make", "calibrate", "run", "regions", "payoff"):
+        at[name].add_argument("--jobs", type=int, default=1, metavar="N",
+                              help="processes (default 1)")  # fmt: skip
+    for name in ("make", "payoff"):
+        at[name].add_argument("--seed", type=int, metavar="N",
+                              help="master seed (default: from the operating system)")  # fmt: skip
+    _add_sets(at["make"], at["calibrate"])
+    _add_answers(at["run"], at["baseline"])
+    _add_judge(at["judge"])
+    payoff = at["payoff"]
+    payoff.add_argument("--small", action="store_true", help="few specimens: a try, no result")
+    payoff.add_argument(
+        "--world", action="append", metavar="NAME", help="a world; may be repeated (default: all)"
     )
+    payoff.add_argument("--write", type=Path, metavar="FILE.md", help="page to write")
+
+
+def _add_sets(make: argparse.ArgumentParser, calibrate: argparse.ArgumentParser) -> None:
     make.add_argument(
-        "--cases", type=int, metavar="N", help="how many, in the same proportions (default 160)"
-    )
-    make.add_argument("--jobs", type=int, default=1, help="processes (default 1)")
-    make.add_argument(
-        "--population", metavar="NAME",
-        help="calibration, validation or test, which is judged in aggregate only (default: "
-        "validation for the first family, test for the second)",
+        "--cases", type=int, metavar="N", help="number of cases, all kinds in proportion "
+        "(default 160)",
     )  # fmt: skip
     make.add_argument(
-        "--family", default="first", metavar="NAME", help="of instruments: first or second"
-    )
+        "--family", default="first", metavar="NAME",
+        help="family of instruments: first or second (default first)",
+    )  # fmt: skip
+    make.add_argument(
+        "--population", metavar="NAME",
+        help="calibration, validation or test (default: validation for the first family, test "
+        "for the second)",
+    )  # fmt: skip
     make.add_argument(
         "--meshes", type=Path, metavar="DIR",
         help="closed CAD meshes (STL, PLY, OBJ) among the second family's parts",
     )  # fmt: skip
-    calibrate = steps.add_parser(
-        "calibrate", help="make the opened population that may set a diagnosis's scales"
-    )
     calibrate.add_argument(
-        "--out", type=Path, required=True, help="folder; a run that was stopped goes on there"
-    )
-    calibrate.add_argument(
-        "--nulls", type=int, default=30, help="sets of the good instrument (default 30)"
+        "--nulls", type=int, default=30, metavar="N", help="sets without an effect (default 30)"
     )
     calibrate.add_argument(
         "--each", type=int, default=1, metavar="N",
-        help="sets with one effect, of each effect (default 1; 0: the good instrument alone)",
+        help="sets with each effect alone (default 1; 0: nulls only)",
     )  # fmt: skip
-    calibrate.add_argument("--jobs", type=int, default=1, help="processes (default 1)")
-    run_step = steps.add_parser(
-        "run", help="diagnose each case in a process and folder without its key"
-    )
-    run_step.add_argument("set", type=Path, help="folder of the set")
-    run_step.add_argument("--jobs", type=int, default=1, help="processes (default 1)")
+
+
+def _add_answers(run_step: argparse.ArgumentParser, simple: argparse.ArgumentParser) -> None:
     run_step.add_argument(
-        "--timeout", type=float, default=600.0, help="seconds for a case (default 600)"
+        "--timeout", type=float, default=600.0, metavar="S", help="seconds per case (default 600)"
     )
     run_step.add_argument(
         "--shuffled", type=int, default=0, metavar="N",
@@ -66,55 +133,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--measured", metavar="WAY",
         help="instead, diagnose the cases with a further scan of `measure`: ranked or random",
     )  # fmt: skip
-    further = steps.add_parser(
-        "measure",
-        help="make the scan that each answer proposes first, and a random one, for cases that one "
-        "recording can't decide",
-    )
-    further.add_argument("set", type=Path, help="folder of an answered set")
-    simple = steps.add_parser(
-        "baseline", help="answer a set by a gradient-boosted classifier on figures of residuals"
-    )
-    simple.add_argument("set", type=Path, help="folder of the set")
     simple.add_argument(
-        "--train", type=Path, required=True, metavar="DIR", help="population made by `calibrate`"
+        "--train", type=Path, required=True, metavar="DIR", help="population of `calibrate`"
     )
-    regions = steps.add_parser(
-        "regions", help="draw the true regions of an answered set again, and from other draws"
-    )
-    regions.add_argument("set", type=Path, help="folder of the set")
-    regions.add_argument("--jobs", type=int, default=1, help="processes (default 1)")
-    judge = steps.add_parser("judge", help="open the keys, check the seals, score the answers")
+
+
+def _add_judge(judge: argparse.ArgumentParser) -> None:
     judge.add_argument(
-        "set", type=Path, nargs="+", help="folder of the set; for a page, one of each family"
-    )
-    judge.add_argument(
-        "--partial", action="store_true",
-        help="score the cases answered so far, where the run was stopped by the clock",
+        "set", type=Path, nargs="+", metavar="SET",
+        help="folder of a set; for a page, one of each family",
     )  # fmt: skip
     judge.add_argument(
-        "--aggregate", action="store_true", help="print and keep no case, only the scoreboard"
+        "--partial", action="store_true", help="score only the cases that have an answer"
     )
     judge.add_argument(
-        "--record", type=Path, metavar="FILE.md", help="enter a test set's run there"
+        "--aggregate", action="store_true", help="print and keep only the scoreboard, no case"
     )
-    judge.add_argument("--reason", default="", help="with --record: why the test was run")
-    judge.add_argument("--write", type=Path, metavar="FILE.md", help="write the page with pictures")
-    payoff = steps.add_parser(
-        "payoff", help="train a flaw segmenter on plain and diagnosed simulation, test it sealed"
+    judge.add_argument(
+        "--record", type=Path, metavar="FILE.md", help="record that a test set's run is entered in"
     )
-    payoff.add_argument(
-        "--out", type=Path, required=True, help="folder; a run that was stopped goes on there"
+    judge.add_argument(
+        "--reason", default="", metavar="TEXT", help="with --record: why the test was run"
     )
-    payoff.add_argument(
-        "--seed", type=int, help="master seed (default: the operating system's entropy)"
-    )
-    payoff.add_argument("--small", action="store_true", help="few specimens: a try, no result")
-    payoff.add_argument(
-        "--world", action="append", metavar="NAME", help="which, several times (default: all)"
-    )
-    payoff.add_argument("--jobs", type=int, default=1, help="processes (default 1)")
-    payoff.add_argument("--write", type=Path, metavar="FILE.md", help="write the page")
+    judge.add_argument("--write", type=Path, metavar="FILE.md", help="page to write, with pictures")
 
 
 def run(arguments: argparse.Namespace) -> int:

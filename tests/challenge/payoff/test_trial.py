@@ -116,7 +116,7 @@ def test_a_run_of_another_plan_is_refused(tmp_path, monkeypatch):
     payoff(tmp_path, seed=None, jobs=1, small=True, worlds=["print"])
     with pytest.raises(ValueError, match="another"):
         payoff(tmp_path, seed=2, jobs=1, small=True, worlds=["print"])
-    with pytest.raises(ValueError, match="no world"):
+    with pytest.raises(ValueError, match="--world: unknown"):
         payoff(tmp_path, seed=1, jobs=1, worlds=["moon"])
 
 
