@@ -5,20 +5,24 @@ r"""What good instruments depart by: learn it from the calibration population an
         --write diagnosis/discrepancy.json
 
 Only good instruments are used: folders whose truth hides nothing. Each gives, for each component
-of the diagnosis, the likelihood of each size; the mixing distribution over sizes is kept.
+of the diagnosis, the likelihood of each size; the mixing distribution over sizes is kept. Each
+population is a kind of instruments of its own.
 """
 
 import argparse
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from diagnosis.evidence.assess import good_factors, seen
-from diagnosis.evidence.population import mixed
-from diagnosis.prepare import Inputs, prepared
-from diagnosis.workspace import Model
+from diagnosis.evidence.good import mean_factors, rate_factors
+from diagnosis.evidence.level import AGAINST_PLATES, level_factors, level_unsure
+from diagnosis.evidence.population import learnt
+from diagnosis.evidence.seen import channels_seen, seen
+from diagnosis.finish import level_change
+from diagnosis.prepare import Inputs, Prepared, prepared
+from diagnosis.workspace import Model, Workspace
 from pipeline.parts.part import load_part
 from sensors.datasheet import Datasheet
 from sensors.recording import Recording
@@ -43,6 +47,7 @@ def factors_of(folder: Path) -> dict[str, np.ndarray]:
     """Likelihood of each size of each component in one good instrument's recordings."""
     part = load_part(folder / "part.stl")
     files = sorted([*folder.glob("rec-*.h5"), *folder.glob("[abc].h5")])
+    print(folder, flush=True)
     ready = prepared(
         Inputs(
             recordings=[Recording.load(f) for f in files], vertices_mm=part.vertices_mm,
@@ -51,7 +56,19 @@ def factors_of(folder: Path) -> dict[str, np.ndarray]:
         ),
         [], lambda _: None,
     )  # fmt: skip
-    return good_factors(seen([p for p in ready.patches if p.fit.any()], ready.noise, Model()))
+    return _factors(ready)
+
+
+def _factors(ready: Prepared) -> dict[str, np.ndarray]:
+    patches = [p for p in ready.patches if p.fit.any()]
+    one = seen(patches, ready.noise, Model())
+    found = mean_factors(one) | rate_factors(channels_seen(patches, ready.noise, Model(), one))
+    if ready.nominal is not None:
+        ws = Workspace.build(patches, ready.noise)
+        unsure = np.hypot(level_unsure(ready.noise), level_unsure(ready.nominal))
+        change = level_change(ws, Model(), ready.nominal.sd_mm)
+        found[AGAINST_PLATES] = level_factors(change, float(unsure))
+    return found
 
 
 def simulated(seed: int) -> dict[str, np.ndarray]:
@@ -69,7 +86,7 @@ def simulated(seed: int) -> dict[str, np.ndarray]:
         ),
         [], lambda _: None,
     )  # fmt: skip
-    return good_factors(seen([p for p in ready.patches if p.fit.any()], ready.noise, Model()))
+    return _factors(ready)
 
 
 def main() -> None:
@@ -83,27 +100,25 @@ def main() -> None:
     )
     parser.add_argument("--write", type=Path, required=True, metavar="FILE.json")
     args = parser.parse_args()
-    found: dict[str, list[np.ndarray]] = {}
-    names = []
+    names, made = [], []
     for root in args.roots:
         folders = list(good_folders(root))
         names.append(f"{root.name}: {len(folders)} good instruments")
-        for folder in folders:
-            print(folder, flush=True)
-            for name, factors in factors_of(folder).items():
-                found.setdefault(name, []).append(factors)
-    for seed in range(args.simulated):
-        for name, factors in simulated(seed).items():
-            found.setdefault(name, []).append(factors)
+        made.append([factors_of(folder) for folder in folders])
     if args.simulated:
         names.append(f"simulated: {args.simulated} calibration instruments")
-    args.write.write_text(written(found, "; ".join(names)), encoding="utf-8")
+        made.append([simulated(seed) for seed in range(args.simulated)])
+    args.write.write_text(written(names, made), encoding="utf-8")
 
 
-def written(found: dict[str, list[np.ndarray]], population: str) -> str:
-    """Return the file's text: for each component the probability of each size."""
-    components = {n: [round(float(w), 6) for w in mixed(f)] for n, f in sorted(found.items())}
-    return json.dumps({"population": population, "components": components}, indent=1) + "\n"
+def written(names: Sequence[str], made: Sequence[Sequence[Mapping[str, np.ndarray]]]) -> str:
+    """Return the file's text: for each component of each kind the probability of each size."""
+    kinds = [
+        {"name": name, "components": {n: [round(float(w), 6) for w in f]
+                                      for n, f in sorted(found.items())}}
+        for name, found in zip(names, learnt(made), strict=True)
+    ]  # fmt: skip
+    return json.dumps({"kinds": kinds}, indent=1) + "\n"
 
 
 if __name__ == "__main__":

@@ -82,7 +82,8 @@ def reported(assessment: Assessment) -> tuple[list[Cause], list[Strange]]:
     """Split what was found into catalogued causes and unknown physics.
 
     A place in the set is a catalogued effect's where the catalogued effects together are more
-    probable than the unknown and nothing.
+    probable than the unknown and nothing. How a recording lay and travelled is no mismatch: its
+    placement takes that up.
     """
     causes: dict[str, Cause] = {}
     strange: list[Strange] = []
@@ -103,6 +104,8 @@ def reported(assessment: Assessment) -> tuple[list[Cause], list[Strange]]:
             )  # fmt: skip
             if best not in causes or causes[best].nats < cause.nats:
                 causes[best] = cause
+        elif component.placement:
+            continue
         elif not component.effect and 1 - shares.get("", 0.0) > SETTINGS.reported:
             strange.append(Strange(
                 component=member.name, channel=channel, probability=1 - shares.get("", 0.0),

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.calibration import nominal_noise, nominal_sd_mm
-from diagnosis.candidates import candidates_of
+from diagnosis.candidates import Candidates, Placed, candidates_of
 from diagnosis.cause import Cause
 from diagnosis.delivery import delivered
 from diagnosis.evidence.next_scan import NextScan, next_scans
@@ -30,7 +30,7 @@ from diagnosis.maps import RecordingMaps, map_recording
 from diagnosis.mounting import LEAST_NATS, mounting_error
 from diagnosis.noise import NoiseModel
 from diagnosis.patch import Patch
-from diagnosis.prepare import Inputs, prepared
+from diagnosis.prepare import Inputs, Prepared, prepared
 from diagnosis.registration import Placement
 from diagnosis.residual_structure import Residual, residual_structure
 from diagnosis.settings import SETTINGS
@@ -113,42 +113,130 @@ def diagnose(
         ),
         notes, progress,
     )  # fmt: skip
-    placed, patches, noise, nominal = ready.placed, ready.patches, ready.noise, ready.nominal
-    everything, single = ready.recorded.recordings, ready.single
-    by_form = delivered(everything, datasheet, notes)
-    usual_sizes = population()
+    by_form = delivered(ready.recorded.recordings, datasheet, notes)
     explanation = explain(
-        patches, noise, ready.recorded, placed, usual_sizes.weights, baseline=ready.baseline,
-        withheld=withheld, notes=notes, progress=progress,
+        ready.patches, ready.noise, ready.recorded, ready.placed, population(),
+        baseline=ready.baseline, withheld=withheld, notes=notes, progress=progress,
     )  # fmt: skip
-    model, ws, recorded = explanation.model, explanation.ws, explanation.recorded
-    causes, held_patches = list(explanation.causes), explanation.held
-    strange = list(explanation.strange)
-    # what a law of light leaves of the mean passes for noise that isn't the same throughout
-    light = any(c.component is not None and c.component.relaxed.spanned for c in causes)
-    bent = any(s.channel == "mean" or (light and s.channel == "scale") for s in strange)
-    beside, plain_noise = _finished(
-        explanation, noise, nominal, ready.surface, bent=bent, withheld=withheld,
-        share_own=not single,
+    beside = _beside(ready, explanation, withheld)
+    formed = [f for f in by_form if f.name not in withheld]
+    beside = replace(beside, effects=(*beside.effects, *formed))
+    progress("judging on held-out readings")
+    judged = _judged(ready, explanation, beside, withheld, notes)
+    progress("asking what to measure next")
+    measure = next_scans(
+        explanation.members, explanation.first, ready.recorded, ready.placed, ready.noise
+    )  # fmt: skip
+    progress("drawing maps")
+    verdict = _verdict(bool(explanation.causes or beside.effects), bool(explanation.strange))
+    maps = _drawn(ready, explanation, judged, verdict)
+    counted = sum(m.mask.size for m in maps)
+    assumed = explanation.recorded.datasheet
+    return Diagnosis(
+        verdict=verdict,
+        effects=judged.effects,
+        left=judged.left,
+        next_measurements=measure,
+        none_of_these=_none_of_these(judged.causes, judged.beside),
+        population=population().name,
+        assumed={
+            key: getattr(assumed, key)
+            for key in ("triangulation_angle_deg", "camera_side")
+            if getattr(assumed, key) != getattr(datasheet, key)
+        },
+        regions=tuple(region for m in maps for region in m.regions),
+        share_of_points=float(sum(m.mask.sum() for m in maps)) / max(counted, 1),
+        before=judged.before,
+        after=judged.after,
+        maps=maps,
+        datasheet=sheet_with(assumed, [f.effect.shared() for f in judged.effects]),
+        model=judged.model,
+        noise=ready.noise,
+        fitted=ready.fitted,
+        held=ready.held,
+        baselines=tuple(r.name for r in baselines),
+        held_patches=tuple(judged.nominally.held),
+        fit_patches=explanation.ws.patches,
+        notes=tuple(notes),
+        seed=seed,
     )
-    if plain_noise is not noise and nominal is not None:
-        model = sunken(ws, model, [f.effect for f in beside], withheld)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class _Beside:
+    """What was found beside the causes of the evidence: finish, mounting, delivery.
+
+    Attributes
+    ----------
+    noise : as the plain model has it
+    model : with what averages speckle
+    """
+
+    effects: tuple[FoundEffect, ...]
+    noise: NoiseModel
+    model: Model
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class _Judged:
+    """Causes and their laws as the held-out readings bear on them.
+
+    Attributes
+    ----------
+    effects : all that are reported, of most use first
+    beside : those of them that no law of a reading's mean holds
+    nominally : placements under the nominal model
+    """
+
+    model: Model
+    causes: tuple[Cause, ...]
+    effects: tuple[FoundEffect, ...]
+    beside: tuple[FoundEffect, ...]
+    left: tuple[Residual, ...]
+    candidates: Candidates
+    nominally: Placed
+    before: Judgement
+    after: Judgement
+
+
+def _beside(ready: Prepared, explanation: Explanation, withheld: frozenset[str]) -> _Beside:
+    """Compare the noise with its nominal, and the placements with each other."""
+    model, ws = explanation.model, explanation.ws
+    # what a law of light leaves of the mean passes for noise that isn't the same throughout
+    light = any(c.component is not None and c.component.relaxed.spanned for c in explanation.causes)
+    bent = any(
+        s.channel == "mean" or (light and s.channel == "scale") for s in explanation.strange
+    )
+    effects, noise = _finished(ready, explanation, bent=bent, withheld=withheld)
+    if noise is not ready.noise and ready.nominal is not None:
+        model = sunken(ws, model, [f.effect for f in effects], withheld)
     warped = any(isinstance(e, FormError) and e.coefficients_um for e in model.effects)
     if "pose_error" not in withheld and not warped:
         # what the model takes for physics is no misplacement; a warped part's low waves turn and
         # shift it, so that how it lies can't be told from how the sensor sits
-        beside += _mounted(ws, model, everything, explanation.placed, held_patches)
-    beside += [f for f in by_form if f.name not in withheld]
-    verdict = _verdict(bool(causes or beside), bool(strange))
-    described = residual_structure(strange, ws, model)
-    model = refined(ws, model)
-    progress("judging on held-out readings")
+        effects += _mounted(
+            ws, model, ready.recorded.recordings, explanation.placed, explanation.held
+        )
+    return _Beside(effects=tuple(effects), noise=noise, model=model)
+
+
+def _judged(
+    ready: Prepared,
+    explanation: Explanation,
+    beside: _Beside,
+    withheld: frozenset[str],
+    notes: list[str],
+) -> _Judged:
+    """Judge the laws on held-out readings; drop those of no use beside others that are."""
+    ws, causes = explanation.ws, list(explanation.causes)
+    left = residual_structure(explanation.strange, ws, beside.model)
+    model = refined(ws, beside.model)
     candidates = candidates_of(
-        recorded, placed, explanation.placed, (patches, explanation.patches), model, noise,
-        share_own=not single,
+        explanation.recorded, ready.placed, explanation.placed,
+        (ready.patches, explanation.patches), model, ready.noise, share_own=not ready.single,
     )  # fmt: skip
     nominally = candidates.placed(Model())
-    before = judge(nominally.held, plain_noise, Model(), share_own=not single)
+    before = judge(nominally.held, beside.noise, Model(), share_own=not ready.single)
     found, after = found_effects(ws, model, causes, candidates)
     idle = {f.name for f in found if f.heldout_gain < 0}
     if idle and len(idle) < len(found):
@@ -160,68 +248,40 @@ def diagnose(
         model = refined(ws, model)
         found, after = found_effects(ws, model, causes, candidates)
     found = (*found, *lawless(causes, [f.name for f in found]))
-    found, beside = averaged_grain(found, beside, withheld)
-    found = tuple(sorted([*found, *beside], key=lambda f: -f.heldout_gain))
-    notes += at_limits(found)
-    progress("asking what to measure next")
-    measure = next_scans(
-        explanation.members, explanation.first, ready.recorded, placed, noise
+    found, others = averaged_grain(found, beside.effects, withheld)
+    every = tuple(sorted([*found, *others], key=lambda f: -f.heldout_gain))
+    notes += at_limits(every)
+    return _Judged(
+        model=model, causes=tuple(causes), effects=every, beside=tuple(others), left=left,
+        candidates=candidates, nominally=nominally, before=before, after=after,
     )  # fmt: skip
-    progress("drawing maps")
-    finally_placed = candidates.placed(shrunk_at_edges(ws, model))
+
+
+def _drawn(
+    ready: Prepared, explanation: Explanation, judged: _Judged, verdict: str
+) -> tuple[RecordingMaps, ...]:
+    """Draw each recording's maps."""
+    ws, model = explanation.ws, judged.model
+    finally_placed = judged.candidates.placed(shrunk_at_edges(ws, model))
     # a mismatch is held against the noise of an instrument without it
-    usual = 1.0 if nominal is None else nominal.sd_mm / noise.sd_mm
+    usual = 1.0 if ready.nominal is None else ready.nominal.sd_mm / ready.noise.sd_mm
     for blur in _blurs(model):
         usual = max(usual, 1 / blur.quieter(ws.patches[0].view))
     maps = [
-        map_recording(recorded, k, nominally, finally_placed, noise, usual=usual)
-        for k in range(len(everything))
+        map_recording(
+            explanation.recorded, k, judged.nominally, finally_placed, ready.noise, usual=usual
+        )
+        for k in range(len(ready.recorded.recordings))
     ]
     if verdict == "match":
         maps = [m.silenced() for m in maps]
-    elif beside:
-        maps = [m.everywhere(beside[-1].name) if not m.mask.any() else m for m in maps]
-    regions = tuple(region for m in maps for region in m.regions)
-    counted = sum(m.mask.size for m in maps)
-    return Diagnosis(
-        verdict=verdict,
-        effects=found,
-        left=described,
-        next_measurements=measure,
-        none_of_these=_none_of_these(causes, beside),
-        population=usual_sizes.name,
-        assumed={
-            key: getattr(recorded.datasheet, key)
-            for key in ("triangulation_angle_deg", "camera_side")
-            if getattr(recorded.datasheet, key) != getattr(datasheet, key)
-        },
-        regions=regions,
-        share_of_points=float(sum(m.mask.sum() for m in maps)) / max(counted, 1),
-        before=before,
-        after=after,
-        maps=tuple(maps),
-        datasheet=sheet_with(recorded.datasheet, [f.effect.shared() for f in found]),
-        model=model,
-        noise=noise,
-        fitted=ready.fitted,
-        held=ready.held,
-        baselines=tuple(r.name for r in baselines),
-        held_patches=tuple(nominally.held),
-        fit_patches=ws.patches,
-        notes=tuple(notes),
-        seed=seed,
-    )
+    elif judged.beside:
+        maps = [m if m.mask.any() else m.everywhere(judged.beside[-1].name) for m in maps]
+    return tuple(maps)
 
 
 def _finished(
-    explanation: Explanation,
-    noise: NoiseModel,
-    nominal: NoiseModel | None,
-    surface: Surface | None,
-    *,
-    bent: bool,
-    withheld: Collection[str],
-    share_own: bool,
+    ready: Prepared, explanation: Explanation, *, bent: bool, withheld: Collection[str]
 ) -> tuple[list[FoundEffect], NoiseModel]:
     """Compare the noise with what plates, baselines or the surface's file claim.
 
@@ -229,10 +289,11 @@ def _finished(
     -------
     effects on the surface's texture; the nominal noise
     """
-    model, ws = explanation.model, explanation.ws
+    model, ws, share_own = explanation.model, explanation.ws, not ready.single
+    noise, nominal, surface = ready.noise, ready.nominal, ready.surface
     view = ws.patches[0].view
     claimed = nominal_sd_mm(nominal, surface, view)
-    effects = finish_effects(ws, model, noise, nominal, claimed, bent=bent)
+    effects = finish_effects(ws, model, noise, nominal, claimed, explanation.scales, bent=bent)
     if surface is not None and nominal is None and OnboardFilter.name not in withheld:
         effects = filtered_instead(effects, noise, surface, view)
     effects = [e for e in effects if e.name not in withheld]

@@ -7,8 +7,11 @@ import numpy as np
 
 from diagnosis.cause import Cause, Strange, reported, without_kin
 from diagnosis.edges import BESIDE_EDGES, EDGE_COVARIATES
-from diagnosis.evidence.assess import RATES, Seen, assessed, good_factors, informed, seen
+from diagnosis.evidence.assess import assessed_mean, assessed_rates
 from diagnosis.evidence.causes import Member
+from diagnosis.evidence.good import informed, kinds_of, mean_factors, rate_factors
+from diagnosis.evidence.population import Population
+from diagnosis.evidence.seen import Seen, channels_seen, seen
 from diagnosis.noise import Field, NoiseModel
 from diagnosis.patch import Patch
 from diagnosis.physics import assumed_sheets, fit_laws, refit, seen_by
@@ -21,6 +24,12 @@ from diagnosis.workspace import Model, Workspace
 Progress = Callable[[str], None]
 SETTLED = EDGE_COVARIATES | BESIDE_EDGES | {"wall_distance"}
 """Covariates of effects that are fitted again where the recordings lie then."""
+
+
+ASKEW = (
+    "the sensor's way is longer, shorter or in another direction than the poses say: the placement "
+    "of each recording takes that up"
+)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -58,7 +67,7 @@ def explain(
     noise: NoiseModel,
     recorded: Recorded,
     placed: Mapping[str, Placement],
-    population: Mapping[str, Field],
+    population: Population,
     *,
     baseline: Sequence[Patch] = (),
     withheld: frozenset[str] = frozenset(),
@@ -77,16 +86,19 @@ def explain(
     ws = fitted_part(patches, noise)
     first = now = seen(ws.patches, noise, Model())
     before = seen(baseline, noise, Model(), like=first) if baseline else None
-    scales = population if before is None else informed(population, good_factors(before))
+    own = mean_factors(first) if before is None else {}
+    scales = _good(population, first, before, baseline, noise, own)
     model = Model()
     causes: list[Cause] = []
     strange: list[Strange] = []
     members: tuple[Member, ...] = ()
     explained = 0.0
     for _ in range(SETTINGS.rounds):
-        found = assessed(now, scales, before, withheld=withheld, channels=("mean",),
-                         explained=explained)  # fmt: skip
-        members = members or found.mean
+        found = assessed_mean(now, scales, before, withheld=withheld, explained=explained)
+        if not members:
+            members = found.mean
+            if any(m.candidate.component.placement for m in members):
+                notes.append(ASKEW)
         named, strange = reported(found)
         # one law at a time: what it leaves isn't what the others would have to explain
         new = without_kin(named, [c.name for c in causes])[:1]
@@ -108,7 +120,12 @@ def explain(
             model = refit(ws.thin(SETTINGS.fitted_readings), model)
         # baselines were seen under the nominal model: beside a law they say nothing more
         now, before = seen(ws.patches, noise, model), None
-    found = assessed(now, scales, withheld=withheld, channels=RATES)
+    channels = channels_seen(ws.patches, noise, model, first)
+    if not baseline:
+        scales = population.of_kinds(
+            kinds_of(population, {**own, **rate_factors(channels)}, good=False)
+        )
+    found = assessed_rates(channels, scales, withheld=withheld)
     named, odd = reported(found)
     new = without_kin(named, [c.name for c in causes])
     if new:
@@ -122,6 +139,21 @@ def explain(
         placed=placed, recorded=recorded, ws=ws, first=first, members=members,
         scales=scales,
     )  # fmt: skip
+
+
+def _good(
+    population: Population,
+    first: Seen,
+    before: Seen | None,
+    baseline: Sequence[Patch],
+    noise: NoiseModel,
+    own: Mapping[str, Field],
+) -> dict[str, Field]:
+    """Probability of each component's sizes in this instrument when it is good."""
+    if before is None:
+        return population.of_kinds(kinds_of(population, own, good=False))
+    channels = channels_seen(baseline, noise, Model(), first)
+    return informed(population, mean_factors(before), rate_factors(channels))
 
 
 def _without_remainders(

@@ -7,11 +7,12 @@ out on the part.
 
 import cmath
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from diagnosis.evidence.level import claimed_sizes, level_odds, level_unsure
 from diagnosis.fit import fit_effect
 from diagnosis.found import FoundEffect
 from diagnosis.noise import Field, NoiseModel, calibrate, mad_sd
@@ -26,10 +27,6 @@ from sensors.effects.roughness_level import RoughnessLevel
 from sensors.effects.volume_scattering import VolumeScattering
 from sensors.noise.uncertainty import sigma_mm
 
-LEVEL_TOLERANCE = 0.05
-"""Least change of the noise's logarithm against a plate's; 300 sealed nulls have 0.035 at most."""
-CLAIMED_TOLERANCE = 0.1
-"""The same against a size that is only claimed."""
 MOVING_DOUBT = 0.3
 USUAL = 0.1
 LEAST_READINGS = 200
@@ -109,6 +106,7 @@ def finish_effects(
     own: NoiseModel,
     nominal: NoiseModel | None,
     nominal_sd_mm: float,
+    usual: Mapping[str, Field],
     *,
     bent: bool = False,
 ) -> list[Effect]:
@@ -118,6 +116,7 @@ def finish_effects(
     ----------
     nominal : the plates' noise; None where only a surface's file is known
     nominal_sd_mm : nominal size; 0 where nothing is claimed
+    usual : probability of each component's sizes in a good instrument
     bent : whether much of the mean is left unexplained, which passes for noise: told is no more
         than a lay that draws the noise out by far, whose ridges bend the mean themselves, and noise
         that is far smaller all the same
@@ -127,8 +126,9 @@ def finish_effects(
     if nominal_sd_mm > 0:
         ratio = level_change(ws, model, nominal_sd_mm)
         size = nominal_sd_mm * math.exp(ratio)
-        tolerance = CLAIMED_TOLERANCE if nominal is None else LEVEL_TOLERANCE
-        if abs(ratio) > tolerance + _plates_doubt(model):
+        unsure = math.hypot(level_unsure(own), _plates_doubt(model))
+        unsure = math.hypot(unsure, 0.0 if nominal is None else level_unsure(nominal))
+        if level_odds(ratio, unsure, claimed_sizes() if nominal is None else usual) > 0:
             amplitude = math.sqrt(
                 max(size**2 - white**2, 1e-12) / max(nominal_sd_mm**2 - white**2, 1e-12)
             )

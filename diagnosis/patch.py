@@ -55,6 +55,8 @@ class Patch:
         Within reach of a depth edge, a crease or the outline.
     fit, scored : (n, m) bool
         Which readings may be fitted and which are left for judging.
+    shift : (9,)
+        Placement's correction of the commanded poses, in prior deviations.
     """
 
     recording: int
@@ -69,6 +71,7 @@ class Patch:
     edge: Mask
     fit: Mask
     scored: Mask
+    shift: Field
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -153,6 +156,7 @@ def cut(
                 edge=edge,
                 fit=~held,
                 scored=held,
+                shift=placement.shift / PRIOR_SD,
             )
         )
     return patches

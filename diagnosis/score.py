@@ -39,6 +39,8 @@ class Whitened:
         Whitened residual; 0 where not used.
     columns : (n, m, 9)
         Whitened derivative by the placement (in prior deviations).
+    moved : (9,)
+        By how much the placement differs from the patch's, in prior deviations.
     """
 
     used: Mask
@@ -47,6 +49,7 @@ class Whitened:
     sd_mm: Field
     innovations: Field
     columns: Field
+    moved: Field
 
     def whiten(self, field_mm: Field) -> Field:
         """Whiten a change of the mean (n, m), mm."""
@@ -68,6 +71,7 @@ def whitened(patch: Patch, prediction: Prediction, noise: NoiseModel) -> Whitene
         sd_mm=prediction.sd_mm,
         innovations=innovations,
         columns=columns,
+        moved=np.zeros(columns.shape[-1]),
     )
 
 
@@ -122,6 +126,7 @@ def placed(patch: Patch, state: Whitened, placement: Field) -> Whitened:
         state,
         residual_mm=state.residual_mm - moved,
         innovations=state.innovations - np.where(state.used, state.columns @ placement, 0.0),
+        moved=state.moved + placement,
     )
 
 

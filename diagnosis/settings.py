@@ -23,6 +23,16 @@ class Settings:
         default=1.0, unit="", low=0.0,
         source="one derivative: the roughest curve whose slope is finite",
     )  # fmt: skip
+    further_decay: float = quantity(
+        "how much faster than by `decay` waves fall in the slower of a component's two forms",
+        default=2.0, unit="", low=0.0,
+        source="three derivatives: a cubic spline's",
+    )  # fmt: skip
+    column_waves: int = quantity(
+        "cosines over the line in the form of column offsets whose neighbours go together",
+        default=24, unit="", low=1, whole=True,
+        source="a sensor's columns in groups of eight or more",
+    )  # fmt: skip
     order_1d: int = quantity(
         "highest polynomial order of a component of one covariate",
         default=6, unit="", low=1, whole=True,
@@ -132,6 +142,11 @@ class Settings:
         "deviations beyond which a reading counts as that far off",
         default=4.0, unit="σ", low=0.0,
         source="Huber: 0.006 % of Gaussian readings",
+    )  # fmt: skip
+    claimed_level: float = quantity(
+        "change of the noise's logarithm by which a claimed surface is usually off",
+        default=0.05, unit="1", low=0.0,
+        source="Ra is stated to a tenth, and speckle follows its root at most",
     )  # fmt: skip
     sharp: float = quantity(
         "doubt of an edge's place beyond which a reading says nothing of the noise",

@@ -36,6 +36,7 @@ class Component:
     effect : the effect's name; "" for unknown physics
     relaxed : its form
     own : whether each recording has its own coefficients
+    placement : numbers of the placement that it leaves free
     pitch : periods over the working range (or per mm of depth where no camera is stated), of a
         periodic component
     """
@@ -45,6 +46,7 @@ class Component:
     relaxed: Relaxed
     own: bool = False
     pitch: float = 0.0
+    placement: tuple[int, ...] = ()
 
     @property
     def group(self) -> str:
@@ -55,9 +57,13 @@ class Component:
 RATES: tuple[tuple[RelaxedChannel, str], ...] = (
     ("scale", "noise"), ("missing", "losses"), ("outliers", "outliers"),
 )  # fmt: skip
+TRAVEL = (6, 7, 8)
+"""Numbers of a placement that say how the sensor travels: length and direction."""
 UNKNOWN: tuple[Component, ...] = (
     Component(name="map of the scan", effect="", own=True,
               relaxed=Relaxed(channel="mean", along=("travel", "x"))),
+    Component(name="travel's length and direction", effect="", own=True, placement=TRAVEL,
+              relaxed=Relaxed(channel="mean")),
     *(Component(name=f"{word} of profiles", effect="", relaxed=Relaxed(channel=c, each="profile"))
       for c, word in RATES),
     *(Component(name=f"{word} of columns", effect="", relaxed=Relaxed(channel=c, each="column"))
@@ -121,6 +127,8 @@ def mean_columns(
 ) -> list[Floats] | None:
     """Columns (n, m) of a component on a patch, mm; None where it can't act there."""
     relaxed, view = component.relaxed, patch.view
+    if component.placement:
+        return [patch.columns[..., k] for k in component.placement]
     if relaxed.periodic and not relaxed.each:
         return periodic_columns(component.pitch * row_place(view), SETTINGS.harmonics)
     if relaxed.spanned:

@@ -42,15 +42,27 @@ def smooth_columns(
                     -1, 1)  # fmt: skip
         powers.append([legendre.legval(u, np.eye(order + 1)[k]) for k in range(order + 1)])
     columns = []
-    for picked in itertools.product(*(range(order + 1) for order in orders)):
+    for picked in _waves(orders, even=even):
         total = sum(picked)
-        if total == 0 or total > max(orders) or (even and picked[0] % 2):
-            continue
         column = np.ones(())
         for k, own in zip(picked, powers, strict=True):
             column = column * own[k]
         columns.append(column * (1.0 + total) ** -SETTINGS.decay)
     return columns
+
+
+def _waves(orders: Sequence[int], *, even: bool) -> list[tuple[int, ...]]:
+    """Order along each covariate of each column."""
+    return [
+        picked
+        for picked in itertools.product(*(range(order + 1) for order in orders))
+        if 0 < sum(picked) <= max(orders) and not (even and picked[0] % 2)
+    ]
+
+
+def total_orders(dimensions: int, *, even: bool = False) -> NDArray[np.int64]:
+    """Total order of each column of a smooth function."""
+    return np.array([sum(p) for p in _waves(SETTINGS.orders(dimensions), even=even)])
 
 
 def periodic_columns(phase: Floats, harmonics: int) -> list[Floats]:

@@ -10,8 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
+from scipy.special import logsumexp
 
 from diagnosis.components.component import Component
+from diagnosis.components.smooth import total_orders
 from diagnosis.evidence.gram import Block, Gram
 from diagnosis.evidence.posterior import Cavity, Term
 from diagnosis.settings import SETTINGS
@@ -51,7 +53,7 @@ class Candidate:
         """Forms that were looked at to find the variants: periods are picked from many."""
         relaxed = self.component.relaxed
         picked = relaxed.periodic and not relaxed.each
-        return SETTINGS.periods_tried if picked else len(self.shapes)
+        return max(SETTINGS.periods_tried, len(self.shapes)) if picked else len(self.shapes)
 
     @property
     def of_recordings(self) -> bool:
@@ -71,11 +73,21 @@ class Candidate:
         """Return a variant as a term."""
         return Term(at=self.at, weights=self.shapes[variant])
 
-    def log_factors(self, cavity: Cavity, sizes: Floats) -> Floats:
-        """Log Bayes factors (variants, sizes), given the cavity of the columns as they are."""
-        return np.stack([
-            (cavity if w is None else cavity.combined(w)).log_factors(sizes) for w in self.shapes
-        ])
+    def log_factors(self, cavity: Cavity, sizes: Floats) -> tuple[Floats, Floats]:
+        """Log Bayes factors, given the cavity of the columns as they are.
+
+        Returns
+        -------
+        of each variant (V, S); the mean of all forms that were looked at (S,): those that weren't
+        picked show nothing, and pay for what they could have been
+        """
+        cavities = [cavity if w is None else cavity.combined(w) for w in self.shapes]
+        each = np.stack([c.log_factors(sizes) for c in cavities])
+        mean = logsumexp(each, axis=0)
+        if self.tried > len(each):
+            idle = np.max([c.log_price(sizes) for c in cavities], axis=0)
+            mean = np.logaddexp(mean, np.log(self.tried - len(each)) + idle)
+        return each, np.asarray(mean - np.log(self.tried))
 
 
 def candidates_of(
@@ -107,11 +119,43 @@ def candidates_of(
             out.append(Candidate(name=name, effect=component.effect, component=component, at=at,
                                  shapes=shapes, labels=labels))  # fmt: skip
         else:
-            one = Candidate(name=name, effect=component.effect, component=component, at=at)
+            slow = _slower(component, blocks, at, gram)
+            one = Candidate(name=name, effect=component.effect, component=component, at=at,
+                            shapes=(None, *slow), labels=(0.0,) * (1 + len(slow)))  # fmt: skip
             out.append(one)
             if component.relaxed.spanned:
                 out.append(replace(one, name=f"{name} at edges", at_edges=True))
     return [replace(c, listed=c.effect in names or (c.at_edges and edges)) for c in out]
+
+
+def _slower(
+    component: Component, blocks: Sequence[Block], at: NDArray[np.int64], gram: Gram
+) -> tuple[Floats, ...]:
+    """Combine a component's columns to slower curves, where it has such.
+
+    Most laws are nearly straight or nearly a parabola; a column's neighbours mostly go with it.
+    """
+    relaxed = component.relaxed
+    if relaxed.each == "column":
+        place = (np.arange(len(at)) + 0.5) / len(at)
+        orders = np.arange(min(SETTINGS.column_waves, len(at)))
+        shape = np.cos(np.pi * orders * place[:, None]) / (1.0 + orders)
+    elif relaxed.along:
+        size = blocks[0].columns.stop - blocks[0].columns.start
+        orders = total_orders(min(len(relaxed.along), 2), even=relaxed.even)
+        orders = np.concatenate([np.zeros(size - len(orders), dtype=np.int64), orders])
+        shape = np.diag(np.tile((1.0 + orders) ** -SETTINGS.further_decay, len(blocks)))
+    else:
+        return ()
+    return (_scaled(shape, gram.matrix[np.ix_(at, at)], gram.readings),)
+
+
+def _scaled(shape: Floats, inner: Floats, readings: int) -> Floats:
+    """Scale a shape (k, l) to unit whitened rms, given X'X of its columns (k, k)."""
+    rows = np.flatnonzero(shape.any(axis=1))
+    own = shape[rows]
+    energy = float((own * (inner[np.ix_(rows, rows)] @ own)).sum())
+    return np.asarray(shape * np.sqrt(readings / max(energy, 1e-12)))
 
 
 def _by_profile(
@@ -127,12 +171,6 @@ def _by_profile(
     inner = gram.matrix[np.ix_(at, at)]
     what = "slips" if component.relaxed.times else "offsets"
 
-    def scaled(shape: Floats) -> Floats:
-        rows = np.flatnonzero(shape.any(axis=1))
-        own = shape[rows]
-        energy = float((own * (inner[np.ix_(rows, rows)] @ own)).sum())
-        return np.asarray(shape * np.sqrt(gram.readings / max(energy, 1e-12)))
-
     bands, frequencies = [], []
     own_axis = [axis[b.recording] for b in blocks if b.recording is not None]
     span = max(float(np.ptp(values)) for values in own_axis)
@@ -147,7 +185,7 @@ def _by_profile(
         for i, values in enumerate(own_axis):
             own = _band(values, f, finest)
             shape[starts[i] : starts[i + 1], i * width : (i + 1) * width] = own
-        bands.append(scaled(shape))
+        bands.append(_scaled(shape, inner, gram.readings))
         frequencies.append(f)
     out = [Candidate(name=component.name, effect=component.effect, component=component, at=at,
                      shapes=tuple(bands), labels=tuple(frequencies))] if bands else []  # fmt: skip
@@ -158,7 +196,7 @@ def _by_profile(
         for k in range(2, size - 2):
             shape = np.zeros((starts[-1], 1))
             shape[starts[i] + k : starts[i + 1]] = 1.0
-            steps.append(scaled(shape))
+            steps.append(_scaled(shape, inner, gram.readings))
             places.append(float(k))
     if steps:
         unknown = replace(component, effect="", name=f"step of the {what}")

@@ -162,8 +162,7 @@ class CauseSearch:
         found: dict[str, tuple[float, int, float]] = {}
         nothing = 0.0
         for c in candidates:
-            factors = c.log_factors(posteriors[c.at_edges].cavity(Term(at=c.at)), sizes)
-            usual = logsumexp(factors - np.log(c.tried), axis=0)
+            factors, usual = c.log_factors(posteriors[c.at_edges].cavity(Term(at=c.at)), sizes)
             # where edges lie is known anew, and a little otherwise, in each recording
             shared = not c.of_recordings and not c.at_edges
             known = self._worlds[c.at_edges].baseline is not None and shared

@@ -111,6 +111,10 @@ def columns_on(
             at_thin.append(places[before : before + patch.shape[0]])
         else:
             made = fields.get(component.name)
+            if component.placement:
+                dense += [state.columns[..., k][pick] for k in component.placement]
+                at_dense.append(places)
+                continue
             if made is None:  # a recording's own, in deviations of the noise
                 made = [state.sd_mm * f for f in mean_columns(component, patch, ranges) or ()]
             dense += [state.whiten(np.broadcast_to(f, patch.shape))[pick] for f in made]

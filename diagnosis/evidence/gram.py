@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
-from diagnosis.components.component import Component, mean_columns
+from diagnosis.components.component import TRAVEL, Component, mean_columns
 from diagnosis.components.smooth import Ranges
 from diagnosis.evidence.columns import Columns, Layout, column_groups, columns_on
 from diagnosis.evidence.posterior import Equations
-from diagnosis.noise import Mask, NoiseModel
+from diagnosis.noise import NoiseModel
 from diagnosis.patch import Patch
 from diagnosis.score import Whitened
 from diagnosis.settings import SETTINGS
@@ -68,22 +68,25 @@ class Gram:
         return Equations(matrix=self.matrix, right=self.right)
 
 
-def edge_weight(patch: Patch, state: Whitened) -> Floats:
-    """Weight (n, m) of readings: at edges by how much more than the noise they scatter."""
-    weight = np.ones(patch.shape)
-    at_edge = state.used & patch.edge
-    if at_edge.any():
-        loud = float(np.sqrt(np.square(state.innovations[at_edge]).mean()))
-        weight[patch.edge] = 1.0 / max(loud, 1.0)
-    return weight
+def weights_of(patch: Patch, state: Whitened) -> Floats:
+    """Weight (n, m) of each reading, by Huber's rule; 0 where it takes no part.
 
-
-def tamed(innovations: Floats, used: Mask) -> Floats:
-    """Innovations (n, m), each at most `clip` deviations off its neighbours' mean."""
+    A reading counts as far off its neighbours' mean as `clip` deviations at most, with what
+    components would do to it (Huber, Robust Statistics, 1981, ch. 7). At depth edges readings
+    scatter by more than the noise, since no edge is placed to a fraction of the spot: they count
+    by as much less.
+    """
+    used = state.used
     share = np.maximum(uniform_filter(used.astype(float), NEAR, mode="constant"), 1e-9)
-    middle = uniform_filter(np.where(used, innovations, 0.0), NEAR, mode="constant") / share
-    middle = np.where(np.abs(middle) > 1.0, middle, 0.0)
-    return middle + np.clip(innovations - middle, -SETTINGS.clip, SETTINGS.clip)
+    middle = uniform_filter(np.where(used, state.innovations, 0.0), NEAR, mode="constant") / share
+    middle = np.where((np.abs(middle) > 1.0) & ~patch.edge, middle, 0.0)
+    off = np.abs(state.innovations - middle)
+    weight = np.where(used, SETTINGS.clip / np.maximum(off, SETTINGS.clip), 0.0)
+    at_edge = used & patch.edge
+    if at_edge.any():
+        loud = float(np.sqrt(np.square((weight * state.innovations)[at_edge]).mean()))
+        weight[patch.edge] /= max(loud, 1.0)
+    return weight
 
 
 def grams_of(
@@ -170,12 +173,14 @@ def _of_recording(
             patch, state, layout, {n: f[k] for n, f in fields.items()}, ranges, before
         )
         pick = state.used
-        weight = edge_weight(patch, state)[pick]
-        values = tamed(state.innovations, pick)[pick]
+        weight = weights_of(patch, state)[pick]
+        lies, travels = np.split(state.columns[pick], [TRAVEL[0]], axis=1)
+        # recordings as they are from the commanded travel, wherever they were registered
+        values = state.innovations[pick] + travels @ (patch.shift + state.moved)[list(TRAVEL)]
         for which, rows in enumerate((~patch.edge[pick], np.ones(values.size, dtype=bool))):
             taken = np.flatnonzero(rows & (weight > 0))
             for some in np.array_split(taken, max(1, taken.size // AT_ONCE)):
-                more = _Sums.of(columns, state.columns[pick], values, weight, some, layout.size)
+                more = _Sums.of(columns, lies, values, weight, some, layout.size)
                 so_far = sums[which]
                 sums[which] = more if so_far is None else so_far.plus(more)
         before += patch.shape[0]

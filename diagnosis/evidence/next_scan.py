@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from diagnosis.evidence.assess import Seen
 from diagnosis.evidence.causes import Member
 from diagnosis.evidence.gram import Gram, grams_of, turned
+from diagnosis.evidence.seen import Seen
 from diagnosis.noise import NoiseModel
 from diagnosis.recorded import Recorded
 from diagnosis.registration import Placement

@@ -73,6 +73,13 @@ class Cavity:
         return np.asarray(0.5 * (turned / (1 + v) - np.log1p(v)).sum(axis=1))
 
 
+    def log_price(self, sizes: Floats) -> Floats:
+        """Return the same for readings that show nothing of the term."""
+        values = np.maximum(np.linalg.eigvalsh(self.information), 0.0)
+        v = np.square(sizes)[:, None] * values
+        return np.asarray(-0.5 * np.log1p(v).sum(axis=1))
+
+
 class Posterior:
     """Joint posterior of the discrepancy and of the active terms."""
 

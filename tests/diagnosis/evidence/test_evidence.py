@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from diagnosis.components.component import components_of, mean_columns, ranges_of
-from diagnosis.evidence.assess import assessed, good_factors, informed, seen
-from diagnosis.evidence.gram import edge_weight, grams_of, tamed
+from diagnosis.evidence.assess import assessed_mean
+from diagnosis.evidence.good import informed, kinds_of, mean_factors
+from diagnosis.evidence.gram import grams_of, weights_of
 from diagnosis.evidence.next_scan import Scan, next_scans
 from diagnosis.evidence.population import population
+from diagnosis.evidence.seen import seen
 from diagnosis.prepare import Inputs, Prepared, prepared
 from diagnosis.workspace import Model, Workspace
 from tests.support.small_parts import VIEWS, datasheet, part, record
@@ -59,11 +61,12 @@ def test_normal_equations_are_those_of_whitened_readings(bowed: Prepared) -> Non
             fields += [np.where(np.arange(n)[:, None] == i, state.sd_mm, 0.0) for i in range(n)]
         else:
             fields += mean_columns(b.component, patch, ranges) or []
-    w = edge_weight(patch, state)[state.used]
+    w = weights_of(patch, state)[state.used]
     x = np.stack([state.whiten(np.broadcast_to(f, (n, m)))[state.used] * w for f in fields], 1)
-    y = tamed(state.innovations, state.used)[state.used] * w
-    pose = state.columns[state.used] * w[:, None]
-    kept = np.eye(len(y)) - pose @ np.linalg.solve(np.eye(9) + pose.T @ pose, pose.T)
+    lies, travels = np.split(state.columns[state.used], [6], axis=1)
+    y = (state.innovations[state.used] + travels @ (patch.shift + state.moved)[6:]) * w
+    pose = lies * w[:, None]
+    kept = np.eye(len(y)) - pose @ np.linalg.solve(np.eye(6) + pose.T @ pose, pose.T)
     assert whole.matrix == pytest.approx(x.T @ kept @ x, abs=1e-6 * np.abs(whole.matrix).max())
     assert whole.right == pytest.approx(x.T @ kept @ y, abs=1e-6 * np.abs(whole.right).max())
 
@@ -72,21 +75,22 @@ def test_baselines_show_what_a_population_hides(bowed: Prepared) -> None:
     """A bow of a fifth of the noise: usual among instruments, but new on this one."""
     fitted = [p for p in bowed.patches if p.fit.any()]
     now = seen(fitted, bowed.noise, Model())
-    usual = population().weights
-    alone = assessed(now, usual, channels=("mean",))
+    usual = population()
+    kinds = kinds_of(usual, mean_factors(now), good=False)
+    alone = assessed_mean(now, usual.of_kinds(kinds))
     before = seen(bowed.baseline, bowed.noise, Model(), like=now)
-    known = assessed(now, informed(usual, good_factors(before)), before, channels=("mean",))
+    known = assessed_mean(now, informed(usual, mean_factors(before), {}), before)
     assert [m.candidate.effect for m in known.mean] == ["line_bow"]
     assert known.mean[0].nats > max((m.nats for m in alone.mean), default=0.0)
     # the same recordings as their own baseline: nothing has changed
     same = seen([p for p in bowed.patches if p.fit.any()], bowed.noise, Model(), like=now)
-    still = assessed(now, informed(usual, good_factors(same)), same, channels=("mean",))
+    still = assessed_mean(now, informed(usual, mean_factors(same), {}), same)
     assert not [m for m in still.mean if not m.candidate.at_edges]
 
 
 def test_probabilities_of_a_place_add_up(bowed: Prepared) -> None:
     now = seen([p for p in bowed.patches if p.fit.any()], bowed.noise, Model())
-    for member in assessed(now, {}, channels=("mean",)).mean:
+    for member in assessed_mean(now, {}).mean:
         assert sum(member.shares.values()) == pytest.approx(1.0)
         assert "" in member.shares
 
@@ -110,7 +114,7 @@ def test_a_turn_tells_the_part_from_the_sensor() -> None:
     one = ready([{"name": "line_bow", "sag_um": 40.0}], 7)
     patches = [replace(p, fit=p.fit | True) for p in one.patches if p.recording == 0]
     now = seen(patches, one.noise, Model())
-    member = next(m for m in assessed(now, {}, channels=("mean",)).mean)
+    member = next(m for m in assessed_mean(now, {}).mean)
     rival = "form_error" if member.candidate.effect != "form_error" else "line_bow"
     doubted = replace(member, shares={member.candidate.name: 0.6, rival: 0.4})
     scans = next_scans([doubted], now, one.recorded, one.placed, one.noise)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from diagnosis.evidence.assess import informed
-from diagnosis.evidence.population import mixed, population
+from diagnosis.evidence.good import informed, kinds_of
+from diagnosis.evidence.population import Kind, Population, learnt, population
 from diagnosis.settings import SETTINGS
 
 SIZES = SETTINGS.mean_sizes()
@@ -22,30 +22,72 @@ def seen_as(size: float, k: int = 6, information: float = 4e4) -> np.ndarray:
 
 def test_sizes_are_those_that_the_instruments_show() -> None:
     rng = np.random.default_rng(0)
-    weights = mixed([seen_as(float(s)) for s in 0.03 * np.exp(0.5 * rng.standard_normal(40))])
+    sizes = 0.03 * np.exp(0.5 * rng.standard_normal(40))
+    weights = learnt([[{"bow": seen_as(float(s))} for s in sizes]])[0]["bow"]
     assert weights.sum() == pytest.approx(1.0)
     typical = SIZES[np.searchsorted(np.cumsum(weights), 0.5)]
     assert 0.015 < typical < 0.06
-    assert weights[SIZES > 0.5].sum() < 1e-3
+    assert weights[SIZES > 0.5].sum() < 1.5 / 42
 
 
-def test_good_instruments_without_a_departure_have_none() -> None:
-    weights = mixed([seen_as(1e-5)] * 30)
-    assert weights[SIZES > 0.05].sum() < 0.01
+def test_good_instruments_without_a_departure_have_next_to_none() -> None:
+    """One more is unlike all thirty with a chance of 1 in 32."""
+    weights = learnt([[{"bow": seen_as(1e-5)}] * 30])[0]["bow"]
+    assert weights[SIZES > 0.05].sum() < 1.5 / 32
+
+
+def test_how_far_instruments_scatter_is_told_by_those_that_show_it() -> None:
+    """What is below the noise scatters as what stands clear of it does."""
+    rng = np.random.default_rng(1)
+    clear = 0.2 * np.exp(0.3 * rng.standard_normal(30))
+    both = [{"clear": seen_as(float(s)), "faint": seen_as(0.004)} for s in clear]
+    alone = learnt([[{"faint": seen_as(0.004)}] * 30])[0]["faint"]
+    assert learnt([both])[0]["faint"][SIZES > 0.03].sum() < alone[SIZES > 0.03].sum()
+
+
+def of_two(names: tuple[str, ...] = ("bow", "lens", "slips")) -> Population:
+    """A kind of instruments that are perfect, and one of which each has a tenth of everything."""
+    perfect, usual = (learnt([[{"bow": seen_as(s)}] * 20])[0]["bow"] for s in (1e-5, 0.1))
+    return Population(
+        kinds=(
+            Kind(name="perfect", weights=dict.fromkeys(names, perfect)),
+            Kind(name="usual", weights=dict.fromkeys(names, usual)),
+        )
+    )
 
 
 def test_a_baseline_narrows_what_an_instrument_may_have() -> None:
-    before = {"bow": np.full(SIZES.size, 1 / SIZES.size)}
-    after = informed(before, {"bow": seen_as(1e-5)})
+    flat = Kind(name="any", weights={"bow": np.full(SIZES.size, 1 / SIZES.size)})
+    after = informed(Population(kinds=(flat,)), {"bow": seen_as(1e-5)}, {})
     assert after["bow"].sum() == pytest.approx(1.0)
     assert after["bow"][SIZES > 0.1].sum() < 1e-3
+
+
+def test_recordings_show_their_kind() -> None:
+    here = of_two()
+    nothing = {n: seen_as(1e-5) for n in ("bow", "lens", "slips")}
+    everything = {n: seen_as(0.1) for n in ("bow", "lens", "slips")}
+    assert kinds_of(here, nothing, good=False)[0] > 0.99
+    assert kinds_of(here, everything, good=False)[1] > 0.99
+    # one that has nothing else of the kind has changed
+    assert kinds_of(here, nothing | {"bow": seen_as(0.1)}, good=False)[0] > 0.9
+
+
+def test_what_no_kind_was_seen_to_have_is_as_in_the_others() -> None:
+    one = Kind(name="a", weights={"bow": np.full(3, 1 / 3)})
+    both = Population(kinds=(one, Kind(name="b", weights={})))
+    weights = both.weights("bow")
+    assert weights is not None
+    assert weights[1] == pytest.approx(weights[0])
+    assert both.weights("slips") is None
 
 
 def test_the_population_is_named_and_its_probabilities_add_up() -> None:
     found = population()
     assert "calibration" in found.name
-    assert found.weights
-    for name, weights in found.weights.items():
-        grid = SETTINGS.rate_sizes() if ": " in name else SIZES
-        assert weights.shape == grid.shape, name
-        assert weights.sum() == pytest.approx(1.0, abs=1e-4), name
+    for kind in found.kinds:
+        assert kind.weights
+        for name, weights in kind.weights.items():
+            grid = SETTINGS.rate_sizes() if ": " in name else SIZES
+            assert weights.shape == grid.shape, name
+            assert weights.sum() == pytest.approx(1.0, abs=1e-4), name

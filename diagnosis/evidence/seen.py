@@ -1,0 +1,94 @@
+"""Recordings under a model, as the evidence sees them: equations of the mean, and channels."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.components.component import Component, components_of, ranges_of, with_pitches
+from diagnosis.evidence.candidates import Candidate, candidates_of
+from diagnosis.evidence.channel import Channel, channel_of
+from diagnosis.evidence.gram import Gram, Turns, grams_of, turned, turns_of
+from diagnosis.noise import NoiseModel
+from diagnosis.patch import Patch
+from diagnosis.workspace import Model, Workspace
+
+Floats = NDArray[np.float64]
+RATES = ("scale", "missing", "outliers")
+COVARIATES = ("x", "depth", "travel", "slope_y", "incidence", "half_vector", "clock",
+              "part_x", "part_y", "part_z")  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Seen:
+    """The mean of recordings under a model, as equations.
+
+    Attributes
+    ----------
+    bulk, whole : normal equations of the mean's components, off edges and over all readings
+    turns : how their columns were combined
+    candidates : of the mean
+    ranges : of covariates
+    """
+
+    bulk: Gram
+    whole: Gram
+    turns: Turns
+    candidates: tuple[Candidate, ...]
+    components: tuple[Component, ...]
+    ranges: Mapping[str, tuple[float, float]]
+
+
+def seen(
+    patches: Sequence[Patch],
+    noise: NoiseModel,
+    model: Model,
+    *,
+    like: Seen | None = None,
+) -> Seen:
+    """Look at the mean of recordings under a model.
+
+    Parameters
+    ----------
+    like : recordings whose components are taken, for baselines of the same instrument
+    """
+    ws = Workspace.build(patches, noise)
+    states = ws.states(ws.predict(model))
+    ranges = ranges_of(patches, COVARIATES) if like is None else like.ranges
+    if like is None:
+        components = with_pitches(components_of("mean"), patches, states)
+    else:
+        components = like.components
+    bulk, whole = grams_of(components, patches, states, ranges, noise)
+    turns = turns_of(bulk, whole) if like is None else like.turns
+    bulk, whole = turned(bulk, turns), turned(whole, turns)
+    times: dict[int, list[Floats]] = {}
+    ways: dict[int, list[Floats]] = {}
+    for p in patches:
+        times.setdefault(p.recording, []).append(p.view.time_s)
+        ways.setdefault(p.recording, []).append(p.view.travel_mm)
+    candidates = candidates_of(
+        bulk, {k: np.concatenate(v) for k, v in times.items()},
+        {k: np.concatenate(v) for k, v in ways.items()}, patches[0].view.sensor.effects,
+    )  # fmt: skip
+    return Seen(
+        bulk=bulk, whole=whole, turns=turns, candidates=tuple(candidates),
+        components=tuple(c for c in components if c.name in turns), ranges=ranges,
+    )  # fmt: skip
+
+
+def channels_seen(
+    patches: Sequence[Patch], noise: NoiseModel, model: Model, like: Seen
+) -> tuple[Channel, ...]:
+    """Look at the scale, the losses and the outliers, where there is something to see.
+
+    Parameters
+    ----------
+    like : whose ranges of covariates are taken
+    """
+    ws = Workspace.build(patches, noise)
+    laws = ws.predict(model)
+    states = ws.states(laws)
+    made = (channel_of(n, patches, laws, states, like.ranges, noise) for n in RATES)
+    return tuple(c for c in made if c is not None)
