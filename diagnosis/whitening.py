@@ -5,6 +5,7 @@ few earlier neighbours (Vecchia 1988, J. R. Stat. Soc. B 50, 297). The condition
 a whitened reading; missing neighbours only change the weights, so edges and gaps need no filling.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,6 +66,18 @@ class Whitener:
             self.deviation,
             NEIGHBOURS,
         )
+
+    def columns(self, fields: Sequence[Field], sd_mm: Field) -> NDArray[np.float32]:
+        """Innovations (k, N) of fields in mm, where used; each broadcasts to (n, m)."""
+        out = np.empty((len(fields), int(self.used.sum())), dtype=np.float32)
+        scaled = np.empty(self.used.shape)
+        for field, row in zip(fields, out, strict=True):
+            wide = np.broadcast_to(np.asarray(field, dtype=np.float64), self.used.shape)
+            _column(
+                wide, sd_mm, scaled, self.used, self.pattern, self.weights, self.deviation,
+                NEIGHBOURS, row,
+            )  # fmt: skip
+        return out
 
     def conditional_sd(self) -> Field:
         """Return the standard deviation of each innovation before scaling, (n, m)."""
@@ -147,6 +160,38 @@ def _apply(
                     value -= weights[code, k] * field[i + neighbours[k, 0], j + neighbours[k, 1]]
             out[i, j] = value / deviation[code]
     return out
+
+
+@njit(cache=True)
+def _column(
+    field: Field,
+    sd: Field,
+    scaled: Field,
+    used: Mask,
+    pattern: NDArray[np.int32],
+    weights: Field,
+    deviation: Field,
+    neighbours: NDArray[np.int64],
+    out: NDArray[np.float32],
+) -> None:
+    """Fill `out` (N,) with the innovations of a field; `scaled` (n, m) is room to work in."""
+    n, m = used.shape
+    for i in range(n):
+        for j in range(m):
+            value = field[i, j]
+            scaled[i, j] = value / sd[i, j] if used[i, j] and value == value else 0.0
+    at = 0
+    for i in range(n):
+        for j in range(m):
+            if not used[i, j]:
+                continue
+            code = pattern[i, j]
+            value = scaled[i, j]
+            for k in range(neighbours.shape[0]):
+                if code >> k & 1:
+                    value -= weights[code, k] * scaled[i + neighbours[k, 0], j + neighbours[k, 1]]
+            out[at] = value / deviation[code]
+            at += 1
 
 
 def transposed(whitener: Whitener, innovations: Field) -> Field:

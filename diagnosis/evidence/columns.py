@@ -5,7 +5,7 @@ reading is whitened given neighbours up to 3 profiles and 3 columns away, so tha
 are further apart hold many indicators at once.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,7 @@ from scipy import sparse
 
 from diagnosis.components.component import Component, mean_columns
 from diagnosis.components.smooth import Ranges
-from diagnosis.noise import Mask
+from diagnosis.noise import Mask, NoiseModel
 from diagnosis.patch import Patch
 from diagnosis.score import Whitened
 from diagnosis.settings import SETTINGS
@@ -36,11 +36,11 @@ class Columns:
 
     Attributes
     ----------
-    dense : (N, d); at_dense : (d,) their places in the equations of the recording
+    dense : (d, N) float32; at_dense : (d,) their places in the equations of the recording
     thin : (N, t) sparse; at_thin : (t,)
     """
 
-    dense: Floats
+    dense: NDArray[np.float32]
     at_dense: Places
     thin: sparse.csr_matrix
     at_thin: Places
@@ -81,19 +81,18 @@ def columns_on(
     patch: Patch,
     state: Whitened,
     layout: Layout,
-    fields: Mapping[str, Sequence[Floats]],
     ranges: Ranges,
+    noise: NoiseModel,
     before: int,
 ) -> Columns:
     """Whiten the columns of all components on a patch.
 
     Parameters
     ----------
-    fields : columns (n, m) in mm of components that recordings share
     before : profiles of the recording's patches before this one
     """
     pick = state.used
-    dense: list[Floats] = []
+    dense: list[NDArray[np.float32]] = []
     at_dense: list[Places] = []
     thin: list[sparse.csr_matrix] = []
     at_thin: list[Places] = []
@@ -110,14 +109,14 @@ def columns_on(
             thin.append(_each_profile(state, pick, factor))
             at_thin.append(places[before : before + patch.shape[0]])
         else:
-            made = fields.get(component.name)
-            if made is None:  # a recording's own, in deviations of the noise
-                made = [state.sd_mm * f for f in mean_columns(component, patch, ranges) or ()]
-            dense += [state.whiten(np.broadcast_to(f, patch.shape))[pick] for f in made]
+            made = mean_columns(component, patch, ranges, noise) or ()
+            if component.own:  # in deviations of the noise
+                made = [state.sd_mm * f for f in made]
+            dense.append(state.whitener.columns(made, state.sd_mm))
             at_dense.append(places)
     count = int(pick.sum())
     return Columns(
-        dense=np.stack(dense, axis=1) if dense else np.zeros((count, 0)),
+        dense=np.concatenate(dense) if dense else np.zeros((0, count), dtype=np.float32),
         at_dense=_joined(at_dense),
         thin=sparse.hstack(thin, format="csr") if thin else sparse.csr_matrix((count, 0)),
         at_thin=_joined(at_thin),
