@@ -11,10 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy import sparse
 
 from diagnosis.noise import Field, Mask, NoiseModel
 from sensors.view.view_cache import ViewCache
 
+Groups = NDArray[np.int64]
 # earlier neighbours as (rows up, columns): the current profile's last three, then profiles before
 NEIGHBOURS = np.array(
     [
@@ -78,6 +80,22 @@ class Whitener:
                 NEIGHBOURS, row,
             )  # fmt: skip
         return out
+
+    def indicators(self, field: Field, row: Groups, column: Groups) -> sparse.csr_matrix:
+        """Innovations (N, groups) of a field that is there in one group of readings alone.
+
+        Parameters
+        ----------
+        field : (n, m) in deviations of the noise
+        row, column : (n,), (m,) whose sum is the number of a reading's group
+        """
+        count = int(self.used.sum())
+        value, owner, start = _indicators(
+            np.ascontiguousarray(field, dtype=np.float64), row, column, self.used, self.pattern,
+            self.weights, self.deviation, NEIGHBOURS, count,
+        )  # fmt: skip
+        shape = count, int(row[-1] + column[-1]) + 1
+        return sparse.csr_matrix((value, owner, start), shape=shape)
 
     def conditional_sd(self) -> Field:
         """Return the standard deviation of each innovation before scaling, (n, m)."""
@@ -192,6 +210,48 @@ def _column(
                     value -= weights[code, k] * scaled[i + neighbours[k, 0], j + neighbours[k, 1]]
             out[at] = value / deviation[code]
             at += 1
+
+
+@njit(cache=True)
+def _indicators(
+    field: Field,
+    row: Groups,
+    column: Groups,
+    used: Mask,
+    pattern: NDArray[np.int32],
+    weights: Field,
+    deviation: Field,
+    neighbours: NDArray[np.int64],
+    count: int,
+) -> tuple[Field, NDArray[np.int32], NDArray[np.int32]]:
+    """Rows of the sparse matrix: a reading's own group, and those of its neighbours."""
+    most = neighbours.shape[0] + 1
+    value, owner = np.empty(count * most), np.empty(count * most, dtype=np.int32)
+    start = np.zeros(count + 1, dtype=np.int32)
+    n, m = used.shape
+    at, end = 0, 0
+    for i in range(n):
+        for j in range(m):
+            if not used[i, j]:
+                continue
+            code, begin = pattern[i, j], end
+            owner[end] = row[i] + column[j]
+            value[end] = field[i, j] / deviation[code]
+            end += 1
+            for k in range(neighbours.shape[0]):
+                if not code >> k & 1:
+                    continue
+                a, b = i + neighbours[k, 0], j + neighbours[k, 1]
+                whose, place = row[a] + column[b], begin
+                while place < end and owner[place] != whose:
+                    place += 1
+                if place == end:
+                    owner[end], value[end] = whose, 0.0
+                    end += 1
+                value[place] -= weights[code, k] * field[a, b] / deviation[code]
+            at += 1
+            start[at] = end
+    return value[:end].copy(), owner[:end].copy(), start
 
 
 def transposed(whitener: Whitener, innovations: Field) -> Field:
