@@ -81,6 +81,14 @@ class Whitener:
             )  # fmt: skip
         return out
 
+    def stacked(self, fields: Field, sd_mm: Field) -> NDArray[np.float32]:
+        """Innovations (n, m, k) of k fields in mm that lie side by side; 0 where not used."""
+        return np.asarray(
+            _stacked(
+                fields, sd_mm, self.used, self.pattern, self.weights, self.deviation, NEIGHBOURS
+            )
+        )
+
     def indicators(self, field: Field, row: Groups, column: Groups) -> sparse.csr_matrix:
         """Innovations (N, groups) of a field that is there in one group of readings alone.
 
@@ -197,7 +205,7 @@ def _column(
     for i in range(n):
         for j in range(m):
             value = field[i, j]
-            scaled[i, j] = value / sd[i, j] if used[i, j] and value == value else 0.0
+            scaled[i, j] = value / sd[i, j] if used[i, j] and not np.isnan(value) else 0.0
     at = 0
     for i in range(n):
         for j in range(m):
@@ -210,6 +218,38 @@ def _column(
                     value -= weights[code, k] * scaled[i + neighbours[k, 0], j + neighbours[k, 1]]
             out[at] = value / deviation[code]
             at += 1
+
+
+@njit(cache=True)
+def _stacked(
+    fields: Field,
+    sd: Field,
+    used: Mask,
+    pattern: NDArray[np.int32],
+    weights: Field,
+    deviation: Field,
+    neighbours: NDArray[np.int64],
+) -> NDArray[np.float32]:
+    n, m, count = fields.shape
+    out = np.zeros((n, m, count), dtype=np.float32)
+    value = np.empty(count)
+    for i in range(n):
+        for j in range(m):
+            if not used[i, j]:
+                continue
+            code = pattern[i, j]
+            scale = 1.0 / sd[i, j]
+            for c in range(count):
+                value[c] = scale * fields[i, j, c]
+            for k in range(neighbours.shape[0]):
+                if code >> k & 1:
+                    a, b = i + neighbours[k, 0], j + neighbours[k, 1]
+                    scale = weights[code, k] / sd[a, b]
+                    for c in range(count):
+                        value[c] -= scale * fields[a, b, c]
+            for c in range(count):
+                out[i, j, c] = value[c] / deviation[code]
+    return out
 
 
 @njit(cache=True)

@@ -149,7 +149,7 @@ def facing_camera(
         r = poses[i]
         for j in range(m):
             z = depth[i, j]
-            if not z == z:
+            if np.isnan(z):
                 out[i, j] = np.nan
                 continue
             p = normals[triangle[i, j]]
