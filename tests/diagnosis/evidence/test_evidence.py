@@ -100,6 +100,7 @@ def test_combined_equations_are_those_of_combined_columns(bowed: Prepared) -> No
     assert found.right == pytest.approx(whole.T @ now.bulk.right)
 
 
+@pytest.mark.slow
 def test_baselines_show_what_a_population_hides(bowed: Prepared) -> None:
     """A bow of a fifth of the noise: usual among instruments, but new on this one."""
     fitted = [p for p in bowed.patches if p.fit.any()]
