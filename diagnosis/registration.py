@@ -38,6 +38,8 @@ OPEN = 0.01
 Planes say nothing of where they end: walls and what is read between two levels do, and those may be
 blurred over many pitches. Their word was up to two pitches off, with a deviation of 0.01 to 0.1.
 """
+STEP = 0.3
+"""Depth, in pitches, by which a silhouette stands out at least."""
 REACHES = (8.0, 3.0, 1.0, 0.4, 0.15, 0.05)
 """Steps of a search by silhouettes, in pitches."""
 LEAST_SETTLED = 5.0
@@ -355,7 +357,7 @@ def _settle_by_edges(
     if not len(directions):
         return start
     hits = scene.cast(rays, moved := move(poses, start, centre))
-    if (smooth_weight(hits.depth_mm, scene.normals[hits.triangle], pitch) == 1.0).all():
+    if not any_silhouette(hits.depth_mm, pitch):
         return start
     known = np.isfinite(depth)
     if datasheet.triangulation_angle_deg is not None:
@@ -365,7 +367,7 @@ def _settle_by_edges(
         known &= ~binary_dilation(hidden, iterations=SHADE)
     away = (depth - hits.depth_mm)[known & np.isfinite(hits.depth_mm)]
     # faces that are bent don't tell where they end
-    cap = max(10 * sd_mm, 0.3 * pitch, 2 * mad_sd(away))
+    cap = max(10 * sd_mm, STEP * pitch, 2 * mad_sd(away))
 
     def cost(steps: Field) -> float:
         shift = start + steps @ directions
@@ -394,6 +396,13 @@ def _settle_by_edges(
         },
     )
     return np.asarray(start + polished.x @ directions)
+
+
+def any_silhouette(depth_mm: Field, pitch_mm: float) -> bool:
+    """Whether depth (n, m) ends, or leaves the line through its neighbours, anywhere."""
+    bends = [np.abs(np.diff(depth_mm, n=2, axis=axis)) for axis in (0, 1)]
+    steps = any((bend > STEP * pitch_mm).any() for bend in bends)
+    return bool(steps or not np.isfinite(depth_mm).all())
 
 
 def open_directions(
