@@ -12,8 +12,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, get_args
 
@@ -25,6 +26,8 @@ import flawforge.dataset
 from benchmarks.end_to_end import HOME
 from defects.carving.block import Block
 from defects.carving.booleans import BooleanError
+from defects.carving.solid import Cutter
+from defects.surface.surface import Surface
 from pipeline.batch.backend import THREADS
 from pipeline.dataset.chunks import deflated
 from pipeline.dataset.compression import Compression, filters
@@ -51,11 +54,15 @@ LOADED: Final = (240, 512)  # of those that a loader takes
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Carving:
-    """Seven flaws drawn and carved into a part, and the same cutters both ways."""
+    """Seven flaws drawn and carved into a part, and the same cutters in all ways.
+
+    By their seams in the faces around them, by their whole solids there, and in the whole part.
+    """
 
     part: str
     triangles: int
     all_s: float
+    seams_s: float
     local_s: float
     whole_s: float
 
@@ -99,23 +106,24 @@ def carvings(rounds: int) -> list[Carving]:
     plan, rows = FlawPlan.from_mapping(FLAWS), []
     for name, facet_um in PARTS:
         part = builtin.build(name, facet_um)
-        blocks = {
-            "local": Block(part.vertices_mm, part.faces),
-            "whole": WholeBlock(part.vertices_mm, part.faces),
-        }
-        injection.inject(part, plan, rng_of=streams(rounds, name))  # compiled, trees built
-        found: dict[str, list[float]] = {"all": [], "local": [], "whole": []}
+        local = Block(part.vertices_mm, part.faces)
+        whole = WholeBlock(part.vertices_mm, part.faces)
+        skin = Surface.of(part.vertices_mm, part.faces)  # once for all specimens of a part
+        injection.inject(part, plan, rng_of=streams(rounds, name), surface=skin)  # compiled
+        found: dict[str, list[float]] = {"all": [], "seams": [], "local": [], "whole": []}
         for seed in range(rounds):
             begin = time.process_time()
-            flawed = injection.inject(part, plan, rng_of=streams(seed, name))
+            flawed = injection.inject(part, plan, rng_of=streams(seed, name), surface=skin)
             found["all"].append(time.process_time() - begin)
-            cutters = list(flawed.cutters)
+            solids = [replace(cutter, seam=None) for cutter in flawed.cutters]
 
-            def run(block: Block, cutters: list[Any] = cutters) -> None:
-                block.carve(cutters, [block.trial(cutter) for cutter in cutters])
+            def run(block: Block, cutters: Sequence[Cutter]) -> None:
+                block.carve(list(cutters), [block.trial(cutter) for cutter in cutters])
 
-            for key, block in blocks.items():
-                found[key].append(seconds(lambda block=block, run=run: run(block)))
+            for key, block, cutters in (
+                ("seams", local, flawed.cutters), ("local", local, solids), ("whole", whole, solids)
+            ):  # fmt: skip
+                found[key].append(seconds(partial(run, block, cutters)))
         middle = {f"{key}_s": statistics.median(values) for key, values in found.items()}
         rows.append(Carving(part=f"{name}, {facet_um:g} µm", triangles=len(part.faces), **middle))
     return rows

@@ -11,10 +11,12 @@ from dataclasses import dataclass
 from diagnosis.heldout import with_own
 from diagnosis.noise import Field, NoiseModel
 from diagnosis.patch import Patch
+from diagnosis.physics import seen_by
 from diagnosis.recorded import Recorded
 from diagnosis.registration import Placement
 from diagnosis.reregistration import by_all_readings, is_whole, log_density, registered_under
 from diagnosis.workspace import Model
+from sensors.view.view_cache import ViewCache
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -51,7 +53,10 @@ class Placed:
         return [p for p in self.patches if p.scored.any()]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+_PLACED: ViewCache[Placed] = ViewCache(4)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False, weakref_slot=True)
 class Candidates:
     """Places of each recording.
 
@@ -67,6 +72,9 @@ class Candidates:
 
     def placed(self, model: Model) -> Placed:
         """Place each recording where its readings are most probable under a model."""
+        return _PLACED.get(self, model.key, lambda: self._placed(model))
+
+    def _placed(self, model: Model) -> Placed:
         places = tuple(self._best(number, model) for number in range(len(self.places)))
         patches = [p for place in places for p in place.patches]
         model = with_own(patches, self.noise, model, share_own=self.share_own)
@@ -79,11 +87,12 @@ class Candidates:
         return self.placed(model).held
 
     def _best(self, number: int, model: Model) -> Place:
-        best = max(self.places[number], key=lambda place: self._density(place, model))
+        known = [(self._density(place, model), place) for place in self.places[number]]
+        density, best = max(known, key=lambda one: one[0])
         own = with_own(best.patches, self.noise, model, share_own=self.share_own)
         shift = by_all_readings(best.patches, self.noise, own)[number]
         there = place_at(self.recorded, number, best.placement.moved_by(shift))
-        return max((best, there), key=lambda place: self._density(place, model))
+        return there if self._density(there, model) > density else best
 
     def _density(self, place: Place, model: Model) -> float:
         own = with_own(place.patches, self.noise, model, share_own=self.share_own)
@@ -112,6 +121,8 @@ def candidates_of(
     nominal, found : placements by name, registered under the nominal model and under the other
     patches : the recordings looked at from these
     """
+    # a sensor's file may have been completed since the first look
+    patches = seen_by(patches[0], recorded.datasheet), patches[1]
     places = []
     for number, recording in enumerate(recorded.recordings):
         one, two = (

@@ -125,7 +125,7 @@ def column_equations(
                 weight.append(state.whiten(teeth)[rows, columns])
                 owner.append(np.where(hit.any(axis=1), first * count + near, 0))
         matrix = weights_matrix(np.stack(owner, axis=1), np.stack(weight, axis=1), total)
-        whitened_columns = state.columns[rows, columns]
+        whitened_columns = state.columns[rows, columns].astype(np.float64)
         gram += (matrix @ matrix.T).toarray()
         right = right + matrix @ values
         r = patch.recording

@@ -14,9 +14,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
+from scipy.special import fdtrc, stdtrit
 
 from diagnosis.noise import Field
 from diagnosis.registration import PRIOR_SD, Placement, travel_columns
@@ -94,10 +94,13 @@ class Mounting:
         told = np.array([getattr(self.effect, name) for name in NAMES])
         with_it = seen.covariance(self.lies) + self.unsure
         without = seen.covariance(self.lies_off)
-        return float(
-            stats.multivariate_normal.logpdf(seen.error, told, with_it)
-            - stats.multivariate_normal.logpdf(seen.error, np.zeros(6), without)
-        )
+        return _log_normal(seen.error - told, with_it) - _log_normal(seen.error, without)
+
+
+def _log_normal(off: Field, covariance: Field) -> float:
+    """Log density of a normal distribution at an offset from its mean, but for a constant."""
+    _, size = np.linalg.slogdet(covariance)
+    return -0.5 * float(off @ np.linalg.solve(covariance, off) + size)
 
 
 def mounting_error(
@@ -116,8 +119,8 @@ def mounting_error(
     seen = [_Seen.of(p, q, travel_mm) for p, q in zip(commanded, placements, strict=True)]
     lies = _scatter(seen, shared=True)
     mean, shared, dof = _agreed(seen, lies)
-    tail = float(stats.f.sf(mean @ np.linalg.solve(shared, mean) / 6, 6, dof))
-    reach = float(stats.t.ppf(0.975, dof))
+    tail = float(fdtrc(6, dof, mean @ np.linalg.solve(shared, mean) / 6))
+    reach = float(stdtrit(dof, 0.975))
     sd = np.sqrt(np.diag(shared))
     certain = _certain(shared * reach**2, mean)
     if tail > LEVEL or not (np.abs(certain) > LEAST).any():

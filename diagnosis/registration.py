@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
 from scipy.optimize import minimize
@@ -32,6 +33,8 @@ milliradian (makers' data of linear stages). What turns with a part's tilt isn't
 faces, so that a wider prior would bend the travel for nothing; where readings tell, it hardly
 matters.
 """
+EDGE_ON = 1e-3
+"""Least cosine of a facet's normal to a ray: beyond it, depth would move by any amount."""
 SUBSET = 120_000
 MOVE_LIMIT = np.array([1.0, 1.0, 1.0, 0.01, 0.01, 0.01, 1e-3, 5e-3, 5e-3])
 """Largest step of one iteration: mm, radians, share of the travel, its direction."""
@@ -41,6 +44,8 @@ OPEN = 0.01
 Planes say nothing of where they end: walls and what is read between two levels do, and those may be
 blurred over many pitches. Their word was up to two pitches off, with a deviation of 0.01 to 0.1.
 """
+STEP = 0.3
+"""Depth, in pitches, by which a silhouette stands out at least."""
 REACHES = (8.0, 3.0, 1.0, 0.4, 0.15, 0.05)
 """Steps of a search by silhouettes, in pitches."""
 LEAST_SETTLED = 5.0
@@ -139,18 +144,51 @@ def pose_columns(
         `travel_columns` of the whole recording, of these profiles: a strip's own would count from
         its own mean.
     """
-    axis = poses[:, None, :3, 2] + laser.slope_x[None, :, None] * poses[:, None, :3, 0]
-    depth = np.nan_to_num(depth_mm)
-    hit = (
-        poses[:, None, :3, 3]
-        + laser.x_mm[None, :, None] * poses[:, None, :3, 0]
-        + depth[..., None] * axis
-    )
-    facing = np.einsum("nmk,nmk->nm", normal, axis)
-    facing = np.where(np.abs(facing) < 1e-3, -1e-3, facing)
-    lever = -normal / facing[..., None]
-    arm = np.cross(hit - centre_mm, lever)
-    return np.concatenate([lever, arm, lever @ travel], axis=-1)
+    return np.asarray(
+        _pose_columns(
+            poses, laser.x_mm, laser.slope_x, depth_mm, np.ascontiguousarray(normal), centre_mm,
+            travel,
+        )
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _pose_columns(
+    poses: Field,
+    x_mm: Field,
+    slope_x: Field,
+    depth_mm: Field,
+    normal: Field,
+    centre_mm: Field,
+    travel: Field,
+) -> Field:
+    n, m = depth_mm.shape
+    out = np.empty((n, m, 9))
+    axis, arm, lever = np.empty(3), np.empty(3), np.empty(3)
+    for i in range(n):
+        for j in range(m):
+            depth = 0.0 if np.isnan(depth_mm[i, j]) else depth_mm[i, j]
+            facing = 0.0
+            for k in range(3):
+                axis[k] = poses[i, k, 2] + slope_x[j] * poses[i, k, 0]
+                arm[k] = poses[i, k, 3] + x_mm[j] * poses[i, k, 0] + depth * axis[k]
+                arm[k] -= centre_mm[k]
+                facing += normal[i, j, k] * axis[k]
+            if abs(facing) < EDGE_ON:
+                facing = -EDGE_ON
+            for k in range(3):
+                lever[k] = -normal[i, j, k] / facing
+                out[i, j, k] = lever[k]
+            out[i, j, 3] = arm[1] * lever[2] - arm[2] * lever[1]
+            out[i, j, 4] = arm[2] * lever[0] - arm[0] * lever[2]
+            out[i, j, 5] = arm[0] * lever[1] - arm[1] * lever[0]
+            for k in range(3):
+                out[i, j, 6 + k] = (
+                    lever[0] * travel[i, 0, k]
+                    + lever[1] * travel[i, 1, k]
+                    + lever[2] * travel[i, 2, k]
+                )
+    return out
 
 
 def smooth_weight(depth_mm: Field, normal: Field, pitch_mm: float) -> Field:
@@ -317,11 +355,16 @@ def _settle_by_edges(
     sd_mm: float,
     datasheet: Datasheet,
 ) -> Field:
-    """Let silhouettes settle what smooth faces leave open, where they say something clear."""
+    """Let silhouettes, if there are any, settle what smooth faces leave open.
+
+    They do where the readings prefer one place clearly.
+    """
     directions = open_directions(covariance, poses, rays, depth, pitch)
     if not len(directions):
         return start
     hits = scene.cast(rays, moved := move(poses, start, centre))
+    if not any_silhouette(hits.depth_mm, pitch):
+        return start
     known = np.isfinite(depth)
     if datasheet.triangulation_angle_deg is not None:
         # what is read in a shadow is read elsewhere: it would draw the edge there
@@ -330,7 +373,7 @@ def _settle_by_edges(
         known &= ~binary_dilation(hidden, iterations=SHADE)
     away = (depth - hits.depth_mm)[known & np.isfinite(hits.depth_mm)]
     # faces that are bent don't tell where they end
-    cap = max(10 * sd_mm, 0.3 * pitch, 2 * mad_sd(away))
+    cap = max(10 * sd_mm, STEP * pitch, 2 * mad_sd(away))
 
     def cost(steps: Field) -> float:
         shift = start + steps @ directions
@@ -359,6 +402,13 @@ def _settle_by_edges(
         },
     )
     return np.asarray(start + polished.x @ directions)
+
+
+def any_silhouette(depth_mm: Field, pitch_mm: float) -> bool:
+    """Whether depth (n, m) ends, or leaves the line through its neighbours, anywhere."""
+    bends = [np.abs(np.diff(depth_mm, n=2, axis=axis)) for axis in (0, 1)]
+    steps = any((bend > STEP * pitch_mm).any() for bend in bends)
+    return bool(steps or not np.isfinite(depth_mm).all())
 
 
 def open_directions(

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numba import njit
 
 from diagnosis.noise import Field, Mask, NoiseModel
 from diagnosis.patch import SPIKE_SD, Patch, spikes
@@ -37,7 +38,7 @@ class Whitened:
     sd_mm : (n, m)
     innovations : (n, m)
         Whitened residual; 0 where not used.
-    columns : (n, m, 9)
+    columns : (n, m, 9) float32
         Whitened derivative by the placement (in prior deviations).
     moved : (9,)
         By how much the placement differs from the patch's, in prior deviations.
@@ -81,14 +82,8 @@ def _whitener(patch: Patch, used: Mask, noise: NoiseModel) -> Whitener:
 
 
 def _columns(patch: Patch, whitener: Whitener, sd_mm: Field, noise: NoiseModel) -> Field:
-    used = whitener.used
-    key = noise, hash(np.packbits(used).tobytes()), hash(sd_mm.tobytes())
-
-    def whiten_all() -> Field:
-        scaled = np.where(used[..., None], patch.columns / sd_mm[..., None], 0.0)
-        return np.stack([whitener.apply(c) for c in np.moveaxis(scaled, -1, 0)], axis=-1)
-
-    return _COLUMNS.get(patch, key, whiten_all)
+    key = noise, hash(np.packbits(whitener.used).tobytes()), hash(sd_mm.tobytes())
+    return _COLUMNS.get(patch, key, lambda: whitener.stacked(patch.columns, sd_mm))
 
 
 def placements(
@@ -100,23 +95,49 @@ def placements(
 
     Least squares, then again without the readings that are far off under it.
     """
-    taken: list[tuple[int, Field, Field]] = []
-    for patch, state, mask in zip(patches, states, masks, strict=True):
-        pick = mask & state.used
-        taken.append((patch.recording, state.columns[pick], state.innovations[pick]))
     found: dict[int, Field] = {}
+    picks = [mask & state.used for state, mask in zip(states, masks, strict=True)]
     for _ in range(3):
         normal: dict[int, Field] = {}
         right: dict[int, Field] = {}
-        for r, all_columns, all_values in taken:
-            columns, values = all_columns, all_values
-            if r in found:
-                near = np.abs(values - columns @ found[r]) < CLIP
-                columns, values = columns[near], values[near]
-            normal[r] = normal.get(r, np.eye(columns.shape[-1])) + columns.T @ columns
-            right[r] = right.get(r, 0.0) + columns.T @ values
+        for patch, state, pick in zip(patches, states, picks, strict=True):
+            r, k = patch.recording, state.columns.shape[-1]
+            there = found.get(r, np.zeros(k))
+            matrix, vector = _normal(
+                state.columns, state.innovations, pick, there, CLIP if r in found else np.inf
+            )
+            normal[r] = normal.get(r, np.eye(k)) + matrix
+            right[r] = right.get(r, np.zeros(k)) + vector
         found = {r: np.linalg.solve(normal[r], right[r]) for r in normal}
     return found
+
+
+@njit(cache=True)
+def _normal(
+    columns: Field, values: Field, pick: Mask, there: Field, clip: float
+) -> tuple[Field, Field]:
+    """Products of columns (n, m, k) and values (n, m) over readings near a placement `there`."""
+    n, m, k = columns.shape
+    matrix, vector = np.zeros((k, k)), np.zeros(k)
+    for i in range(n):
+        for j in range(m):
+            if not pick[i, j]:
+                continue
+            x = columns[i, j]
+            left = values[i, j]
+            for a in range(k):
+                left -= x[a] * there[a]
+            if not abs(left) < clip:
+                continue
+            for a in range(k):
+                one = np.float64(x[a])
+                vector[a] += one * values[i, j]
+                for b in range(a + 1):
+                    matrix[a, b] += one * x[b]
+    for a in range(k):
+        for b in range(a):
+            matrix[b, a] = matrix[a, b]
+    return matrix, vector
 
 
 def placed(patch: Patch, state: Whitened, placement: Field) -> Whitened:

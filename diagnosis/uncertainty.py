@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy.special import stdtrit
 
 from diagnosis.curvature import fitted_numbers, quadratic
 from diagnosis.noise import Field
@@ -55,7 +55,7 @@ def intervals(ws: Workspace, model: Model) -> Intervals:
         return out
     sd = np.sqrt(np.diag(sandwich(about.slopes, about.curvature))) * about.steps
     dof = max(about.slopes.shape[1] - len(about.numbers), 1)
-    reach = float(stats.t.ppf(0.5 + LEVEL / 2, dof))
+    reach = float(stdtrit(dof, 0.5 + LEVEL / 2))
     for number, half in zip(about.numbers, reach * sd, strict=True):
         if number.recording is not None:
             continue

@@ -5,15 +5,18 @@ few earlier neighbours (Vecchia 1988, J. R. Stat. Soc. B 50, 297). The condition
 a whitened reading; missing neighbours only change the weights, so edges and gaps need no filling.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy import sparse
 
 from diagnosis.noise import Field, Mask, NoiseModel
 from sensors.view.view_cache import ViewCache
 
+Groups = NDArray[np.int64]
 # earlier neighbours as (rows up, columns): the current profile's last three, then profiles before
 NEIGHBOURS = np.array(
     [
@@ -65,6 +68,42 @@ class Whitener:
             self.deviation,
             NEIGHBOURS,
         )
+
+    def columns(self, fields: Sequence[Field], sd_mm: Field) -> NDArray[np.float32]:
+        """Innovations (k, N) of fields in mm, where used; each broadcasts to (n, m)."""
+        out = np.empty((len(fields), int(self.used.sum())), dtype=np.float32)
+        scaled = np.empty(self.used.shape)
+        for field, row in zip(fields, out, strict=True):
+            wide = np.broadcast_to(np.asarray(field, dtype=np.float64), self.used.shape)
+            _column(
+                wide, sd_mm, scaled, self.used, self.pattern, self.weights, self.deviation,
+                NEIGHBOURS, row,
+            )  # fmt: skip
+        return out
+
+    def stacked(self, fields: Field, sd_mm: Field) -> NDArray[np.float32]:
+        """Innovations (n, m, k) of k fields in mm that lie side by side; 0 where not used."""
+        return np.asarray(
+            _stacked(
+                fields, sd_mm, self.used, self.pattern, self.weights, self.deviation, NEIGHBOURS
+            )
+        )
+
+    def indicators(self, field: Field, row: Groups, column: Groups) -> sparse.csr_matrix:
+        """Innovations (N, groups) of a field that is there in one group of readings alone.
+
+        Parameters
+        ----------
+        field : (n, m) in deviations of the noise
+        row, column : (n,), (m,) whose sum is the number of a reading's group
+        """
+        count = int(self.used.sum())
+        value, owner, start = _indicators(
+            np.ascontiguousarray(field, dtype=np.float64), row, column, self.used, self.pattern,
+            self.weights, self.deviation, NEIGHBOURS, count,
+        )  # fmt: skip
+        shape = count, int(row[-1] + column[-1]) + 1
+        return sparse.csr_matrix((value, owner, start), shape=shape)
 
     def conditional_sd(self) -> Field:
         """Return the standard deviation of each innovation before scaling, (n, m)."""
@@ -147,6 +186,112 @@ def _apply(
                     value -= weights[code, k] * field[i + neighbours[k, 0], j + neighbours[k, 1]]
             out[i, j] = value / deviation[code]
     return out
+
+
+@njit(cache=True)
+def _column(
+    field: Field,
+    sd: Field,
+    scaled: Field,
+    used: Mask,
+    pattern: NDArray[np.int32],
+    weights: Field,
+    deviation: Field,
+    neighbours: NDArray[np.int64],
+    out: NDArray[np.float32],
+) -> None:
+    """Fill `out` (N,) with the innovations of a field; `scaled` (n, m) is room to work in."""
+    n, m = used.shape
+    for i in range(n):
+        for j in range(m):
+            value = field[i, j]
+            scaled[i, j] = value / sd[i, j] if used[i, j] and not np.isnan(value) else 0.0
+    at = 0
+    for i in range(n):
+        for j in range(m):
+            if not used[i, j]:
+                continue
+            code = pattern[i, j]
+            value = scaled[i, j]
+            for k in range(neighbours.shape[0]):
+                if code >> k & 1:
+                    value -= weights[code, k] * scaled[i + neighbours[k, 0], j + neighbours[k, 1]]
+            out[at] = value / deviation[code]
+            at += 1
+
+
+@njit(cache=True)
+def _stacked(
+    fields: Field,
+    sd: Field,
+    used: Mask,
+    pattern: NDArray[np.int32],
+    weights: Field,
+    deviation: Field,
+    neighbours: NDArray[np.int64],
+) -> NDArray[np.float32]:
+    n, m, count = fields.shape
+    out = np.zeros((n, m, count), dtype=np.float32)
+    value = np.empty(count)
+    for i in range(n):
+        for j in range(m):
+            if not used[i, j]:
+                continue
+            code = pattern[i, j]
+            scale = 1.0 / sd[i, j]
+            for c in range(count):
+                value[c] = scale * fields[i, j, c]
+            for k in range(neighbours.shape[0]):
+                if code >> k & 1:
+                    a, b = i + neighbours[k, 0], j + neighbours[k, 1]
+                    scale = weights[code, k] / sd[a, b]
+                    for c in range(count):
+                        value[c] -= scale * fields[a, b, c]
+            for c in range(count):
+                out[i, j, c] = value[c] / deviation[code]
+    return out
+
+
+@njit(cache=True)
+def _indicators(
+    field: Field,
+    row: Groups,
+    column: Groups,
+    used: Mask,
+    pattern: NDArray[np.int32],
+    weights: Field,
+    deviation: Field,
+    neighbours: NDArray[np.int64],
+    count: int,
+) -> tuple[Field, NDArray[np.int32], NDArray[np.int32]]:
+    """Rows of the sparse matrix: a reading's own group, and those of its neighbours."""
+    most = neighbours.shape[0] + 1
+    value, owner = np.empty(count * most), np.empty(count * most, dtype=np.int32)
+    start = np.zeros(count + 1, dtype=np.int32)
+    n, m = used.shape
+    at, end = 0, 0
+    for i in range(n):
+        for j in range(m):
+            if not used[i, j]:
+                continue
+            code, begin = pattern[i, j], end
+            owner[end] = row[i] + column[j]
+            value[end] = field[i, j] / deviation[code]
+            end += 1
+            for k in range(neighbours.shape[0]):
+                if not code >> k & 1:
+                    continue
+                a, b = i + neighbours[k, 0], j + neighbours[k, 1]
+                whose, place = row[a] + column[b], begin
+                while place < end and owner[place] != whose:
+                    place += 1
+                if place == end:
+                    owner[end], value[end] = whose, 0.0
+                    end += 1
+                value[place] -= weights[code, k] * field[a, b] / deviation[code]
+            at += 1
+            start[at] = end
+    return value[:end].copy(), owner[:end].copy(), start
 
 
 def transposed(whitener: Whitener, innovations: Field) -> Field:

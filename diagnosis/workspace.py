@@ -1,6 +1,6 @@
 """The recordings under study, with what every step asks of them: predictions and scores."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -36,6 +36,17 @@ class Model:
     """Factor on the calibrated noise, where an effect changes what it was calibrated over."""
     shares: EdgeShares | None = None
     """How much of what effects change at depth edges counts; wholly where None."""
+
+    @property
+    def key(self) -> Hashable:
+        """What models that predict the same have in common."""
+        own = tuple(
+            (r, e, tuple(sorted(values.items())))
+            for r, of in sorted(self.own.items())
+            for e, values in sorted(of.items())
+        )
+        shares = None if self.shares is None else self.shares.shares.tobytes()
+        return self.effects, own, self.level, shares
 
     def with_effect(
         self, effect: Effect, own: Mapping[int, Mapping[str, float]] | None = None

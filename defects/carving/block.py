@@ -12,6 +12,7 @@ from defects.carving.booleans import (
     area_mm2,
     checked,
     checked_mesh,
+    faces_of,
     labelled,
     manifold,
     mesh_manifold,
@@ -21,7 +22,15 @@ from defects.carving.booleans import (
 )
 from defects.carving.closed_patch import ClosedPatch, FaceBoxes, Unclosable, close_off
 from defects.carving.point_in_mesh import Inside
-from defects.carving.solid import BooleanError, CarvedPatch, Change, Cutter, Solid
+from defects.carving.seam import StandIn
+from defects.carving.solid import (
+    VOLUME_TOLERANCE_MM,
+    BooleanError,
+    CarvedPatch,
+    Change,
+    Cutter,
+    Solid,
+)
 from defects.carving.stitch import Carved, StitchError, Stitches
 from defects.carving.wall_thickness import on_far_side, thickness_mm
 
@@ -91,6 +100,11 @@ class Block:
             inside = Inside.of(local.vertices_mm, local.faces).contains(cutter.above_mm)
             if inside.any():
                 raise BooleanError("the cutter reaches another wall")
+        if closed is not None and cutter.seam is not None:
+            try:
+                return self._seamed(body, closed, cutter)
+            except BooleanError:
+                pass  # the whole solids can do what the seam alone can't
         flaw = new_identity()  # both its solids are of one identity: their faces get one label
         result = body
         gone, come, opening, through = 0.0, 0.0, 0.0, False
@@ -129,6 +143,48 @@ class Block:
             removed_mm3=gone, added_mm3=come, opening_mm2=opening, depth_mm=depth,
             through=through, patch=patch,
         )  # fmt: skip
+
+    def _seamed(self, body: Manifold, closed: ClosedPatch, cutter: Cutter) -> Change:
+        """Carve a flaw by the faces alone that meet the skin, and measure it.
+
+        Raises
+        ------
+        BooleanError
+            When a check fails.
+        """
+        seam = cutter.seam() if cutter.seam is not None else None
+        if seam is None:
+            raise BooleanError("no seam")
+        flaw = new_identity()
+        lost = checked(body ^ manifold(seam.taken.solid, flaw), "intersection")
+        gone = float(lost.volume())
+        seam.taken.check(faces_of(lost.to_mesh64(), flaw)[1])
+        gone += seam.taken.between.volume_mm3
+        button = manifold(seam.raised.solid, flaw)
+        raised = checked(body + button, "union")
+        mesh = checked_mesh(raised, float(raised.volume()))
+        carved = labelled(mesh, {self._identity: 0, flaw: 1})
+        carved, _ = seam.raised.set_in(carved, *faces_of(mesh, flaw))
+        deepest = int(np.argmin(cutter.height_mm))
+        opening, change_mm3 = closed.change(
+            carved.vertices_mm, carved.faces, carved.source_face, cutter.skin_mm[deepest]
+        )
+        grown = float(raised.volume() - body.volume()) + seam.raised.between.volume_mm3
+        if abs(grown - change_mm3) > VOLUME_TOLERANCE_MM * max(1.0, float(raised.surface_area())):
+            raise BooleanError("the volumes don't add up")
+        if not gone > 0:
+            raise BooleanError("nothing is removed")
+        if not change_mm3 + gone > 0:
+            raise BooleanError("nothing is added")
+        return Change(
+            removed_mm3=gone,
+            added_mm3=change_mm3 + gone,
+            opening_mm2=opening,
+            depth_mm=float(-cutter.height_mm.min()),
+            through=False,
+            patch=CarvedPatch(closed=closed, carved=carved, change_mm3=change_mm3),
+            seam=seam,
+        )
 
     def _near(self, cutter: Cutter) -> tuple[Manifold, ClosedPatch | None]:
         """Return what is the part around a cutter: a closed patch, else the part within a box."""
@@ -173,7 +229,10 @@ class Block:
             else:
                 body, closed = self._around(box_mm)
                 some = [(number + 1, cutters[number], changes[number]) for number in members]
-                carved = self._cut(body, some)
+                try:
+                    carved = self._cut(body, some, seams=True)
+                except BooleanError:
+                    carved = self._cut(body, some)
             try:
                 stitches.put(closed, carved)
             except StitchError as error:
@@ -212,24 +271,39 @@ class Block:
             waiting.append((whole, [number for _, some in both for number in some]))
         return list(found.values())
 
-    def _cut(self, body: Manifold, flaws: list[tuple[int, Cutter, Change]]) -> Carved:
+    def _cut(
+        self, body: Manifold, flaws: list[tuple[int, Cutter, Change]], *, seams: bool = False
+    ) -> Carved:
         """Carve numbered flaws into a body whose faces are of the part's identity."""
         owner: dict[int, int] = {self._identity: 0}
         removed: list[Manifold] = []
         added: list[Manifold] = []
+        set_in: list[tuple[int, StandIn]] = []
         wanted = float(body.volume())
         for number, cutter, change in flaws:
             wanted += change.added_mm3 - change.removed_mm3
-            for solid, into in ((cutter.removed, removed), (cutter.added, added)):
+            solids = ((cutter.removed, removed), (cutter.added, added))
+            if seams and change.seam is not None:
+                solids = ((None, removed), (change.seam.raised.solid, added))
+                wanted -= change.seam.raised.between.volume_mm3
+            for solid, into in solids:
                 if solid is not None:
                     identity = new_identity()
                     owner[identity] = number
                     into.append(manifold(solid, identity))
+            if seams and change.seam is not None:
+                set_in.append((identity, change.seam.raised))
         if removed:
             body = checked(body - add(removed), "difference")
         if added:
             body = checked(body + add(added), "union")
-        return labelled(checked_mesh(body, wanted), owner)
+        mesh = checked_mesh(body, wanted)
+        carved, place = labelled(mesh, owner), np.arange(len(mesh.tri_verts))
+        for identity, stand_in in set_in:
+            rows, source = faces_of(mesh, identity)
+            carved, kept = stand_in.set_in(carved, place[rows], source)
+            place = np.where(kept, np.cumsum(kept) - 1, -1)[place]
+        return carved
 
 
 def _reach(cutter: Cutter) -> Floats:

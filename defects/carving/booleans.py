@@ -97,6 +97,12 @@ def labelled(mesh: Mesh64, owner: dict[int, int]) -> Carved:
     )
 
 
+def faces_of(mesh: Mesh64, identity: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the faces (n,) that come from `identity`, and which of its own each is of."""
+    rows = np.flatnonzero(_runs(mesh) == identity)
+    return rows, np.array(mesh.face_id, np.int64)[rows]
+
+
 def skin_of(body: Manifold, identity: int) -> tuple[Floats, Floats]:
     """Return centres and doubled area vectors (n, 3) of the faces that come from `identity`."""
     mesh = body.to_mesh64()

@@ -45,6 +45,39 @@ class ClosedPatch:
     patch: Ints
     corners: Ints
 
+    def change(
+        self, vertices_mm: Floats, faces: NDArray[np.integer], source: NDArray[np.integer],
+        about_mm: Floats,
+    ) -> tuple[float, float]:  # fmt: skip
+        """Return what carving did: the patch's area that went, and by how much the volume grew.
+
+        Faces that stay cancel one by one, so neither is a difference of large sums.
+
+        Parameters
+        ----------
+        vertices_mm, faces
+            What this was carved into.
+        source
+            (n,) the face of this that each of `faces` is, or is a piece of; -1: none.
+        about_mm
+            (3,) a point of the skin at the flaw: faces near it count little for themselves.
+        """
+        old, old_mm3 = _measured(self.vertices_mm, self.faces, about_mm)
+        new, new_mm3 = _measured(vertices_mm, faces, about_mm)
+        skin, count = source >= 0, len(self.faces)
+        gone = old - np.bincount(source[skin], new[skin], count)
+        grown = np.bincount(source[skin], new_mm3[skin], count) - old_mm3
+        return float(gone[: len(self.patch)].sum()), float(grown.sum() + new_mm3[~skin].sum())
+
+
+def _measured(
+    vertices_mm: Floats, faces: NDArray[np.integer], about_mm: Floats
+) -> tuple[Floats, Floats]:
+    """Return the areas of faces, and the volumes between them and a point."""
+    a, b, c = (vertices_mm[faces[:, i]] - about_mm for i in range(3))
+    cross = np.cross(b - a, c - a)
+    return np.linalg.norm(cross, axis=1) / 2, np.einsum("ij,ij->i", a, cross) / 6
+
 
 class FaceBoxes:
     """The axis-parallel boxes of a solid's faces, to find those that meet a box."""

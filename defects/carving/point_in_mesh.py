@@ -31,7 +31,7 @@ def _side(px: float, py: float, plane: Floats, a: int, b: int) -> bool:
 
 
 @njit(cache=True)
-def _bins(plane: Floats, faces: Ints, low: Floats, cell: float, nx: int, ny: int) -> tuple[
+def face_bins(plane: Floats, faces: Ints, low: Floats, cell: float, nx: int, ny: int) -> tuple[
     Ints, Ints
 ]:
     """List for each cell of a grid in the projection the faces whose boxes touch it."""
@@ -171,7 +171,7 @@ class Inside:
         span = high[:2] - low[:2]
         cell = max(float(np.sqrt(span[0] * span[1] / max(1, len(faces)))), 1e-9)
         nx, ny = (int(n) for n in np.floor(span / cell) + 1)
-        start, members = _bins(plane, faces, low, cell, nx, ny)
+        start, members = face_bins(plane, faces, low, cell, nx, ny)
         return cls(
             faces=faces, plane=plane, low=low, high=high, cell_mm=cell, cells_y=ny,
             start=start, members=members,

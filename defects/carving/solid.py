@@ -1,12 +1,17 @@
 """Closed solids, cutters of flaws, and the change of a part by a flaw."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from defects.carving.closed_patch import ClosedPatch
 from defects.carving.stitch import Carved, is_closed
+
+if TYPE_CHECKING:
+    from defects.carving.seam import Seam
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -58,6 +63,8 @@ class Cutter:
         (n,) the wanted surface above the skin along the normal; below zero under it.
     above_mm
         (m, 3) points of the solids that must lie in the air.
+    seam
+        Makes what of the solids meets the part's skin, for cheaper booleans; None: all may.
     """
 
     removed: Solid | None
@@ -66,6 +73,7 @@ class Cutter:
     normals: Floats
     height_mm: Floats
     above_mm: Floats
+    seam: "Callable[[], Seam | None] | None" = field(default=None, repr=False)
 
     @property
     def solids(self) -> tuple[Solid, ...]:
@@ -95,6 +103,8 @@ class Change:
         Whether it pierces the part.
     patch
         The faces around the flaw as carved, where they could be closed off.
+    seam
+        What was carved, where it was of the seam alone.
     """
 
     removed_mm3: float
@@ -103,6 +113,7 @@ class Change:
     depth_mm: float
     through: bool
     patch: "CarvedPatch | None" = field(default=None, repr=False, compare=False)
+    seam: "Seam | None" = field(default=None, repr=False, compare=False)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from defects.carving.solid import Cutter
 from defects.flaw_bank import FlawBank, Relief
 from defects.kind import Kind
-from defects.shape.patch import Patch, dig, reshape
+from defects.shape.lid import reshape
+from defects.shape.patch import Patch, dig
 from defects.shape.track import Track
 from defects.surface.surface import Site, SiteError, Surface
 from quantity import Quantity, quantity

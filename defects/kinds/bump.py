@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from defects.carving.solid import Cutter
 from defects.kind import Kind
+from defects.shape.lid import reshape
 from defects.shape.outline import outline
-from defects.shape.patch import Patch, merge, reshape
+from defects.shape.patch import Patch, merge
 from defects.surface.surface import Site, SiteError, Surface
 from quantity import quantity
 

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from defects.carving.solid import Cutter
 from defects.kind import Kind
-from defects.shape.patch import Patch, eased, reshape
+from defects.shape.lid import eased, reshape
+from defects.shape.patch import Patch
 from defects.surface.surface import Site, SiteError, Surface
 from quantity import quantity
 
@@ -94,13 +95,10 @@ class Dent(Kind):
         height = self.height_mm(lid.first)
         share = np.clip((lid.first - 1.0) / (q - 1.0), 0.0, 1.0)
         thickness = _thickness(surface, site, lid, THIN * b)
-        underside = None
         if thickness is not None:
             margin = min(margin, 0.25 * float(thickness.min()))
-            # Past the hollow the far skin stays, and the lid ends inside the sheet.
-            underside = np.where(lid.first <= 1.0, height, np.abs(height)) - thickness
         floor = eased(height, share, margin)
-        return reshape(lid, height, lid, floor, margin, underside, sagitta_mm)
+        return reshape(lid, height, lid, floor, margin, sagitta_mm, share, thickness)
 
     def _patch(
         self,

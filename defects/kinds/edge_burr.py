@@ -10,7 +10,8 @@ from defects.carving.solid import Cutter
 from defects.kind import Kind
 from defects.seats.feature_edges import nearest_edge
 from defects.seats.seat import Edge, Seat
-from defects.shape.patch import Patch, reshape
+from defects.shape.lid import reshape
+from defects.shape.patch import Patch
 from defects.shape.track import smooth_noise
 from defects.surface.surface import Site, SiteError, Surface
 from quantity import quantity

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from defects.carving.solid import Cutter
 from defects.kind import Kind
-from defects.shape.patch import Patch, eased, reshape
+from defects.shape.lid import eased, reshape
+from defects.shape.patch import Patch
 from defects.shape.thinning import filled
 from defects.shape.track import Track, smooth_noise
 from defects.surface.surface import Site, SiteError, Surface
@@ -93,8 +94,10 @@ class Scratch(Kind):
         rho = np.hypot(u, np.maximum(np.abs(patch.first) - (half - out), 0.0) / out)
         height = self._height(rho, u, patch.first, rng)
         margin = float(np.clip(0.3 * self.depth_mm, 0.003, 0.05))
-        floor = eased(height, np.clip((rho - 1) / self.burr_width, 0, 1), margin)
-        return reshape(patch, height, patch, floor, margin, sagitta_mm=sagitta_mm)
+        share = np.clip((rho - 1) / self.burr_width, 0, 1)
+        return reshape(
+            patch, height, patch, eased(height, share, margin), margin, sagitta_mm, share
+        )
 
     def _height(self, rho: Floats, u: Floats, along: Floats, rng: np.random.Generator) -> Floats:
         v = along / (self.length_mm / 2)

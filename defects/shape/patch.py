@@ -202,32 +202,50 @@ class Patch:
 
         `loose_mm` states how far the facets of the two sides may deviate where they are hidden.
         """
+        sides = []
+        for height, loose in zip((low_mm, high_mm), loose_mm, strict=True):
+            faces = self.faces
+            if self.grid is not None and loose > 0:
+                faces = self.grid.thinned(self.at(height), loose)
+            sides.append((self.at(height), faces))
+        return self.closed(*sides)[0]
+
+    def at(self, height_mm: Floats) -> Floats:
+        """Return the places (n, 3) at heights over the skin."""
+        return np.asarray(self.skin_mm + height_mm[:, None] * self.normals)
+
+    def closed(self, low: tuple[Floats, Ints], high: tuple[Floats, Ints]) -> tuple[Solid, Ints]:
+        """Join two sides, each with its places (n, 3) and faces, by walls at the rim.
+
+        Returns
+        -------
+        Solid
+            The lower side's faces come first, turned over, then the upper side's and the walls.
+        number
+            (2, n) the solid's vertex that each place of the two sides is; -1: none.
+        """
         count = len(self.skin_mm)
         start, end = self._rim()
-        sides, rims = [], []
-        for height, loose in zip((low_mm, high_mm), loose_mm, strict=True):
-            places = self.skin_mm + height[:, None] * self.normals
-            faces, own = self.faces, np.arange(count, dtype=np.int32)
-            if self.grid is not None and loose > 0:
-                faces = self.grid.thinned(places, loose)
+        rims = []
+        for _, faces in (low, high):
+            own = np.arange(count, dtype=np.int32)
+            if self.grid is not None:
                 own = self.grid.stand_ins(faces, count)
-            sides.append((places, faces))
             rims.append((own[start], own[end]))
         (a, b), (c, d) = rims
         faces = np.concatenate(
             [
-                sides[0][1][:, ::-1],
-                sides[1][1] + count,
+                low[1][:, ::-1],
+                high[1] + count,
                 np.stack([a, b, d + count], 1)[a != b],
                 np.stack([a, d + count, c + count], 1)[c != d],
             ]
         )
         used = np.zeros(2 * count, np.bool_)
         used[faces] = True
-        number = np.cumsum(used, dtype=np.int32) - np.int32(1)
-        return Solid(
-            vertices_mm=np.concatenate([sides[0][0], sides[1][0]])[used], faces=number[faces]
-        )
+        number = np.where(used, np.cumsum(used, dtype=np.int32) - np.int32(1), np.int32(-1))
+        places = np.concatenate([low[0], high[0]])[used]
+        return Solid(vertices_mm=places, faces=number[faces]), number.reshape(2, count)
 
     def _rim(self) -> tuple[Ints, Ints]:
         """Return the edges that one face alone has: their starts and their ends (n,)."""
@@ -277,70 +295,6 @@ class Patch:
 def tangent_frame(site: Site) -> tuple[Floats, Floats]:
     """Return the site's heading and the direction to the left of it, unit vectors (3,)."""
     return site.direction(), site.direction(np.pi / 2)
-
-
-def reshape(
-    lid: Patch,
-    lid_height_mm: Floats,
-    pocket: Patch | None,
-    floor_mm: Floats | None,
-    margin_mm: float,
-    underside_mm: Floats | None = None,
-    sagitta_mm: float = 0.0,
-) -> Cutter:
-    """Give the skin another surface.
-
-    What lies above the wanted surface goes, and a lid with the wanted surface on top comes,
-    so that removed and added faces never nearly coincide: the pocket is cut `margin_mm`
-    deeper than wanted, see `eased`, and the lid is twice that thick. The wanted surface must cross
-    the skin at an angle and end below it.
-
-    Parameters
-    ----------
-    lid, lid_height_mm
-        The whole footprint and (n,) the wanted surface above the skin along the local normal.
-    pocket, floor_mm
-        What is removed: over which patch, and (n,) from which height over the skin on. None:
-        nothing.
-    margin_mm
-        See above.
-    underside_mm
-        (n,) the lid's lower side over the skin, where a thin sheet's far skin moves, too; None:
-        the lid is `2 * margin_mm` thick.
-    sagitta_mm
-        How far facets may stand off the wanted surface.
-    """
-    seen = SPARED * sagitta_mm
-    top = lid_height_mm > 0.2 * max(float(lid_height_mm.max()), 1e-9)
-    above = (lid.skin_mm + lid_height_mm[:, None] * lid.normals)[top]
-    removed = None
-    if pocket is not None and floor_mm is not None:
-        rise = float(max(lid_height_mm.max(), 0.0)) + 2 * margin_mm
-        high = np.full(len(pocket.skin_mm), rise)
-        removed = pocket.solid(floor_mm, high, loose_mm=(0.25 * margin_mm, margin_mm))
-        roof = (pocket.skin_mm + rise * pocket.normals)[pocket._used()]
-        above = np.concatenate([above, roof])
-    # A sheet's far skin is seen; a lid's underside only has to stay below the pocket's floor.
-    low, loose = underside_mm, seen
-    if low is None:
-        low, loose = np.minimum(lid_height_mm, 0.0) - 2 * margin_mm, 0.4 * margin_mm
-    return Cutter(
-        removed=removed,
-        added=lid.solid(low, lid_height_mm, loose_mm=(loose, seen)),
-        skin_mm=lid.skin_mm,
-        normals=lid.normals,
-        height_mm=lid_height_mm,
-        above_mm=above,
-    )
-
-
-def eased(height_mm: Floats, share: Floats, margin_mm: float) -> Floats:
-    """Return a pocket's floor over the skin, a margin deeper than a wanted surface (n,).
-
-    `share` is 0 where the wanted surface lies below the skin. From there to the lid's end it rises
-    to 1, and the floor out of the skin, so that the pocket's walls stand in the air.
-    """
-    return np.where(share > 0, (2 * share - 1) * margin_mm, np.minimum(height_mm, 0) - margin_mm)
 
 
 def dig(

@@ -9,10 +9,12 @@ those by which it is reached, so triangles of different size meet without gaps.
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+Bools = NDArray[np.bool_]
 
 BLOCKS = (16, 8, 4, 2)  # cells along a block's side, the best first
 LEAST_SECTORS = 8  # of a ring
@@ -70,20 +72,79 @@ class Grid:
             Greatest distance, along the normal, of a point that is left out from the middle of the
             side it halves. Over all halvings of a smooth surface that makes 4/3 of it.
         """
+        needed = self.needed(places_mm, tolerance_mm)
+        return self.faces if needed is None else self.triangles(needed)
+
+    def needed(
+        self, places_mm: Floats, tolerance_mm: float, where: Bools | None = None
+    ) -> Bools | None:
+        """Return which places of the grid a surface needs; None: all, where no blocks fit.
+
+        Parameters
+        ----------
+        places_mm, tolerance_mm
+            See `thinned`.
+        where
+            (N,) the points that the tolerance holds for; None: all.
+
+        Returns
+        -------
+        needed
+            Rows and columns, those of rings with the first row once more. What a point needs is
+            needed, too: so is it in each union and intersection of these sets.
+        """
         node = self._closed
-        most = len(self.node) // LEAST_SECTORS if self.hub is not None else BLOCKS[0]
-        fitting = [b for b in BLOCKS if b <= most and not any((k - 1) % b for k in node.shape)]
-        block = fitting[0] if fitting else 1
+        block = self._block
         if block == 1 or tolerance_mm <= 0:
-            return self.faces
-        error = _errors(places_mm[node], block, tolerance_mm, rings=self.hub is not None)
-        faces = node.ravel()[_triangles(error > tolerance_mm, block)]
+            return None
+        held = np.ones(node.shape, np.bool_) if where is None else where[node]
+        error = np.zeros(node.shape)
+        _own_errors(places_mm[node], block, tolerance_mm, self.hub is not None, held, error)
+        _hand_up(error, block, self.hub is not None)
+        found: Bools = error > tolerance_mm
+        return found
+
+    def reached(self, needed: Bools, where: Bools) -> Bools:
+        """Return the needed places at points `where` (N,), and those by which they are reached."""
+        error = np.where(needed & where[self._closed], 1.0, 0.0)
+        _hand_up(error, self._block, self.hub is not None)
+        found: Bools = error > 0
+        return found
+
+    def triangles(self, needed: Bools) -> Ints:
+        """Return the triangles (k, 3) of the places that `needed` returned."""
+        return self.apart(needed, needed)[0]
+
+    def apart(self, needed: Bools, others: Bools) -> tuple[Ints, Bools]:
+        """Return the triangles of the needed places and which of them others don't have.
+
+        Returns
+        -------
+        faces, own
+            (k, 3), and (k,) where the triangles of the places `others` are different ones; the
+            triangles around a hub count as the same.
+        """
+        node = self._closed
+        found, own = _triangles(needed, others, self._block)
+        faces: Ints = node.ravel()[found]
         if self.hub is None:
-            return faces
-        kept = np.zeros(len(places_mm), np.bool_)
+            return faces, own
+        kept = np.zeros(int(node.max()) + 1, np.bool_)
         kept[faces] = True
         ring = node[:, 0]
-        return np.concatenate([self._fan(ring[kept[ring]]), faces[:, ::-1]])
+        fan = self._fan(ring[kept[ring]])
+        return (
+            np.concatenate([fan, faces[:, ::-1]]),
+            np.concatenate([np.zeros(len(fan), np.bool_), own]),
+        )
+
+    @property
+    def _block(self) -> int:
+        """Return the cells along a block's side; 1: none larger fits."""
+        most = len(self.node) // LEAST_SECTORS if self.hub is not None else BLOCKS[0]
+        shape = self._closed.shape
+        fitting = [b for b in BLOCKS if b <= most and not any((k - 1) % b for k in shape)]
+        return fitting[0] if fitting else 1
 
     def stand_ins(self, faces: Ints, count: int) -> Ints:
         """Return for each rim point the last one up to it that faces have; others stay (count,)."""
@@ -118,73 +179,94 @@ def filled(positions: Floats, beyond: int = 0) -> Floats:
     return found
 
 
-def _errors(places: Floats, block: int, tolerance_mm: float, *, rings: bool) -> Floats:
-    """Return how far each point (n, m) is from the side that it halves, or any that it leads to.
+@njit(cache=True)
+def _own_errors(
+    places: Floats, block: int, tolerance_mm: float, rings: bool, held: Bools, error: Floats
+) -> None:
+    """Write how far each point (n, m) that is held lies from the middle of the side it halves.
 
     Along the normal; sideways, the tolerance is a share of the triangle's height.
     """
     n, m = places.shape[:2]
-    along: Floats = np.gradient(places, axis=0)
-    across: Floats = np.gradient(places, axis=1)
-    if rings:
-        along[0] = along[-1] = (places[1] - places[-2]) / 2
-    normals = np.cross(along, across)
-    area = np.sqrt(np.einsum("ijk,ijk->ij", normals, normals))
-    normals /= np.maximum(area, 1e-300)[..., None]
-    error = np.zeros((n + 2 * block, m + 2 * block))  # with a border, where nothing is
-    inner = error[block:-block, block:-block]
+    for i in range(n):
+        for j in range(m):
+            if not held[i, j] or (i % block == 0 and j % block == 0):
+                continue
+            half = 1
+            while i // half % 2 == 0 and j // half % 2 == 0:
+                half *= 2
+            down, right = i // half % 2 * half, j // half % 2 * half
+            if down and right and (i // (2 * half) + j // (2 * half)) % 2:
+                right = -half
+            error[i, j] = _own_error(places, i, j, down, right, tolerance_mm, rings)
 
-    def measure(
-        start: tuple[int, int],
-        step: tuple[int, int],
-        end: tuple[int, int],
-        leads: list[tuple[int, int]],
-    ) -> None:
-        """Hold points from `start` on against the middle of their ends and what they lead to."""
-        count = [len(range(start[k], (n, m)[k], step[k])) for k in (0, 1)]
-        if not all(count):
-            return
 
-        def at(i: int, j: int) -> tuple[slice, slice]:
-            begin = start[0] + i, start[1] + j
-            return (
-                slice(begin[0], begin[0] + (count[0] - 1) * step[0] + 1, step[0]),
-                slice(begin[1], begin[1] + (count[1] - 1) * step[1] + 1, step[1]),
-            )
-
-        here = at(0, 0)
-        one, other = places[at(*end)], places[at(-end[0], -end[1])]
-        off, way = (one + other) / 2 - places[here], (one - other) / 2
-        own = np.abs(np.einsum("ijk,ijk->ij", off, normals[here]))
-        square = np.maximum(np.einsum("ijk,ijk->ij", way, way), 1e-300)
-        beside = np.einsum("ijk,ijk->ij", off, off) - own**2
-        beside -= np.einsum("ijk,ijk->ij", off, way) ** 2 / square
-        # over the triangle's height, which is the cells' area over the side's half
-        share = np.sqrt(np.maximum(beside, 0) * square) / (max(end) ** 2 * area[here] + 1e-300)
-        np.maximum(own, tolerance_mm / SKEW * share, out=own)
-        for i, j in leads:
-            np.maximum(own, error[at(i + block, j + block)], out=own)
-        inner[here] = own
-
+@njit(cache=True)
+def _hand_up(error: Floats, block: int, rings: bool) -> None:
+    """Give each point (n, m) the greatest error of those that it leads to."""
+    n, m = error.shape
     half = 1
     while half < block:
         side, quarter = 2 * half, half // 2
-        diagonal = [(a, b) for a in (-quarter, quarter) for b in (-quarter, quarter) if quarter]
-        straight = [(half, 0), (-half, 0), (0, half), (0, -half)]
-        measure((0, half), (side, side), (0, half), diagonal)
-        measure((half, 0), (side, side), (half, 0), diagonal)
+        for i in range(0, n, half):
+            for j in range((i // half + 1) % 2 * half, m, side):
+                if quarter:
+                    for a in (-quarter, quarter):
+                        for b in (-quarter, quarter):
+                            if 0 <= i + a < n and 0 <= j + b < m:
+                                error[i, j] = max(error[i, j], error[i + a, j + b])
         if rings:
-            inner[0] = inner[-1] = np.maximum(inner[0], inner[-1])
-        for k in (0, 1):
-            first, second = half + k * side, half + (1 - k) * side
-            measure((first, first), (2 * side, 2 * side), (half, half), straight)
-            measure((first, second), (2 * side, 2 * side), (half, -half), straight)
+            for j in range(m):
+                error[0, j] = error[n - 1, j] = max(error[0, j], error[n - 1, j])
+        for i in range(half, n, side):
+            for j in range(half, m, side):
+                own = max(error[i, j], error[i - half, j], error[i + half, j])
+                error[i, j] = max(own, error[i, j - half], error[i, j + half])
         half = side
-    return inner
 
 
-def _triangles(needed: NDArray[np.bool_], block: int) -> NDArray[np.int64]:
-    """Return the triangles (k, 3) of the points needed, by their places in the flattened grid."""
+@njit(cache=True)
+def _own_error(
+    places: Floats, i: int, j: int, down: int, right: int, tolerance_mm: float, rings: bool
+) -> float:
+    """Return how far a point is from the middle of the two ends `down` and `right` from it."""
+    n, m = places.shape[:2]
+    above, below, span = max(i - 1, 0), min(i + 1, n - 1), 2
+    if rings and (i == 0 or i == n - 1):
+        above, below = n - 2, 1
+    else:
+        span = below - above
+    before, after = max(j - 1, 0), min(j + 1, m - 1)
+    ax = (places[below, j, 0] - places[above, j, 0]) / span
+    ay = (places[below, j, 1] - places[above, j, 1]) / span
+    az = (places[below, j, 2] - places[above, j, 2]) / span
+    cx = (places[i, after, 0] - places[i, before, 0]) / (after - before)
+    cy = (places[i, after, 1] - places[i, before, 1]) / (after - before)
+    cz = (places[i, after, 2] - places[i, before, 2]) / (after - before)
+    nx, ny, nz = ay * cz - az * cy, az * cx - ax * cz, ax * cy - ay * cx
+    area = np.sqrt(nx * nx + ny * ny + nz * nz)
+    own = square = length = skew = 0.0
+    for c in range(3):
+        one, other = places[i + down, j + right, c], places[i - down, j - right, c]
+        off, way = (one + other) / 2 - places[i, j, c], (one - other) / 2
+        own += off * (nx, ny, nz)[c] / max(area, 1e-300)
+        square += way * way
+        length += off * off
+        skew += off * way
+    own, square = abs(own), max(square, 1e-300)
+    beside = length - own**2 - skew**2 / square
+    # over the triangle's height, which is the cells' area over the side's half
+    share = np.sqrt(max(beside, 0.0) * square) / (max(down, abs(right)) ** 2 * area + 1e-300)
+    return float(max(own, tolerance_mm / SKEW * share))
+
+
+def _triangles(
+    needed: Bools, others: Bools, block: int
+) -> tuple[NDArray[np.int64], Bools]:
+    """Return the triangles (k, 3) of the points needed, by their places in the flattened grid.
+
+    And which of them the triangles of other points don't have.
+    """
     n, m = needed.shape
     i, j = (index.ravel() for index in np.mgrid[0 : n - 1 : block, 0 : m - 1 : block])
     low, right = i * m + j, i * m + j + block
@@ -194,14 +276,19 @@ def _triangles(needed: NDArray[np.bool_], block: int) -> NDArray[np.int64]:
     start, end = np.where(odd, up, low), np.where(odd, right, far)
     a, b = np.concatenate([start, end]), np.concatenate([end, start])
     c = np.concatenate([np.where(odd, low, right), np.where(odd, far, up)])
-    flat, done = needed.ravel(), []
+    own = np.zeros(len(a), np.bool_)
+    flat, other, done, apart = needed.ravel(), others.ravel(), [], []
     for _ in range(2 * (block.bit_length() - 1)):
         middle = (a + b) // 2
-        split = flat[middle]
+        split, theirs = flat[middle], other[middle]
         done.append(np.stack([a, b, c], axis=1)[~split])
-        a, b, c, middle = a[split], b[split], c[split], middle[split]
+        apart.append((own | theirs)[~split])
+        a, b, c, middle, own = a[split], b[split], c[split], middle[split], (own | ~theirs)[split]
         a, b, c = np.concatenate([c, b]), np.concatenate([a, c]), np.concatenate([middle, middle])
-    return np.concatenate([*done, np.stack([a, b, c], axis=1)])
+        own = np.concatenate([own, own])
+    return (
+        np.concatenate([*done, np.stack([a, b, c], axis=1)]), np.concatenate([*apart, own])
+    )  # fmt: skip
 
 
 def _quads(here: Ints, there: Ints) -> Ints:

@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.components.smooth import Ranges, periodic_columns, smooth_columns
+from diagnosis.components.smooth import Ranges, periodic_columns, products, smooth_columns
 from diagnosis.noise import NoiseModel
 from diagnosis.patch import Patch
 from diagnosis.prediction import law_of
@@ -22,8 +23,10 @@ from sensors.model import SensorModel
 from sensors.view.camera import row_of_depth
 from sensors.view.covariates import COVARIATES
 from sensors.view.view import View
+from sensors.view.view_cache import ViewCache
 
-Floats = NDArray[np.float64]
+Floats = NDArray[Any]
+_CHANGES: ViewCache[list[Floats] | None] = ViewCache(16)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -125,7 +128,7 @@ def ranges_of(patches: Sequence[Patch], names: Sequence[str]) -> Ranges:
 def mean_columns(
     component: Component, patch: Patch, ranges: Ranges, noise: NoiseModel | None = None
 ) -> list[Floats] | None:
-    """Columns (n, m) of a component on a patch, mm; None where it can't act there."""
+    """Columns of a component on a patch, mm, (n, m) when broadcast; None where it can't act."""
     relaxed, view = component.relaxed, patch.view
     if component.placement:
         return [patch.columns[..., k] for k in component.placement]
@@ -136,12 +139,25 @@ def mean_columns(
     axes = _axes(relaxed, ranges)
     if not axes:
         return None
-    values = [np.broadcast_to(COVARIATES[a].values(view), view.shape) for a in axes]
+    values = [COVARIATES[a].values(view) for a in axes]
     columns = smooth_columns(values, [ranges[a] for a in axes], even=relaxed.even)
     if relaxed.times:
         factor = np.nan_to_num(COVARIATES[relaxed.times].values(view))
         columns = [factor * c for c in [np.ones(()), *columns]]
     return columns
+
+
+def count_of(component: Component, patch: Patch, ranges: Ranges, noise: NoiseModel) -> int:
+    """Count the mean's columns of a component on a patch; 0 where it can't act there."""
+    relaxed = component.relaxed
+    if component.placement:
+        return len(component.placement)
+    if relaxed.periodic:
+        return 2 * SETTINGS.harmonics
+    if relaxed.spanned:
+        return len(_spanned(CATALOGUE[component.effect], patch, noise) or ())
+    axes = _axes(relaxed, ranges)
+    return (len(products(len(axes), even=relaxed.even)) + bool(relaxed.times)) if axes else 0
 
 
 def plain_columns(component: Component, patch: Patch, ranges: Ranges) -> list[Floats] | None:
@@ -203,7 +219,14 @@ def _axes(relaxed: Relaxed, ranges: Ranges) -> list[str]:
 def _spanned(
     kind: type[Effect], patch: Patch, noise: NoiseModel | None
 ) -> list[Floats] | None:
-    """Change of the mean by the law at points of its grid, in all cameras it may have."""
+    """Change of the mean by the law at points of its grid, in all cameras; kept with the view."""
+    key = kind.name, None if noise is None else noise.sd_mm
+    return _CHANGES.get(patch.view, key, lambda: _changes(kind, patch, noise))
+
+
+def _changes(
+    kind: type[Effect], patch: Patch, noise: NoiseModel | None
+) -> list[Floats] | None:
     out = []
     for view in _possible(patch.view, kind.needs):
         try:
@@ -213,7 +236,7 @@ def _spanned(
                 points = kind.example().grid(view)
             for point in dict.fromkeys((points[0], points[len(points) // 2], points[-1])):
                 change = law_of(view, (point,), noise).mean_mm - plain
-                out.append(np.nan_to_num(change))
+                out.append(np.nan_to_num(change).astype(np.float32))
         except (RecipeError, TypeError):
             continue
     return out or None

@@ -27,32 +27,32 @@ def smooth_columns(
 
     Parameters
     ----------
-    values : (n, m) each, NaN counts as the middle
+    values : (n, m) each, or (n, 1) or (m,); NaN counts as the middle
     ranges : of each covariate
     even : whether the function is even in the first, about the middle of its range
 
     Returns
     -------
-    columns (n, m), without the constant
+    columns, (n, m) when broadcast, without the constant
     """
     orders = SETTINGS.orders(len(values))
     powers = []
     for value, (low, high), order in zip(values, ranges, orders, strict=True):
         u = np.clip(2 * (np.nan_to_num(value, nan=0.5 * (low + high)) - low) / (high - low) - 1,
                     -1, 1)  # fmt: skip
-        powers.append([legendre.legval(u, np.eye(order + 1)[k]) for k in range(order + 1)])
+        powers.append(np.moveaxis(legendre.legvander(u, order), -1, 0))
     columns = []
-    for picked in _waves(orders, even=even):
-        total = sum(picked)
-        column = np.ones(())
+    for picked in products(len(values), even=even):
+        column = np.full((), (1.0 + sum(picked)) ** -SETTINGS.decay)
         for k, own in zip(picked, powers, strict=True):
             column = column * own[k]
-        columns.append(column * (1.0 + total) ** -SETTINGS.decay)
+        columns.append(column)
     return columns
 
 
-def _waves(orders: Sequence[int], *, even: bool) -> list[tuple[int, ...]]:
-    """Order along each covariate of each column."""
+def products(dimensions: int, *, even: bool = False) -> list[tuple[int, ...]]:
+    """Orders of the polynomials whose products are the columns of a smooth function."""
+    orders = SETTINGS.orders(dimensions)
     return [
         picked
         for picked in itertools.product(*(range(order + 1) for order in orders))
@@ -62,7 +62,7 @@ def _waves(orders: Sequence[int], *, even: bool) -> list[tuple[int, ...]]:
 
 def total_orders(dimensions: int, *, even: bool = False) -> NDArray[np.int64]:
     """Total order of each column of a smooth function."""
-    return np.array([sum(p) for p in _waves(SETTINGS.orders(dimensions), even=even)])
+    return np.array([sum(p) for p in products(dimensions, even=even)])
 
 
 def periodic_columns(phase: Floats, harmonics: int) -> list[Floats]:

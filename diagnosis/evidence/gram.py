@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
-from diagnosis.components.component import TRAVEL, Component, mean_columns
+from diagnosis.components.component import TRAVEL, Component, count_of
 from diagnosis.components.smooth import Ranges
 from diagnosis.evidence.columns import Columns, Layout, column_groups, columns_on
 from diagnosis.evidence.posterior import Equations
@@ -26,7 +26,7 @@ Turns = Mapping[str, Floats]
 """For each component's name, how its columns are combined."""
 IMITATED = 1e-6
 """Energy per reading below which a component is what a placement imitates: nothing is left."""
-AT_ONCE = 60_000
+AT_ONCE = 16_000
 """Readings whose products are summed at once: memory stays flat."""
 NEAR = 5
 """Neighbours a side whose mean a reading may follow without being an outlier."""
@@ -102,14 +102,8 @@ def grams_of(
     -------
     of the readings off edges; of all readings
     """
-    fields: dict[str, list[list[Floats]]] = {}
-    for c in components:
-        if not c.relaxed.each and not c.own:
-            made = [mean_columns(c, p, ranges, noise) for p in patches]
-            if all(made):
-                fields[c.name] = [m for m in made if m is not None]
     width = int(column_groups(patches[0].shape[1])[-1]) + 1
-    shared = [(c, len(fields[c.name][0])) for c in components if c.name in fields]
+    shared = [(c, k) for c in components for k in [_shared(c, patches, ranges, noise)] if k]
     shared += [(c, width) for c in components if c.relaxed.each == "column"]
     blocks: list[Block] = []
     for component, k in shared:
@@ -119,7 +113,8 @@ def grams_of(
     shared_size, made_of = end, []
     for number in dict.fromkeys(p.recording for p in patches):
         ours = [k for k, p in enumerate(patches) if p.recording == number]
-        layout = Layout(shared=tuple(shared), own=_own(components, [patches[k] for k in ours]))
+        own = _own(components, [patches[k] for k in ours], ranges, noise)
+        layout = Layout(shared=tuple(shared), own=own)
         first = end
         for component, k in layout.own:
             blocks.append(
@@ -131,7 +126,7 @@ def grams_of(
     counts = [0, 0]
     for ours, layout, places in made_of:
         for which, (g, r, count) in enumerate(
-            _of_recording(ours, layout, patches, states, fields, ranges)
+            _of_recording(ours, layout, patches, states, ranges, noise)
         ):
             totals[which][0][np.ix_(places, places)] += g
             totals[which][1][places] += r
@@ -143,14 +138,23 @@ def grams_of(
     return bulk, whole
 
 
+def _shared(
+    component: Component, patches: Sequence[Patch], ranges: Ranges, noise: NoiseModel
+) -> int:
+    """Count a component's columns that recordings share; 0 where it can't act on all of them."""
+    if component.relaxed.each or component.own:
+        return 0
+    counts = {count_of(component, p, ranges, noise) for p in patches}
+    return counts.pop() if len(counts) == 1 else 0
+
+
 def _own(
-    components: Sequence[Component], patches: Sequence[Patch]
+    components: Sequence[Component], patches: Sequence[Patch], ranges: Ranges, noise: NoiseModel
 ) -> tuple[tuple[Component, int], ...]:
     """List the components of which each recording has its own, with their sizes."""
     profiles = sum(p.shape[0] for p in patches)
-    unit = {a: (-1.0, 1.0) for c in components if c.own for a in c.relaxed.along}
     return tuple(
-        (c, profiles if c.relaxed.each else len(mean_columns(c, patches[0], unit) or ()))
+        (c, profiles if c.relaxed.each else count_of(c, patches[0], ranges, noise))
         for c in components
         if c.own or c.relaxed.each == "profile"
     )
@@ -161,30 +165,29 @@ def _of_recording(
     layout: Layout,
     patches: Sequence[Patch],
     states: Sequence[Whitened],
-    fields: Mapping[str, Sequence[Sequence[Floats]]],
     ranges: Ranges,
+    noise: NoiseModel,
 ) -> list[tuple[Floats, Floats, int]]:
     """Return the normal equations of one recording, off edges and over all readings."""
-    sums: list[_Sums | None] = [None, None]
+    sums: list[_Sums] = []
     before = 0
     for k in ours:
         patch, state = patches[k], states[k]
-        columns = columns_on(
-            patch, state, layout, {n: f[k] for n, f in fields.items()}, ranges, before
-        )
+        columns = columns_on(patch, state, layout, ranges, noise, before)
         pick = state.used
         weight = weights_of(patch, state)[pick]
         lies, travels = np.split(state.columns[pick], [TRAVEL[0]], axis=1)
         # recordings as they are from the commanded travel, wherever they were registered
         values = state.innovations[pick] + travels @ (patch.shift + state.moved)[list(TRAVEL)]
-        for which, rows in enumerate((~patch.edge[pick], np.ones(values.size, dtype=bool))):
-            taken = np.flatnonzero(rows & (weight > 0))
-            for some in np.array_split(taken, max(1, taken.size // AT_ONCE)):
-                more = _Sums.of(columns, lies, values, weight, some, layout.size)
-                so_far = sums[which]
-                sums[which] = more if so_far is None else so_far.plus(more)
+        edge = patch.edge[pick]
+        parts = [
+            _Sums.of(columns, lies, values, weight, rows, layout.size)
+            for rows in (np.flatnonzero(~edge), np.flatnonzero(edge))
+        ]
+        sums = [was.plus(more) for was, more in zip(sums, parts, strict=True)] if sums else parts
         before += patch.shape[0]
-    return [s.beyond_placement() for s in sums if s is not None]
+    bulk, at_edges = sums
+    return [bulk.beyond_placement(), bulk.plus(at_edges).beyond_placement()]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -210,16 +213,22 @@ class _Sums:
     ) -> "_Sums":
         w = weight[rows]
         p, y = pose[rows] * w[:, None], values[rows] * w
-        x = columns.dense[rows] * w[:, None]
         thin = columns.thin[rows].multiply(w[:, None]).tocsr()
         d, t = columns.at_dense, columns.at_thin
-        xx, px, xy = np.zeros((size, size)), np.zeros((p.shape[1], size)), np.zeros(size)
-        between = np.asarray(thin.T @ x)
-        xx[np.ix_(d, d)] = x.T @ x
+        dense, between = np.zeros((d.size, d.size)), np.zeros((t.size, d.size))
+        px, xy = np.zeros((p.shape[1], size)), np.zeros(size)
+        for start in range(0, rows.size, AT_ONCE):
+            some = slice(start, start + AT_ONCE)
+            x = np.ascontiguousarray(columns.dense[:, rows[some]].T, dtype=np.float64)
+            x *= w[some, None]
+            dense += x.T @ x
+            between += thin[some].T @ x
+            px[:, d] += p[some].T @ x
+            xy[d] += x.T @ y[some]
+        px[:, t], xy[t] = np.asarray(thin.T @ p).T, np.asarray(thin.T @ y)
+        xx = np.zeros((size, size))
+        xx[np.ix_(d, d)], xx[np.ix_(t, t)] = dense, (thin.T @ thin).toarray()
         xx[np.ix_(t, d)], xx[np.ix_(d, t)] = between, between.T
-        xx[np.ix_(t, t)] = (thin.T @ thin).toarray()
-        px[:, d], px[:, t] = p.T @ x, np.asarray(thin.T @ p).T
-        xy[d], xy[t] = x.T @ y, np.asarray(thin.T @ y)
         return cls(pp=p.T @ p, px=px, py=p.T @ y, xx=xx, xy=xy, count=rows.size)
 
     def plus(self, other: "_Sums") -> "_Sums":
@@ -265,21 +274,29 @@ def turns_of(bulk: Gram, whole: Gram) -> dict[str, Floats]:
 
 def turned(gram: Gram, turns: Turns) -> Gram:
     """Combine the columns of each component; leave out those without a turn."""
-    blocks, matrices, at = [], [], 0
+    blocks, weights, at = [], [], 0
     for b in gram.blocks:
         if b.component.name not in turns:
             continue
         turn = turns[b.component.name]
-        weights = turn[0] * np.eye(len(b.at)) if turn.ndim == 1 else turn
-        matrices.append((b.columns, weights))
-        blocks.append(replace(b, columns=slice(at, at + weights.shape[1])))
-        at += weights.shape[1]
-    whole = np.zeros((len(gram.right), at))
-    for b, (was, weights) in zip(blocks, matrices, strict=True):
-        whole[was, b.columns] = weights
+        weights.append((b.columns, turn))
+        width = b.columns.stop - b.columns.start if turn.ndim == 1 else turn.shape[1]
+        blocks.append(replace(b, columns=slice(at, at + width)))
+        at += width
+    half = _combined(gram.matrix, weights)
     return replace(
-        gram, blocks=tuple(blocks), matrix=whole.T @ gram.matrix @ whole, right=whole.T @ gram.right
-    )
+        gram, blocks=tuple(blocks), matrix=_combined(half.T, weights),
+        right=_combined(gram.right, weights),
+    )  # fmt: skip
+
+
+def _combined(rows: Floats, weights: Sequence[tuple[slice, Floats]]) -> Floats:
+    """Combine rows block by block: by one factor, or by a matrix."""
+    parts = [
+        turn[0] * rows[which] if turn.ndim == 1 else turn.T @ rows[which]
+        for which, turn in weights
+    ]
+    return np.concatenate([rows[:0], *parts])
 
 
 def shared_only(baseline: Gram, found: Gram) -> Equations:

@@ -116,6 +116,7 @@ class Posterior:
         a[np.diag_indices_from(a)] *= 1 + ROUNDING
         self._factor = linalg.cho_factor(a, lower=True, overwrite_a=True, check_finite=False)
         self._solved = linalg.cho_solve(self._factor, h, check_finite=False)
+        self._cavities: dict[bytes, Cavity] = {}
         self._found, self._d, self._changes, self._active = found, d, changes, tuple(active)
         self.log_evidence = float(
             0.5 * h @ self._solved - np.log(np.diag(self._factor[0])).sum()
@@ -134,7 +135,15 @@ class Posterior:
         return out
 
     def cavity(self, term: Term) -> Cavity:
-        """Integrate all but one further term."""
+        """Integrate all but one further term; several causes share their columns as they are."""
+        if term.weights is not None:
+            return self._cavity(term)
+        key = term.at.tobytes()
+        if key not in self._cavities:
+            self._cavities[key] = self._cavity(term)
+        return self._cavities[key]
+
+    def _cavity(self, term: Term) -> Cavity:
         gw = term.of_rows(self._found.matrix)
         u = np.concatenate([self._d[:, None] * gw.T, term.of_rows(self._changes.T).T])
         au = linalg.cho_solve(self._factor, u, check_finite=False)

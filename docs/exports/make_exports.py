@@ -1,7 +1,7 @@
 """Make docs/exports.md: the quickstart in every form, opened by the program that it is for.
 
-Run `python docs/exports/make_exports.py` from the top of the checkout. Each snippet runs in a
-separate process; its output follows it.
+Run `python docs/exports/make_exports.py [FORM ...]` from the top of the checkout; with forms, only
+their sections are made again. Each snippet runs in a separate process; its output follows it.
 """
 
 import os
@@ -10,6 +10,7 @@ import sys
 import tempfile
 import textwrap
 import venv
+from collections.abc import Sequence
 from pathlib import Path
 
 import flawforge
@@ -185,14 +186,20 @@ def interpreter(name: str, folder: Path) -> str:
     return python
 
 
-def main() -> None:
-    """Generate, export, open, write."""
-    parts = [HEAD]
+def written_sections() -> dict[str, str]:
+    """Return the page's sections by form, as they are."""
+    _, *sections = PAGE.read_text(encoding="utf-8").split("\n## ")
+    return {section.partition("\n")[0]: f"## {section.strip()}\n" for section in sections}
+
+
+def main(only: Sequence[str]) -> None:
+    """Generate, export, open, write; `only` some forms: the others stay as they are."""
+    sections = written_sections() if only else {}
     environment = {**os.environ, "HF_HUB_OFFLINE": "1", "HF_HUB_DISABLE_PROGRESS_BARS": "1"}
     with tempfile.TemporaryDirectory() as folder:
         data = Path(folder) / "quickstart"
         flawforge.generate("quickstart", data, sets=SMALLER)
-        for name in SNIPPETS:
+        for name in only or SNIPPETS:
             out = Path(folder) / name
             written = flawforge.export(data, out, name)
             run = subprocess.run(
@@ -205,13 +212,14 @@ def main() -> None:
                 if not line.startswith(("loading", "Done", "creating", "index created"))
             )  # fmt: skip
             summary = FORMS[name].summary
-            parts.append(
+            sections[name] = (
                 f"## {name}\n\n{len(written)} files: {summary}.\n\n"
                 + textwrap.fill(NOTES[name], 100)
                 + f"\n\n```python\n{SNIPPETS[name]}```\n\n```\n{said}\n```\n"
             )
-    PAGE.write_text("\n".join(parts), encoding="utf-8")
+    page = "\n".join([HEAD, *(sections[name] for name in SNIPPETS)])
+    PAGE.write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

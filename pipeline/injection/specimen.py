@@ -181,13 +181,17 @@ def make_specimen(
     outlook = Outlook(part, clean_scene, motion, recipe.datasheet, file.profiles, passes)
 
     def cut() -> FlawedPart:
-        return inject(
+        flawed = inject(
             part,
             recipe.flaws_of(planned.entry, number),
             visible_faces=outlook.facing,
             visible_at=outlook.free,
             surface=skin_of(folder / planned.stored),
             rng_of=streams(file.seed, part.name, number, "flaws"),
+        )
+        # What only carving needs would be kept, and sent to other processes, for nothing.
+        return replace(
+            flawed, cutters=tuple(replace(cutter, seam=None) for cutter in flawed.cutters)
         )
 
     if shared:

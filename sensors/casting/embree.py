@@ -170,33 +170,53 @@ class Tree:
         depth[hit] = best[hit]
 
 
+@njit(cache=True)
 def _grown(
     vertices_mm: Floats, faces: Ints, centre: Floats, margin_mm: float
 ) -> NDArray[np.float32]:
     """Corners (F, 3, 3) of the triangles about `centre`, each grown in its plane by `margin_mm`."""
-    corner = vertices_mm[faces] - centre
-    out = np.empty_like(corner)
-    for i in range(3):
-        a = corner[:, (i + 1) % 3] - corner[:, i]
-        b = corner[:, (i + 2) % 3] - corner[:, i]
-        length_a = np.linalg.norm(a, axis=1, keepdims=True)
-        length_b = np.linalg.norm(b, axis=1, keepdims=True)
-        inward = a / np.maximum(length_a, 1e-300) + b / np.maximum(length_b, 1e-300)
-        size = np.linalg.norm(inward, axis=1, keepdims=True)
-        # |inward| = 2 cos(half the angle); the mitre 1 / sin is cut off in sharp corners.
-        sine = np.sqrt(np.clip(1 - (size / 2) ** 2, 0.0, 1.0))
-        step = margin_mm / np.maximum(sine, 0.25)
-        out[:, i] = corner[:, i] - inward / np.maximum(size, 1e-300) * step
-    return out.astype(np.float32)
+    out = np.empty((len(faces), 3, 3), np.float32)
+    corner, inward = np.empty((3, 3)), np.empty(3)
+    for f in range(len(faces)):
+        for v in range(3):
+            for c in range(3):
+                corner[v, c] = vertices_mm[faces[f, v], c] - centre[c]
+        for v in range(3):
+            after, last = (v + 1) % 3, (v + 2) % 3
+            length_a = length_b = size = 0.0
+            for c in range(3):
+                length_a += (corner[after, c] - corner[v, c]) ** 2
+                length_b += (corner[last, c] - corner[v, c]) ** 2
+            length_a = max(np.sqrt(length_a), 1e-300)
+            length_b = max(np.sqrt(length_b), 1e-300)
+            for c in range(3):
+                inward[c] = (corner[after, c] - corner[v, c]) / length_a
+                inward[c] += (corner[last, c] - corner[v, c]) / length_b
+                size += inward[c] ** 2
+            size = np.sqrt(size)
+            # |inward| = 2 cos(half the angle); the mitre 1 / sin is cut off in sharp corners.
+            sine = np.sqrt(min(max(1 - (size / 2) ** 2, 0.0), 1.0))
+            step = margin_mm / max(sine, 0.25)
+            for c in range(3):
+                out[f, v, c] = corner[v, c] - inward[c] / max(size, 1e-300) * step
+    return out
 
 
+@njit(cache=True)
 def _triangles_at_vertices(faces: Ints, count: int) -> tuple[NDArray[np.int64], Ints]:
     """For each vertex the triangles around it, as one list with the starts of its runs."""
-    flat = faces.ravel()
-    order = np.argsort(flat, kind="stable")
-    start = np.zeros(count + 1, dtype=np.int64)
-    np.cumsum(np.bincount(flat, minlength=count), out=start[1:])
-    return start, (order // 3).astype(np.int32)
+    start = np.zeros(count + 1, np.int64)
+    for f in range(len(faces)):
+        for v in range(3):
+            start[faces[f, v] + 1] += 1
+    for k in range(count):
+        start[k + 1] += start[k]
+    fill, ring = start[:-1].copy(), np.empty(start[-1], np.int32)
+    for f in range(len(faces)):
+        for v in range(3):
+            ring[fill[faces[f, v]]] = f
+            fill[faces[f, v]] += 1
+    return start, ring
 
 
 @njit(cache=True, error_model="numpy")

@@ -77,7 +77,8 @@ def obstacles(
     cell = float(extent.max()) / side
     columns, rows = (int(c) for c in np.floor(extent / cell) + 1)
     grid = np.full((rows, columns), np.inf)
-    _draw(x, y, z, faces, slant, least_xy, cell, grid)
+    deepest = high[2] + float(place[:, 2].max()) + _PAD_MM
+    _draw(x, y, z, faces, slant, deepest, least_xy, cell, grid)
     levels = [grid]
     while levels[-1].size > 1:
         levels.append(_coarser(levels[-1]))
@@ -105,12 +106,13 @@ def _coarser(grid: Floats) -> Floats:
 
 @njit(cache=True, error_model="numpy")
 def _draw(
-    x: Floats, y: Floats, z: Floats, faces: Ints, slant: Floats,
+    x: Floats, y: Floats, z: Floats, faces: Ints, slant: Floats, deepest: float,
     corner: Floats, cell: float, grid: Floats,
 ) -> None:  # fmt: skip
     """Lower the grid to the triangles that face away from a line along (-s, β, -1).
 
-    `slant` holds the least and largest s and β.
+    `slant` holds the least and largest s and β; what lies beyond the deepest point, as a part's
+    base does, stands in no line's way.
     """
     rows, columns = grid.shape
     px, py, pz = np.empty(3), np.empty(3), np.empty(3)
@@ -118,6 +120,8 @@ def _draw(
         for k in range(3):
             v = faces[t, k]
             px[k], py[k], pz[k] = x[v], y[v], z[v]
+        if min(pz[0], pz[1], pz[2]) - _PAD_MM > deepest:
+            continue
         ux, uy, uz = px[1] - px[0], py[1] - py[0], pz[1] - pz[0]
         vx, vy, vz = px[2] - px[0], py[2] - py[0], pz[2] - pz[0]
         nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx

@@ -21,7 +21,7 @@ from sensors.datasheet import Datasheet
 from sensors.surface.albedo import Albedo
 from sensors.view.mirror import Mirror, mirror, thickness_mm
 from sensors.view.view_cache import ViewCache
-from sensors.view.visibility import camera_visible
+from sensors.view.visibility import camera_visible, facing_camera
 
 if TYPE_CHECKING:
     from sensors.model import SensorModel
@@ -30,8 +30,8 @@ Floats = NDArray[np.float64]
 
 # Shifted views of scans up to this many points are kept for the next effect that asks.
 KEPT_POINTS = 200_000
-KEPT_IN_ALL = 32_000_000
-"""Points of all shifted views that are kept: 1.7 GB, at fifty bytes or so each."""
+KEPT_IN_ALL = 4_000_000
+"""Points of all shifted views that are kept: 200 MB, at fifty bytes or so each."""
 
 
 class Reason(IntEnum):
@@ -290,7 +290,10 @@ class View:
     @cached_property
     def cos_camera(self) -> Floats:
         """Cosine of the angle between normal and direction to the camera, (n, m), -1 to 1."""
-        return np.asarray(np.einsum("nmk,nmk->nm", self.normal, self.to_camera))
+        return facing_camera(
+            self.scene.normals, self.triangle, self.poses, self.laser.x_mm, self.laser.slope_x,
+            self.depth_mm, self.datasheet.camera_offset_mm,
+        )  # fmt: skip
 
     @cached_property
     def half_vector_rad(self) -> Floats:

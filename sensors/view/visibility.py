@@ -131,6 +131,37 @@ def _facing(
 
 
 @njit(cache=True)
+def facing_camera(
+    normals: Floats, triangle: Ints, poses: Floats, x_mm: Floats, slope_x: Floats,
+    depth: Floats, b: float,
+) -> Floats:  # fmt: skip
+    """Cosine of the angle between a hit's normal and the way to the camera, (n, m), -1 to 1.
+
+    Parameters
+    ----------
+    normals, triangle : outward normals (f, 3), part frame; the triangle (n, m) that is hit
+    depth : (n, m) mm, NaN without a reading: the cosine is NaN then
+    b : y of the camera, signed, mm
+    """
+    n, m = depth.shape
+    out = np.empty((n, m))
+    for i in range(n):
+        r = poses[i]
+        for j in range(m):
+            z = depth[i, j]
+            if np.isnan(z):
+                out[i, j] = np.nan
+                continue
+            p = normals[triangle[i, j]]
+            x = x_mm[j] + slope_x[j] * z
+            nx = p[0] * r[0, 0] + p[1] * r[1, 0] + p[2] * r[2, 0]
+            ny = p[0] * r[0, 1] + p[1] * r[1, 1] + p[2] * r[2, 1]
+            nz = p[0] * r[0, 2] + p[1] * r[1, 2] + p[2] * r[2, 2]
+            out[i, j] = (ny * b - nx * x - nz * z) / np.sqrt(x * x + b * b + z * z)
+    return out
+
+
+@njit(cache=True)
 def _screen(
     state: NDArray[np.uint8], lines: Lines, screen: Obstacles
 ) -> None:

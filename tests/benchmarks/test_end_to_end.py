@@ -61,7 +61,9 @@ def found(cost):
         "scans": {"scans": [cost, larger], "copied_bytes_per_s": 8e9},
         "waits": {
             "carving": [
-                waits.Carving(part="p", triangles=9, all_s=0.5, local_s=0.25, whole_s=0.5)
+                waits.Carving(
+                    part="p", triangles=9, all_s=0.5, seams_s=0.125, local_s=0.25, whole_s=0.5
+                )
             ],
             "packing": [
                 waits.Packing(image="i", way=way, write_s=one, read_s=one, share=1 / one)
@@ -99,7 +101,7 @@ def test_the_page_puts_ratios_first(cost, found, tmp_path):
     assert "One run of 1.5 min, load of the machine before it 0.2;" in text
     assert "| time per point, largest against smallest scan | 2.00 × | 1 × |" in text
     assert "| m | 9 | 25.0 × | 50.0 × | 12.5 × | – | 10.0 × | 50 |" in text
-    assert "| p | 9 | 0.500 s | 0.250 s | 2.00 × |" in text
+    assert "| p | 9 | 0.500 s | 0.125 s | 2.00 × | 4.00 × |" in text
     assert "| i | lz4 | 2.0 × | 2.0 × | 0.50 |" in text
     assert "| seven flaws into p | 0.50 s | 0.3 s |" in text
     assert "VTK skipped: No module named 'vtkmodules'" in text

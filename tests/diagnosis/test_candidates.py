@@ -91,3 +91,24 @@ def test_a_held_out_recording_has_its_own_phase(candidates: Candidates) -> None:
     assert placed.model.own[1][WAVE.name]["phase_rad"] == pytest.approx(1.0, abs=0.15)
     again = candidates.placed(placed.model)
     assert again.model.own[1] == placed.model.own[1]
+
+
+def test_all_candidates_are_looked_at_by_the_completed_sensor(candidates: Candidates) -> None:
+    """A law that needs what the sensor's file left out is judged from the first placement, too."""
+    places = [place for own in candidates.places for place in own]
+    nominal = {r.name: own[0].placement for r, own in
+               zip(candidates.recorded.recordings, candidates.places, strict=True)}  # fmt: skip
+    sheet = replace(candidates.recorded.datasheet, triangulation_angle_deg=20.0, camera_side="-y")
+    completed = candidates_of(
+        replace(candidates.recorded, datasheet=sheet), nominal, nominal,
+        ([p for place in places[::2] for p in place.patches],) * 2,
+        Model(effects=(BOW,)), candidates.noise, share_own=True,
+    )  # fmt: skip
+    for own in completed.places:
+        assert all(p.view.datasheet is sheet for place in own for p in place.patches)
+
+
+def test_a_model_is_placed_once(candidates: Candidates) -> None:
+    again = Model(effects=(BOW,), own={0: {"stage_vibration": {"phase_rad": 1.0}}})
+    assert candidates.placed(again) is candidates.placed(replace(again))
+    assert candidates.placed(again) is not candidates.placed(Model(effects=(BOW,)))

@@ -106,6 +106,7 @@ def test_half_a_place_is_refused() -> None:
         FormError(fillet_mm=1.0, corners_mm=(1.0, 2.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius_mm", [4.0, 2.0])
 def test_one_rounded_corner_is_named_and_measured(radius_mm: float) -> None:
     # the smaller one fills nothing but what counts as edge

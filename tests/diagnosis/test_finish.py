@@ -102,6 +102,7 @@ def test_a_bent_mean_makes_no_noise_small(monkeypatch: pytest.MonkeyPatch) -> No
     assert names_told(monkeypatch, None, 0.6, bent=True) == ["roughness_level"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effect", "named"),
     [

@@ -95,6 +95,7 @@ motion: {look: [0, 0, -1], travel: [0, 1, 0], length_mm: 41}
 """
 
 
+@pytest.mark.slow
 def test_a_recipe_with_the_sensor_found_makes_the_recordings_residuals(
     diagnosed: tuple[Diagnosis, Path], tmp_path: Path
 ) -> None:

@@ -51,6 +51,25 @@ def test_a_misplaced_part_is_found_again(name: str) -> None:
     assert (np.abs(residual[known]) > 0.3).mean() < 0.01  # silhouettes fall into place too
 
 
+def test_silhouettes_are_searched_where_there_are_some(monkeypatch: pytest.MonkeyPatch) -> None:
+    searched = []
+
+    def search(cost: Any, count: int, reaches: Any) -> Any:
+        searched.append(count)
+        return np.zeros(count), 0.0
+
+    monkeypatch.setattr("diagnosis.registration.step_by_step", search)
+    monkeypatch.setattr("diagnosis.registration.OPEN", 0.0)
+    sheet = datasheet(60)
+    laser = Laser.from_datasheet(sheet)
+    for name in ("domes", "steps"):
+        scene = part(name)
+        made = record(scene, sheet, [], name="r", seed=4, profiles=40, pitch_mm=0.5)
+        valid = np.isfinite(made.depth_mm)
+        register(scene, made, laser, datasheet=sheet, valid=valid, sd_mm=0.003)
+        assert bool(searched) == (name == "steps")
+
+
 @pytest.mark.parametrize(
     ("scale", "offset", "words"),
     [(1e-3, 0.0, "--part-unit m"), (1 / 25.4, 0.0, "--part-unit inch"), (1.0, 400.0, "overlap")],

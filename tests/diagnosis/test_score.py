@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import kstest
 
+from diagnosis.heldout import largest_gap
 from diagnosis.score import LOG_STRAY, log_density, placed, placements, whitened
 from diagnosis.workspace import Model, Workspace
 from tests.support.effect_case import bench_workspace
@@ -86,3 +88,9 @@ def test_profiles_that_are_no_measurements_score_nothing(ws: Workspace) -> None:
     scores = log_density(patch, ws.predict(Model())[0], ws.noise, STILL)
     assert (scores[1::2] == 0).all()
     assert (scores[::2] != 0).all()
+
+
+def test_the_gap_to_the_normal_is_kolmogorovs() -> None:
+    values = np.random.default_rng(3).normal(0.1, 1.2, 400)
+    assert largest_gap(values) == pytest.approx(float(kstest(values, "norm").statistic))
+    assert np.isnan(largest_gap(np.zeros(0)))

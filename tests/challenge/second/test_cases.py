@@ -68,6 +68,7 @@ def test_a_full_set_has_every_kind_on_parts_that_show_it():
         draw(5, FULL, "third")
 
 
+@pytest.mark.slow
 def test_a_null_lies_on_its_part_within_how_parts_are_misplaced(sealed):
     folder = sealed / "cases" / "case-001"
     stated = yaml.safe_load((folder / "sensor.yaml").read_text())
@@ -85,6 +86,7 @@ def test_a_null_lies_on_its_part_within_how_parts_are_misplaced(sealed):
         assert np.isfinite(got.depth_mm).mean() > 0.8
 
 
+@pytest.mark.slow
 def test_a_set_of_the_second_family_is_a_test_set(sealed, monkeypatch, tmp_path, capsys):
     script = (
         "import json, pathlib\n"
@@ -185,6 +187,7 @@ def test_only_what_moves_readings_and_should_show_is_made_larger():
     assert not hidden("dropping link", 2, 0.0)
 
 
+@pytest.mark.slow
 def test_a_doubled_fault_is_twice_as_large():
     secret = Secret(kind="one", switches=("shaking frame",), strength=1, shape="waves",
                     recordings=1, seed=1, family="second")  # fmt: skip
@@ -192,6 +195,7 @@ def test_a_doubled_fault_is_twice_as_large():
     assert sizes[1] == pytest.approx(2 * sizes[0])
 
 
+@pytest.mark.slow
 def test_a_case_of_the_second_family_is_shuffled_about_its_mesh(sealed, tmp_path):
     here = tmp_path / "case"
     shutil.copytree(sealed / "cases" / "case-001", here)

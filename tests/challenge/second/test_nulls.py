@@ -49,6 +49,7 @@ def test_a_null_may_depart_as_its_baselines_do_and_not_more():
     assert not Check(departure_sd=0.0, **{**good, "systematic_sd": 0.2}).holds
 
 
+@pytest.mark.slow
 def test_a_good_instrument_departs_from_its_mesh_by_noise_alone_and_a_bowed_one_does_not():
     secret = Secret(kind="null", switches=(), strength=1, shape="terraces", recordings=1, seed=2,
                     family="second")  # fmt: skip

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.components.component import components_of, mean_columns, ranges_of
+from diagnosis.components.component import components_of, count_of, mean_columns, ranges_of
 from diagnosis.evidence.assess import assessed_mean
 from diagnosis.evidence.good import informed, kinds_of, mean_factors
-from diagnosis.evidence.gram import grams_of, weights_of
+from diagnosis.evidence.gram import grams_of, turned, weights_of
 from diagnosis.evidence.next_scan import Scan, next_scans
 from diagnosis.evidence.population import population
 from diagnosis.evidence.seen import seen
@@ -71,6 +71,39 @@ def test_normal_equations_are_those_of_whitened_readings(bowed: Prepared) -> Non
     assert whole.right == pytest.approx(x.T @ kept @ y, abs=1e-6 * np.abs(whole.right).max())
 
 
+def test_columns_are_counted_without_being_made(bowed: Prepared) -> None:
+    patch = bowed.patches[0]
+    names = ("x", "depth", "travel", "slope_y", "incidence", "clock", "part_x", "part_y")
+    ranges = ranges_of([patch], names)
+    for c in components_of("mean"):
+        if not c.relaxed.each:
+            made = mean_columns(c, patch, ranges, bowed.noise)
+            assert count_of(c, patch, ranges, bowed.noise) == len(made or ()), c.name
+
+
+def test_combined_equations_are_those_of_combined_columns(bowed: Prepared) -> None:
+    rng = np.random.default_rng(2)
+    now = seen([p for p in bowed.patches if p.fit.any()], bowed.noise, Model())
+    turns: dict[str, np.ndarray] = {}
+    for b in now.bulk.blocks[:4]:
+        turns[b.component.name] = np.full(1, 2.0) if len(turns) % 2 else rng.normal(
+            size=(b.columns.stop - b.columns.start, 2)
+        )
+    parts = [
+        (b.columns, turns[b.component.name])
+        for b in now.bulk.blocks if b.component.name in turns
+    ]  # fmt: skip
+    whole = np.zeros((len(now.bulk.right), 0))
+    for which, turn in parts:
+        wide = np.zeros((len(whole), which.stop - which.start))
+        wide[which] = np.eye(which.stop - which.start)
+        whole = np.hstack([whole, wide * turn[0] if turn.ndim == 1 else wide @ turn])
+    found = turned(now.bulk, turns)
+    assert found.matrix == pytest.approx(whole.T @ now.bulk.matrix @ whole)
+    assert found.right == pytest.approx(whole.T @ now.bulk.right)
+
+
+@pytest.mark.slow
 def test_baselines_show_what_a_population_hides(bowed: Prepared) -> None:
     """A bow of a fifth of the noise: usual among instruments, but new on this one."""
     fitted = [p for p in bowed.patches if p.fit.any()]

@@ -39,6 +39,7 @@ def test_report_opens_in_a_browser(diagnosed: tuple[Diagnosis, Path], tmp_path: 
     assert "line bow" in done.stdout
 
 
+@pytest.mark.slow
 def test_a_shadow_is_drawn_where_the_file_states_no_camera(tmp_path: Path) -> None:
     scene, hidden = part("steps"), [{"name": "camera_occlusion", "triangulation_angle_deg": 30.0}]
     made = [
@@ -53,6 +54,7 @@ def test_a_shadow_is_drawn_where_the_file_states_no_camera(tmp_path: Path) -> No
     assert "camera_occlusion" in (tmp_path / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_pixel_locking_is_found_and_drawn_where_no_rows_are_stated(tmp_path: Path) -> None:
     scene = part("domes")
     rows = [{"name": "pixel_locking", "amplitude_px": 0.3, "rows": 700.0}]

@@ -29,15 +29,19 @@ SHEET = Datasheet(
 )  # fmt: skip
 
 
-def looked_at(mesh, count=1500):
+def sampled(mesh, count):
     part = Part(name="p", vertices_mm=np.array(mesh.vertices), faces=np.array(mesh.faces))
     scene = Scene(part.vertices_mm, part.faces)
-    samples = Samples.of(part, scene, count, np.random.default_rng(1))
+    return Samples.of(part, scene, count, np.random.default_rng(1)), scene
+
+
+def looked_at(mesh, count=1500):
+    samples, scene = sampled(mesh, count)
     return samples, list(candidates(samples, scene, SHEET))
 
 
 def test_samples_are_even_in_area():
-    samples, _ = looked_at(trimesh.creation.box(extents=(10, 20, 30)), 6000)
+    samples, _ = sampled(trimesh.creation.box(extents=(10, 20, 30)), 6000)
     up = np.abs(samples.normals[:, 2]) > 0.9
     assert up.mean() == pytest.approx(200 / 1100, abs=0.005)
 
@@ -105,6 +109,7 @@ def test_the_command_writes_passes_that_a_recipe_follows(tmp_path, capsys):
 COVER = ["motion={cover: 0.98}", "specimens=1", "splits={train: 1.0}", "flaws={pit: 1}"]
 
 
+@pytest.mark.slow
 def test_a_recipe_with_cover_takes_pass_after_pass(recipe_path, tmp_path):
     recipe = Recipe.load(recipe_path, sets=[*COVER, "scans=3"])
     dataset = generate(recipe, tmp_path / "out")
