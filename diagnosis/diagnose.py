@@ -19,7 +19,6 @@ from diagnosis.found import (
     FoundEffect,
     at_limits,
     found_effects,
-    lawless,
     plainly_found,
     probability,
     sheet_with,
@@ -247,7 +246,6 @@ def _judged(
             model = model.without(name)
         model = refined(ws, model)
         found, after = found_effects(ws, model, causes, candidates)
-    found = (*found, *lawless(causes, [f.name for f in found]))
     found, others = averaged_grain(found, beside.effects, withheld)
     every = tuple(sorted([*found, *others], key=lambda f: -f.heldout_gain))
     notes += at_limits(every)

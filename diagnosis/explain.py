@@ -7,7 +7,7 @@ import numpy as np
 
 from diagnosis.cause import Cause, Strange, reported, without_kin
 from diagnosis.edges import BESIDE_EDGES, EDGE_COVARIATES
-from diagnosis.evidence.assess import assessed_mean, assessed_rates
+from diagnosis.evidence.assess import Assessment, assessed_mean, assessed_rates
 from diagnosis.evidence.causes import Member
 from diagnosis.evidence.good import informed, kinds_of, mean_factors, rate_factors
 from diagnosis.evidence.population import Population
@@ -17,6 +17,7 @@ from diagnosis.patch import Patch
 from diagnosis.physics import assumed_sheets, fit_laws, refit, seen_by
 from diagnosis.recorded import Recorded
 from diagnosis.registration import Placement
+from diagnosis.remainder import curves_of, remainder
 from diagnosis.reregistration import log_density, placed_anew
 from diagnosis.settings import SETTINGS
 from diagnosis.workspace import Model, Workspace
@@ -62,6 +63,34 @@ class Explanation:
         return [p for p in self.patches if p.scored.any()]
 
 
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class _State:
+    """How far the explanation has come.
+
+    Attributes
+    ----------
+    now : recordings under the model
+    before : baselines, while the model is nominal
+    explained : whitened rms of what the laws explain
+    refuted : effects whose laws, fitted, do nothing here
+    """
+
+    recorded: Recorded
+    patches: Sequence[Patch]
+    placed: Mapping[str, Placement]
+    model: Model
+    causes: tuple[Cause, ...]
+    now: Seen
+    before: Seen | None
+    explained: float = 0.0
+    refuted: frozenset[str] = frozenset()
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the causes."""
+        return [c.name for c in self.causes]
+
+
 def explain(
     patches: Sequence[Patch],
     noise: NoiseModel,
@@ -84,61 +113,115 @@ def explain(
     """
     progress("weighing causes")
     ws = fitted_part(patches, noise)
-    first = now = seen(ws.patches, noise, Model())
+    first = seen(ws.patches, noise, Model())
     before = seen(baseline, noise, Model(), like=first) if baseline else None
     own = mean_factors(first) if before is None else {}
     scales = _good(population, first, before, baseline, noise, own)
-    model = Model()
-    causes: list[Cause] = []
-    strange: list[Strange] = []
+    state = _State(
+        recorded=recorded, patches=patches, placed=placed, model=Model(), causes=(), now=first,
+        before=before,
+    )  # fmt: skip
     members: tuple[Member, ...] = ()
-    explained = 0.0
+    strange: list[Strange] = []
     for _ in range(SETTINGS.rounds):
-        found = assessed_mean(now, scales, before, withheld=withheld, explained=explained)
+        found = assessed_mean(
+            state.now, scales, state.before, withheld=withheld, refuted=state.refuted,
+            explained=state.explained,
+        )  # fmt: skip
         if not members:
             members = found.mean
             if any(m.candidate.component.placement for m in members):
                 notes.append(ASKEW)
         named, strange = reported(found)
-        # one law at a time: what it leaves isn't what the others would have to explain
-        new = without_kin(named, [c.name for c in causes])[:1]
-        if not new:
+        further = _further(state, found, named, noise, notes, progress)
+        if further is None:
             break
-        explained = float(np.sqrt(explained**2 + sum(m.size**2 for m in found.mean)))
-        progress(f"fitting {', '.join(c.name for c in new)}")
-        recorded, patches = _complete(recorded, patches, [*causes, *new], noise, model, notes)
-        before_fit = model
-        model, new = fit_laws(new, fitted_part(patches, noise), model)
-        if causes:
-            model, new = _without_remainders(before_fit, model, new, notes)
-            if not new:
-                break
-        causes += new
-        patches, placed = _settled(model, patches, placed, recorded, noise)
-        ws = fitted_part(patches, noise)
-        if _needs_refit(model):
-            model = refit(ws.thin(SETTINGS.fitted_readings), model)
-        # baselines were seen under the nominal model: beside a law they say nothing more
-        now, before = seen(ws.patches, noise, model), None
-    channels = channels_seen(ws.patches, noise, model, first)
+        state = further
+    channels = channels_seen(fitted_part(state.patches, noise).patches, noise, state.model, first)
     if not baseline:
         scales = population.of_kinds(
             kinds_of(population, {**own, **rate_factors(channels)}, good=False)
         )
-    found = assessed_rates(channels, scales, withheld=withheld)
-    named, odd = reported(found)
-    new = without_kin(named, [c.name for c in causes])
-    if new:
-        progress(f"fitting {', '.join(c.name for c in new)}")
-        recorded, patches = _complete(recorded, patches, [*causes, *new], noise, model, notes)
-        ws = fitted_part(patches, noise)
-        model, new = fit_laws(new, ws, model)
-        causes += new
+    named, odd = reported(assessed_rates(channels, scales, withheld=withheld))
+    state = _with_rates(state, without_kin(named, state.names), noise, notes, progress)
     return Explanation(
-        model=model, causes=tuple(causes), strange=(*strange, *odd), patches=tuple(patches),
-        placed=placed, recorded=recorded, ws=ws, first=first, members=members,
-        scales=scales,
+        model=state.model, causes=state.causes, strange=(*strange, *odd),
+        patches=tuple(state.patches), placed=state.placed, recorded=state.recorded,
+        ws=fitted_part(state.patches, noise), first=first, members=members, scales=scales,
     )  # fmt: skip
+
+
+def _further(
+    state: _State,
+    found: Assessment,
+    named: Sequence[Cause],
+    noise: NoiseModel,
+    notes: list[str],
+    progress: Progress,
+) -> _State | None:
+    """Explain what stands out most: a known law's remainder, or one more cause; None if nothing.
+
+    One law at a time: what it leaves isn't what the others would have to explain.
+    """
+    new = without_kin(named, state.names)[:1]
+    rest = remainder(found, set(state.names) - curved(state.model))
+    if rest is not None and all(rest.size >= c.size for c in new):
+        curve = state.model.curve.beside(curves_of(rest, state.now, noise.sd_mm))
+        causes = tuple(_beside_curve(c, rest) for c in state.causes)
+        return _seen_again(state, replace(state.model, curve=curve), causes, noise)
+    if not new:
+        return None
+    explained = float(np.sqrt(state.explained**2 + sum(m.size**2 for m in found.mean)))
+    progress(f"fitting {new[0].name}")
+    recorded, patches = _complete(
+        state.recorded, state.patches, [*state.causes, *new], noise, state.model, notes
+    )
+    state = replace(state, recorded=recorded, patches=patches)
+    model, new = fit_laws(new, fitted_part(patches, noise), state.model)
+    if _is_law(new[0]) and new[0].name not in model.names():
+        # what was weighed is the law itself at points of its grid: fitted, it does nothing
+        return replace(state, refuted=state.refuted | {new[0].name})
+    if state.causes:
+        model, new = _without_remainders(state.model, model, new, notes)
+        if not new:
+            return None
+    again = _seen_again(state, model, (*state.causes, *new), noise)
+    return replace(again, explained=explained)
+
+
+def _seen_again(
+    state: _State, model: Model, causes: tuple[Cause, ...], noise: NoiseModel
+) -> _State:
+    """Place the recordings under a model and look at them again."""
+    patches, placed = _settled(model, state.patches, state.placed, state.recorded, noise)
+    ws = fitted_part(patches, noise)
+    if _needs_refit(model):
+        model = refit(ws.thin(SETTINGS.fitted_readings), model)
+    # baselines were seen under the nominal model: beside a law they say nothing more
+    return replace(
+        state, patches=patches, placed=placed, model=model, causes=causes,
+        now=seen(ws.patches, noise, model), before=None,
+    )  # fmt: skip
+
+
+def _with_rates(
+    state: _State,
+    new: Sequence[Cause],
+    noise: NoiseModel,
+    notes: list[str],
+    progress: Progress,
+) -> _State:
+    """Fit the laws of causes of noise, losses and outliers, all together."""
+    if not new:
+        return state
+    progress(f"fitting {', '.join(c.name for c in new)}")
+    recorded, patches = _complete(
+        state.recorded, state.patches, [*state.causes, *new], noise, state.model, notes
+    )
+    model, fitted = fit_laws(new, fitted_part(patches, noise), state.model)
+    return replace(
+        state, recorded=recorded, patches=patches, model=model, causes=(*state.causes, *fitted)
+    )
 
 
 def _good(
@@ -154,6 +237,26 @@ def _good(
         return population.of_kinds(kinds_of(population, own, good=False))
     channels = channels_seen(baseline, noise, Model(), first)
     return informed(population, mean_factors(before), rate_factors(channels))
+
+
+def _is_law(cause: Cause) -> bool:
+    """Whether a cause was weighed by its law, and not by a free curve."""
+    return cause.component is not None and cause.component.relaxed.spanned
+
+
+def curved(model: Model) -> set[str]:
+    """Return the causes beside whose laws there is a curve."""
+    return {p.component.effect for p in model.curve.parts}
+
+
+def _beside_curve(cause: Cause, rest: Member) -> Cause:
+    """Say of a cause that its law leaves a remainder."""
+    if cause.name != rest.candidate.effect:
+        return cause
+    return cause.doubted(
+        f"Its law leaves a curve of {rest.size:.2g} of the noise (rms), which is kept beside it: "
+        "the formula may be another."
+    )
 
 
 def _without_remainders(
@@ -189,7 +292,7 @@ def _settled(
     noise: NoiseModel,
 ) -> tuple[Sequence[Patch], Mapping[str, Placement]]:
     """Place recordings anew under a model while that still moves them."""
-    if not model.effects:
+    if not model.effects and model.curve.is_null:
         return patches, placed
     for _ in range(SETTINGS.placed):
         before = patches

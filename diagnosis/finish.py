@@ -7,7 +7,7 @@ out on the part.
 
 import cmath
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from diagnosis.evidence.level import claimed_sizes, level_odds, level_unsure
 from diagnosis.fit import fit_effect
 from diagnosis.found import FoundEffect
-from diagnosis.noise import Field, NoiseModel, calibrate, mad_sd
+from diagnosis.noise import Field, Mask, NoiseModel, calibrate, mad_sd
 from diagnosis.patch import Patch
 from diagnosis.uncertainty import Estimate, plain_values
 from diagnosis.workspace import Model, Workspace
@@ -50,6 +50,8 @@ UNSUNKEN = (
     " It averages speckle; how deep it goes hardly shows. A plate of another finish would do that,"
     " too: to tell them apart, spray the part matt and record again."
 )
+PARTS = 6
+"""Parts of what a cause of noise follows in which the noise is compared by itself."""
 BRIGHT = 0.6
 """Share of the readings hit squarely that are darker than those whose noise is compared."""
 
@@ -59,10 +61,12 @@ def level_change(ws: Workspace, model: Model, nominal_sd_mm: float) -> float:
 
     Measured where the part is bright and hit squarely, in each recording, by the readings' scatter
     and by what neighbours leave of it: a wrong mean adds to the one, a wrong spectrum to the
-    other. A finish is the same throughout, so the least change counts.
+    other. A finish is the same throughout, so the least change counts: of the recordings, and of
+    the parts of what other causes of noise follow, whose laws may be off elsewhere.
     """
     predictions, plain = ws.predict(model), ws.predict(Model())
-    found: dict[int, list[tuple[Field, Field]]] = {}
+    noisy = [e for e in model.effects if "variance" in e.channels]
+    found: dict[tuple[int, str, int], list[tuple[Field, Field]]] = {}
     for patch, state, with_it, bare in zip(
         ws.patches, ws.states(predictions), predictions, plain, strict=True
     ):
@@ -80,9 +84,10 @@ def level_change(ws: Workspace, model: Model, nominal_sd_mm: float) -> float:
             # dark print is noisier whatever its finish
             pick &= bright >= np.nanquantile(bright[pick], BRIGHT)
         size_mm = model.level * ws.noise.sd_mm
-        found.setdefault(patch.recording, []).append(
-            (state.innovations[pick] * size_mm, state.residual_mm[pick])
-        )
+        for name, part, mask in _parts(patch, pick, noisy):
+            found.setdefault((patch.recording, name, part), []).append(
+                (state.innovations[mask] * size_mm, state.residual_mm[mask])
+            )
     changes = [
         math.log(max(_scatter_mm(np.concatenate(kind)), 1e-9) / nominal_sd_mm)
         for values in found.values()
@@ -91,6 +96,21 @@ def level_change(ws: Workspace, model: Model, nominal_sd_mm: float) -> float:
     ]
     alike = changes and (min(changes) > 0 or max(changes) < 0)
     return min(changes, key=abs) if alike else 0.0
+
+
+def _parts(
+    patch: Patch, pick: Mask, noisy: Sequence[Effect]
+) -> Iterator[tuple[str, int, Mask]]:
+    """Yield readings by what each cause of noise follows; all of them where there is none."""
+    if not noisy or not pick.any():
+        yield "", 0, pick
+        return
+    for effect in noisy:
+        values = np.broadcast_to(effect.covariate_values(patch.view), patch.shape)
+        ends = np.quantile(np.nan_to_num(values[pick]), np.arange(1, PARTS) / PARTS)
+        part = np.searchsorted(ends, np.nan_to_num(values))
+        for k in range(PARTS):
+            yield effect.name, k, pick & (part == k)
 
 
 def _scatter_mm(values_mm: Field) -> float:

@@ -83,16 +83,16 @@ def found_effects(
             effect, effect.describe(), bounds.get(effect.name, {}), gains[effect.name], cause,
             ws.count(),
         ))  # fmt: skip
+    # recognised by what they follow, while their laws don't fit
+    lawless = [c for c in causes if c.name not in model.names()]
+    out += [
+        _found(
+            CATALOGUE[c.name].none(), CATALOGUE[c.name].summary, {}, gains.get(c.name, 0.0), c,
+            ws.count(),
+        )
+        for c in lawless
+    ]  # fmt: skip
     return tuple(sorted(out, key=lambda f: -f.heldout_gain)), after
-
-
-def lawless(causes: Sequence[Cause], known: Sequence[str]) -> list[FoundEffect]:
-    """Report causes that were recognised by what they follow, whose law doesn't fit."""
-    return [
-        _found(CATALOGUE[c.name].none(), CATALOGUE[c.name].summary, {}, 0.0, c, 1)
-        for c in causes
-        if c.name not in known
-    ]
 
 
 def _found(
@@ -133,7 +133,7 @@ def probability(nats: float, name: str) -> float:
 def heldout_gains(
     ws: Workspace, model: Model, judged: Callable[[Model], Judgement]
 ) -> tuple[dict[str, float], Judgement]:
-    """Nats per held-out reading that the model loses without each effect; the whole, judged.
+    """Nats per held-out reading that the model loses without each cause; the whole, judged.
 
     Bulk physics counts by the readings that no depth edge reaches, as it was found.
 
@@ -155,6 +155,8 @@ def heldout_gains(
             gains[effect.name] = without.log_score - after.log_score
         else:
             gains[effect.name] = without.bulk_score - after.bulk_score
+    for name in {p.component.effect for p in model.curve.parts} - set(model.names()):
+        gains[name] = judged(model.without(name)).bulk_score - after.bulk_score
     return gains, after
 
 

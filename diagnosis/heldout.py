@@ -98,7 +98,7 @@ def settle_own(
     for effect in model.effects:
         if not phase_is_own(effect) or only not in (None, effect.name):
             continue
-        rest = model.without(effect.name)
+        rest = model.refitting(effect.name)
         predictions = ws.predict(rest)
         raw = [whitened(p, q, ws.noise) for p, q in zip(ws.patches, predictions, strict=True)]
         moved = placements(ws.patches, raw, small)

@@ -70,7 +70,7 @@ def fit_law(cause: Cause, ws: Workspace, model: Model) -> Fitted | None:
 def refit(ws: Workspace, model: Model) -> Model:
     """Refit each effect in turn with the others in place."""
     for effect in model.effects:
-        rest = model.without(effect.name)
+        rest = model.refitting(effect.name)
         predictions = ws.predict(rest)
         fitted = fit_effect(
             type(effect), ws, rest, predictions, ws.states(predictions), start=effect.shared(),
@@ -84,7 +84,7 @@ def refit(ws: Workspace, model: Model) -> Model:
 def refit_linear(ws: Workspace, model: Model) -> Model:
     """Solve each effect's linear part on all readings, the others in place."""
     for effect in model.effects:
-        rest = model.without(effect.name)
+        rest = model.refitting(effect.name)
         if not is_linear(effect, ws):
             continue
         fitted = fit_effect(

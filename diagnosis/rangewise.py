@@ -1,10 +1,11 @@
 """Periods over the range: at which the readings ripple most, whatever the place.
 
-All readings' scores are binned finely by the image row (by depth where the camera isn't known) and
-transformed: one transform looks at every period.
+All readings' scores are binned finely by the image row and transformed: one transform looks at
+every period.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -12,13 +13,26 @@ from scipy.ndimage import median_filter
 from diagnosis.noise import Field, Mask
 from diagnosis.patch import Patch
 from diagnosis.score import CLIP, Whitened
+from diagnosis.settings import SETTINGS
 from diagnosis.whitening import transposed
+from sensors.datasheet import Datasheet
 from sensors.view.camera import row_of_depth
 
 BINS = 4096
 LEAST_CYCLES = 8
 FEWEST = 500
 """Readings below which no period can be told."""
+
+
+def image_row(depth_mm: Field, sheet: Datasheet) -> Field:
+    """Place of the line's image on the camera, 1 over the working range.
+
+    By a usual triangulation angle where none is stated: rows grow with the range as by any other
+    angle, to a sixth of that growth.
+    """
+    if sheet.triangulation_angle_deg is None:
+        sheet = replace(sheet, triangulation_angle_deg=SETTINGS.assumed_angles_deg[1])
+    return row_of_depth(depth_mm, sheet, 1.0)
 
 
 def strongest_rows(
@@ -32,8 +46,12 @@ def strongest_rows(
     sums, span = binned
     power = np.abs(np.fft.rfft(sums)) ** 2
     above = power / np.maximum(median_filter(power, 31, mode="nearest"), 1e-12)
+    # what repeats has overtones, by which an overtone may be the strongest line
+    reach = BINS // (3 * SETTINGS.harmonics)
+    cycles = np.arange(reach)
+    total = sum(above[h * cycles] / h for h in range(1, SETTINGS.harmonics + 1))
     found: list[int] = []
-    for k in np.argsort(-above[LEAST_CYCLES : BINS // 3]) + LEAST_CYCLES:
+    for k in np.argsort(-total[LEAST_CYCLES:]) + LEAST_CYCLES:
         if len(found) == count:
             break
         if all(abs(k - other) > 1 for other in found):
@@ -45,11 +63,7 @@ def _binned(
     patches: Sequence[Patch], states: Sequence[Whitened], picked: Sequence[Mask]
 ) -> tuple[Field, float] | None:
     """Sum the scores (BINS,) over the image's rows; the rows' span, 1 the whole range."""
-    sheet = patches[0].view.datasheet
-    known = sheet.triangulation_angle_deg is not None
-    rows = [
-        row_of_depth(p.view.depth_mm, sheet, 1.0) if known else p.view.depth_mm for p in patches
-    ]
+    rows = [image_row(p.view.depth_mm, p.view.datasheet) for p in patches]
     every = np.concatenate([r[p] for r, p in zip(rows, picked, strict=True)])
     if every.size < FEWEST or np.ptp(every) == 0:
         return None

@@ -13,9 +13,9 @@ from scipy.ndimage import uniform_filter
 from diagnosis.cause import Strange
 from diagnosis.locate import NEIGHBOURS, Region, departure_mask, regions_of
 from diagnosis.noise import Field
+from diagnosis.rangewise import image_row
 from diagnosis.settings import SETTINGS
 from diagnosis.workspace import Model, Workspace
-from sensors.view.camera import row_of_depth
 from sensors.view.covariates import COVARIATES
 from sensors.view.view import View
 
@@ -118,9 +118,7 @@ def _rows(view: View) -> tuple[Field, Field]:
     """Depths over the working range, and the place of their image on the camera."""
     sheet = view.datasheet
     depth = np.linspace(sheet.depth_min_mm, sheet.depth_max_mm, 200)
-    if sheet.triangulation_angle_deg is None:
-        return depth, depth
-    return depth, np.asarray(row_of_depth(depth, sheet, 1.0))
+    return depth, image_row(depth, sheet)
 
 
 def _regions(ws: Workspace, model: Model) -> tuple[Region, ...]:

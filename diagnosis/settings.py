@@ -199,9 +199,9 @@ class Settings:
         source="more need other recordings",
     )  # fmt: skip
     rounds: int = quantity(
-        "laws that are fitted one after the other",
-        default=6, unit="", low=1, whole=True,
-        source="as most_causes",
+        "laws, and curves of what they leave, that are fitted one after the other",
+        default=12, unit="", low=1, whole=True,
+        source="twice most_causes",
     )  # fmt: skip
     placed: int = quantity(
         "times that recordings are placed under a model while that moves them",

@@ -6,6 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from diagnosis.curve import Curve
 from diagnosis.edges import on_edges
 from diagnosis.expectation import EdgeShares, expect
 from diagnosis.noise import Field, Mask, NoiseModel
@@ -36,6 +37,8 @@ class Model:
     """Factor on the calibrated noise, where an effect changes what it was calibrated over."""
     shares: EdgeShares | None = None
     """How much of what effects change at depth edges counts; wholly where None."""
+    curve: Curve = Curve()
+    """What laws leave of their causes."""
 
     @property
     def key(self) -> Hashable:
@@ -46,7 +49,7 @@ class Model:
             for e, values in sorted(of.items())
         )
         shares = None if self.shares is None else self.shares.shares.tobytes()
-        return self.effects, own, self.level, shares
+        return self.effects, own, self.level, shares, self.curve
 
     def with_effect(
         self, effect: Effect, own: Mapping[int, Mapping[str, float]] | None = None
@@ -59,16 +62,22 @@ class Model:
         return replace(self, effects=(*kept, effect), own=merged)
 
     def without(self, name: str) -> "Model":
-        """Take an effect out."""
+        """Take an effect out, with the curve beside its law."""
         return replace(
             self,
+            curve=self.curve.without(name),
             effects=tuple(e for e in self.effects if e.name != name),
             own={r: {k: v for k, v in e.items() if k != name} for r, e in self.own.items()},
         )
 
     def of(self, recording: int) -> tuple[Effect, ...]:
         """Effects as they act on one recording."""
-        return effects_for(self.effects, self.own.get(recording, {}))
+        laws = effects_for(self.effects, self.own.get(recording, {}))
+        return laws if self.curve.is_null else (*laws, self.curve)
+
+    def refitting(self, name: str) -> "Model":
+        """Take out an effect whose law is fitted anew: the curve beside it stays."""
+        return replace(self.without(name), curve=self.curve)
 
     def names(self) -> tuple[str, ...]:
         """Names of the effects."""

@@ -11,7 +11,7 @@ from diagnosis.components.smooth import Ranges, periodic_columns, products, smoo
 from diagnosis.noise import NoiseModel
 from diagnosis.patch import Patch
 from diagnosis.prediction import law_of
-from diagnosis.rangewise import strongest_rows
+from diagnosis.rangewise import image_row, strongest_rows
 from diagnosis.score import Whitened
 from diagnosis.settings import SETTINGS
 from files.errors import RecipeError
@@ -20,7 +20,6 @@ from sensors.effects import CATALOGUE
 from sensors.effects.base import Effect
 from sensors.effects.relaxed import Relaxed, RelaxedChannel
 from sensors.model import SensorModel
-from sensors.view.camera import row_of_depth
 from sensors.view.covariates import COVARIATES
 from sensors.view.view import View
 from sensors.view.view_cache import ViewCache
@@ -40,8 +39,7 @@ class Component:
     relaxed : its form
     own : whether each recording has its own coefficients
     placement : numbers of the placement that it leaves free
-    pitch : periods over the working range (or per mm of depth where no camera is stated), of a
-        periodic component
+    pitch : periods over the working range, of a periodic component
     """
 
     name: str
@@ -129,13 +127,19 @@ def mean_columns(
     component: Component, patch: Patch, ranges: Ranges, noise: NoiseModel | None = None
 ) -> list[Floats] | None:
     """Columns of a component on a patch, mm, (n, m) when broadcast; None where it can't act."""
-    relaxed, view = component.relaxed, patch.view
     if component.placement:
         return [patch.columns[..., k] for k in component.placement]
-    if relaxed.periodic and not relaxed.each:
-        return periodic_columns(component.pitch * row_place(view), SETTINGS.harmonics)
-    if relaxed.spanned:
+    if component.relaxed.spanned:
         return _spanned(CATALOGUE[component.effect], patch, noise)
+    return curve_columns(component, patch.view, ranges)
+
+
+def curve_columns(component: Component, view: View, ranges: Ranges) -> list[Floats] | None:
+    """Columns of a component that is a curve of covariates, mm; None where it can't act."""
+    relaxed = component.relaxed
+    if relaxed.periodic and not relaxed.each:
+        row = np.nan_to_num(image_row(view.depth_mm, view.datasheet))
+        return periodic_columns(component.pitch * row, SETTINGS.harmonics)
     axes = _axes(relaxed, ranges)
     if not axes:
         return None
@@ -198,13 +202,6 @@ def missing_columns(component: Component, patch: Patch) -> list[Floats]:
             gone = np.isfinite(before.mean_mm) & ~np.isfinite(after.mean_mm)
             out.append(np.where(gone, 1.0, np.broadcast_to(lost, view.shape)))
     return out
-
-
-def row_place(view: View) -> Floats:
-    """Place of the image on the camera, 1 over the working range; depth in mm without a camera."""
-    if view.datasheet.triangulation_angle_deg is None:
-        return np.nan_to_num(view.depth_mm)
-    return np.nan_to_num(row_of_depth(view.depth_mm, view.datasheet, 1.0))
 
 
 def _axes(relaxed: Relaxed, ranges: Ranges) -> list[str]:

@@ -1,6 +1,6 @@
 """What the readings need beyond a model: causes with their probabilities."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +38,7 @@ def assessed_mean(
     baseline: Seen | None = None,
     *,
     withheld: frozenset[str] = frozenset(),
+    refuted: Collection[str] = (),
     explained: float = 0.0,
 ) -> Assessment:
     """Weigh the causes of what the mean departs by.
@@ -47,6 +48,7 @@ def assessed_mean(
     scales : probabilities of each component's size in this instrument when it is good
     baseline : recordings of the same instrument when it was good
     withheld : effects that must not be named: what follows their covariates has no name then
+    refuted : effects whose laws were fitted and do nothing here: no candidates any more
     explained : whitened rms of what the model explains already
     """
     worlds = [
@@ -58,7 +60,11 @@ def assessed_mean(
     ]
     search = CauseSearch(
         worlds[0], worlds[1],
-        [c.unclaimed() if c.effect in withheld else c for c in found.candidates],
+        [
+            c.unclaimed() if c.effect in withheld else c
+            for c in found.candidates
+            if c.effect not in refuted
+        ],
         Scales(sizes=SETTINGS.mean_sizes(), weights=scales), explained=explained,
     )  # fmt: skip
     effects = {c.name: "" if c.effect in withheld else c.effect for c in found.candidates}

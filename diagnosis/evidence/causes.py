@@ -66,6 +66,7 @@ class Member:
     variant, size : most probable form, and its size (whitened rms)
     nats : log Bayes factor against its absence
     shares : probability of each candidate in its place, by name; "" is none at all
+    coefficients : most probable ones of the candidate's columns, beside the other members
     """
 
     candidate: Candidate
@@ -73,6 +74,7 @@ class Member:
     size: float
     nats: float
     shares: Mapping[str, float]
+    coefficients: Floats
 
     @property
     def term(self) -> Term:
@@ -220,6 +222,7 @@ class CauseSearch:
 
     def _weighed(self, active: list[Active]) -> list[Member]:
         members = []
+        whole = self.posteriors(active) if active else {}
         for i, (c, v, s) in enumerate(active):
             rest = active[:i] + active[i + 1 :]
             taken = {(o.effect or o.name) for o, _, _ in rest}
@@ -229,6 +232,9 @@ class CauseSearch:
             total = logsumexp(list(odds.values()))
             shares = {n: float(np.exp(x - total)) for n, x in odds.items()}
             members.append(
-                Member(candidate=c, variant=v, size=s, nats=weighed[c.name].nats, shares=shares)
+                Member(
+                    candidate=c, variant=v, size=s, nats=weighed[c.name].nats, shares=shares,
+                    coefficients=whole[c.at_edges].coefficients()[c.at],
+                )  # fmt: skip
             )
         return members

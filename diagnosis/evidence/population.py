@@ -88,8 +88,7 @@ def learnt(kinds: Sequence[Sequence[Mapping[str, Floats]]]) -> list[dict[str, Fl
     which before any instrument is the less probable the larger it is, as its inverse: what no
     recording of the population could show isn't taken for usual. How far instruments scatter is one
     number for all components, told by those that stand clear of the noise. Both are averaged over
-    their posterior. By Laplace's rule one more instrument is unlike all n with a chance of 1 in
-    n + 2; such a one may have any size.
+    their posterior.
 
     Parameters
     ----------
@@ -104,14 +103,7 @@ def learnt(kinds: Sequence[Sequence[Mapping[str, Floats]]]) -> list[dict[str, Fl
         by_kind.append({name: _by_spread(np.stack(own)) for name, own in found.items()})
     nats = np.sum([n for found in by_kind for n, _ in found.values()], axis=0)
     spread = np.exp(nats - logsumexp(nats))
-    out = []
-    for instruments, found_of in zip(kinds, by_kind, strict=True):
-        unlike = 1.0 / (len(instruments) + 2)
-        out.append({
-            name: (1 - unlike) * (spread @ weights) + unlike / weights.shape[1]
-            for name, (_, weights) in found_of.items()
-        })
-    return out
+    return [{name: spread @ weights for name, (_, weights) in found.items()} for found in by_kind]
 
 
 def _by_spread(log: Floats) -> tuple[Floats, Floats]:

@@ -27,13 +27,12 @@ def test_sizes_are_those_that_the_instruments_show() -> None:
     assert weights.sum() == pytest.approx(1.0)
     typical = SIZES[np.searchsorted(np.cumsum(weights), 0.5)]
     assert 0.015 < typical < 0.06
-    assert weights[SIZES > 0.5].sum() < 1.5 / 42
+    assert weights[SIZES > 0.5].sum() < 1e-3
 
 
-def test_good_instruments_without_a_departure_have_next_to_none() -> None:
-    """One more is unlike all thirty with a chance of 1 in 32."""
+def test_good_instruments_without_a_departure_have_none() -> None:
     weights = learnt([[{"bow": seen_as(1e-5)}] * 30])[0]["bow"]
-    assert weights[SIZES > 0.05].sum() < 1.5 / 32
+    assert weights[SIZES > 0.05].sum() < 0.01
 
 
 def test_how_far_instruments_scatter_is_told_by_those_that_show_it() -> None:
