@@ -94,7 +94,7 @@ def explain(
             break
         explained = float(np.sqrt(explained**2 + sum(m.size**2 for m in found.mean)))
         progress(f"fitting {', '.join(c.name for c in new)}")
-        recorded, patches = _complete(recorded, patches, [*causes, *new], noise, model, notes)
+        recorded, patches = _complete(recorded, patches, new, noise, model, notes)
         before_fit = model
         model, new = fit_laws(new, fitted_part(patches, noise), model)
         if causes:
@@ -113,7 +113,7 @@ def explain(
     new = without_kin(named, [c.name for c in causes])
     if new:
         progress(f"fitting {', '.join(c.name for c in new)}")
-        recorded, patches = _complete(recorded, patches, [*causes, *new], noise, model, notes)
+        recorded, patches = _complete(recorded, patches, new, noise, model, notes)
         ws = fitted_part(patches, noise)
         model, new = fit_laws(new, ws, model)
         causes += new
@@ -177,7 +177,8 @@ def _complete(
 ) -> tuple[Recorded, Sequence[Patch]]:
     """Complete the sensor's file where a named cause's law needs what it leaves out.
 
-    Each completion is tried; the one under which the readings are most probable stands.
+    Each completion is tried with the new laws at the points of their grids; the one under which the
+    readings are most probable stands. What was found before needed none of it.
     """
     sheets = assumed_sheets(recorded.datasheet, causes)
     if len(sheets) == 1:
@@ -186,7 +187,7 @@ def _complete(
     for sheet in sheets:
         views = seen_by(patches, sheet)
         ws = fitted_part(views, noise).thin(SETTINGS.fitted_readings)
-        trial, _ = fit_laws(causes, ws, model)
+        trial, _ = fit_laws(causes, ws, model, polish=False)
         density = log_density(ws.patches, noise, trial)
         if best is None or density > best[0]:
             best = density, sheet, views

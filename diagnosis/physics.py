@@ -18,8 +18,14 @@ from sensors.effects import CATALOGUE
 from sensors.effects.base import Effect
 
 
-def fit_laws(causes: Sequence[Cause], ws: Workspace, model: Model) -> tuple[Model, list[Cause]]:
+def fit_laws(
+    causes: Sequence[Cause], ws: Workspace, model: Model, *, polish: bool = True
+) -> tuple[Model, list[Cause]]:
     """Add the law of each cause to a model, strongest first, then refit all together.
+
+    Parameters
+    ----------
+    polish : search beyond the laws' grids; otherwise the best points of the grids stand
 
     Returns
     -------
@@ -28,7 +34,7 @@ def fit_laws(causes: Sequence[Cause], ws: Workspace, model: Model) -> tuple[Mode
     few = ws.thin(SETTINGS.fitted_readings)
     out = []
     for cause in causes:
-        fitted = fit_law(cause, few, model)
+        fitted = fit_law(cause, few, model, polish=polish)
         if fitted is None or fitted.effect.is_null:
             out.append(cause.doubted("Its law doesn't fit these recordings."))
             continue
@@ -39,12 +45,14 @@ def fit_laws(causes: Sequence[Cause], ws: Workspace, model: Model) -> tuple[Mode
             )
         model = few.levelled(model.with_effect(fitted.effect, fitted.own))
         out.append(cause)
-    if len(model.effects) > 1:
+    if polish and len(model.effects) > 1:
         model = refit(few, model)
     return refit_linear(ws, model), out
 
 
-def fit_law(cause: Cause, ws: Workspace, model: Model) -> Fitted | None:
+def fit_law(
+    cause: Cause, ws: Workspace, model: Model, *, polish: bool = True
+) -> Fitted | None:
     """Fit one law beside a model; None where it can't act on these recordings."""
     kind = CATALOGUE[cause.name]
     predictions = ws.predict(model)
@@ -61,7 +69,7 @@ def fit_law(cause: Cause, ws: Workspace, model: Model) -> Fitted | None:
             for p in [base.parameter(name)]
         ] or starts
     found = [
-        fit_effect(kind, ws, model, predictions, states, start=start, polish=True)
+        fit_effect(kind, ws, model, predictions, states, start=start, polish=polish)
         for start in starts
     ]
     return max((f for f in found if f is not None), key=lambda f: f.gain, default=None)
