@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from diagnosis.diagnose import Diagnosis
+    from diagnosis.diagnosis import Diagnosis
     from flawforge.dataset import Dataset
 
 __all__ = ["diagnose", "export", "generate", "open"]

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.diagnose import Diagnosis
+from diagnosis.diagnosis import Diagnosis
 
 
 def test_the_maps_differ_by_the_effect_found(diagnosed: tuple[Diagnosis, Path]) -> None:

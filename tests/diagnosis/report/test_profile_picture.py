@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from diagnosis.diagnose import Diagnosis
+from diagnosis.diagnosis import Diagnosis
 from diagnosis.report.profile_picture import most_improved, profile_picture
 
 
