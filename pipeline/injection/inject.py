@@ -1,6 +1,6 @@
 """Injection: flaws drawn from a plan, placed on a part, carved into it, and recorded."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -93,13 +93,15 @@ def inject(
     """
     plan.check_regions(part.regions)
     skin = surface or Surface.of(part.vertices_mm, part.faces)
-    block = _block(part)
-    allowed = _allowed(part, plan, visible_faces)
     forbidden = np.zeros(len(part.faces), np.bool_)
     for name in plan.keep_free:
         forbidden |= part.regions[name]
-    placed: list[_Placed] = []
+    search = _Search(
+        surface=skin, block=_block(part), plan=plan, allowed=_allowed(part, plan, visible_faces),
+        forbidden=forbidden, visible_at=visible_at,
+    )  # fmt: skip
     redrawn = misplaced = 0
+    placed: list[_Placed] = []
     dropped: list[str] = []
     numbers = plan.numbers(rng_of)
     for kind_plan in plan.kinds:
@@ -109,29 +111,16 @@ def inject(
                 dropped.append(f"{kind_plan.kind} {i}: no room; {NO_ROOM} before it found none")
                 continue
             seed = int(rng_of("flaw", kind_plan.kind, i).integers(2**63))
-            failed, missed, reason = 0, 0, ""
-            while failed < plan.tries and missed < PLACES:
-                try:
-                    placed.append(
-                        _try(
-                            skin, block, plan, kind_plan, i, placed, allowed, forbidden,
-                            visible_at, seed, failed + missed,
-                        )  # fmt: skip
-                    )
-                    given_up = 0
-                    break
-                except BooleanError as error:
-                    failed += 1
-                    reason = str(error)
-                except (SiteError, _Misplaced) as error:
-                    missed += 1
-                    reason = str(error)
-            else:
-                dropped.append(f"{kind_plan.kind} {i}: {reason}")
+            tries = search.place(kind_plan, i, placed, seed)
+            if tries.placed is None:
+                dropped.append(f"{kind_plan.kind} {i}: {tries.reason}")
                 given_up += 1
-            redrawn += failed
-            misplaced += missed
-    carved, placed, lost = _carve(block, part, placed)
+            else:
+                placed.append(tries.placed)
+                given_up = 0
+            redrawn += tries.failed
+            misplaced += tries.missed
+    carved, placed, lost = _carve(search.block, part, placed)
     return FlawedPart(
         part=part,
         vertices_mm=carved.vertices_mm,
@@ -198,50 +187,92 @@ def _allowed(part: Part, plan: FlawPlan, visible: NDArray[Any] | None) -> Floats
     return weight
 
 
-def _try(
-    surface: Surface,
-    block: Block,
-    plan: FlawPlan,
-    kind_plan: KindPlan,
-    number: int,
-    placed: list[_Placed],
-    allowed: Floats,
-    forbidden: Bools,
-    visible_at: Callable[[Floats], Bools] | None,
-    seed: int,
-    attempt: int,
-) -> _Placed:
-    """Draw one flaw, place it, build it and check it."""
-    rng = np.random.default_rng([seed, attempt, 0])
-    tier, flaw = kind_plan.draw(rng)
-    sites = flaw.seat.sites(surface, rng, 64, allowed * ~forbidden)
-    if visible_at is not None:
-        seen = visible_at(np.stack([site.position_mm for site in sites]))
-        sites = [site for site, good in zip(sites, seen, strict=True) if good]
-    if not sites:
-        raise _Misplaced("no visible place found")
-    site = sites[0]
-    for other in placed:
-        near = max(plan.min_distance_mm, other.footprint.spacing_mm)
-        if other.footprint.tree.query(site.position_mm)[0] < near:
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Tries:
+    """How the search for a flaw's place ended: the flaw, or why there is none, and what failed."""
+
+    placed: _Placed | None
+    failed: int
+    missed: int
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class _Search:
+    """Where the flaws of a plan may sit on a part.
+
+    Attributes
+    ----------
+    allowed : (F,) weight of each face
+    forbidden : (F,) faces that stay free
+    visible_at : tells which of some points the scan can see; None: all
+    """
+
+    surface: Surface
+    block: Block
+    plan: FlawPlan
+    allowed: Floats
+    forbidden: Bools
+    visible_at: Callable[[Floats], Bools] | None
+
+    def place(
+        self, kind_plan: KindPlan, number: int, placed: Sequence[_Placed], seed: int
+    ) -> _Tries:
+        """Draw a flaw until it has a place beside those that are placed, or tries are used up."""
+        failed, missed, reason = 0, 0, ""
+        while failed < self.plan.tries and missed < PLACES:
+            try:
+                found = self._try(kind_plan, number, placed, seed, failed + missed)
+                return _Tries(placed=found, failed=failed, missed=missed, reason="")
+            except BooleanError as error:
+                failed += 1
+                reason = str(error)
+            except (SiteError, _Misplaced) as error:
+                missed += 1
+                reason = str(error)
+        return _Tries(placed=None, failed=failed, missed=missed, reason=reason)
+
+    def _try(
+        self,
+        kind_plan: KindPlan,
+        number: int,
+        placed: Sequence[_Placed],
+        seed: int,
+        attempt: int,
+    ) -> _Placed:
+        """Draw one flaw, place it, build it and check it."""
+        rng = np.random.default_rng([seed, attempt, 0])
+        tier, flaw = kind_plan.draw(rng)
+        sites = flaw.seat.sites(self.surface, rng, 64, self.allowed * ~self.forbidden)
+        if self.visible_at is not None:
+            seen = self.visible_at(np.stack([site.position_mm for site in sites]))
+            sites = [site for site, good in zip(sites, seen, strict=True) if good]
+        if not sites:
+            raise _Misplaced("no visible place found")
+        site, apart_mm = sites[0], self.plan.min_distance_mm
+        for other in placed:
+            near = max(apart_mm, other.footprint.spacing_mm)
+            if other.footprint.tree.query(site.position_mm)[0] < near:
+                raise _Misplaced("too near to another flaw")
+        cutter = flaw.cutter(
+            self.surface, site, _shape_rng(seed, attempt), self.plan.facet_um * 1e-3
+        )
+        _check_free(self.surface, self.plan, cutter, self.forbidden)
+        footprint = Footprint.of(cutter, apart_mm)
+        if any(footprint.is_near(other.footprint, apart_mm) for other in placed):
             raise _Misplaced("too near to another flaw")
-    cutter = flaw.cutter(surface, site, _shape_rng(seed, attempt), plan.facet_um * 1e-3)
-    _check_free(surface, plan, cutter, forbidden)
-    footprint = Footprint.of(cutter, plan.min_distance_mm)
-    if any(footprint.is_near(other.footprint, plan.min_distance_mm) for other in placed):
-        raise _Misplaced("too near to another flaw")
-    return _Placed(
-        plan=kind_plan,
-        number=number,
-        tier=tier,
-        flaw=flaw,
-        site=site,
-        cutter=cutter,
-        change=block.trial(cutter),
-        seed=seed,
-        attempt=attempt,
-        footprint=footprint,
-    )
+        return _Placed(
+            plan=kind_plan,
+            number=number,
+            tier=tier,
+            flaw=flaw,
+            site=site,
+            cutter=cutter,
+            change=self.block.trial(cutter),
+            seed=seed,
+            attempt=attempt,
+            footprint=footprint,
+        )
 
 
 def _check_free(surface: Surface, plan: FlawPlan, cutter: Cutter, forbidden: Bools) -> None:
