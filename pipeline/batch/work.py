@@ -13,7 +13,7 @@ from files.whole_file import write_whole
 from pipeline.batch.plan import PlannedPart, PlannedScans, PlannedShard
 from pipeline.dataset.object_store import HIDDEN, ObjectStore
 from pipeline.dataset.shards import ShardWriter, file_sha256
-from pipeline.injection.inject import Flaw
+from pipeline.injection.flawed_part import Flaw
 from pipeline.injection.specimen import Specimen, make_specimen
 from pipeline.motion.trajectory import Trajectory
 from pipeline.parts.part_error import PartError

@@ -1,7 +1,7 @@
 """Injection: flaws drawn from a plan, placed on a part, carved into it, and recorded."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -10,47 +10,22 @@ from numpy.typing import NDArray
 
 from defects.carving.block import Block
 from defects.carving.point_in_mesh import Inside
-from defects.carving.solid import BooleanError, Change, Cutter
+from defects.carving.solid import BooleanError, Cutter
 from defects.carving.stitch import Carved
 from defects.flaw_bank import FlawBank
-from defects.kind import Kind
 from defects.kinds import KINDS
 from defects.kinds.banked import Banked
-from defects.surface.surface import Site, SiteError, Surface
+from defects.surface.surface import Site, Surface
 from pipeline.injection.flawed_part import Flaw, FlawedPart
-from pipeline.injection.flawplan import FlawPlan, KindPlan
-from pipeline.injection.spacing import Footprint
+from pipeline.injection.flawplan import FlawPlan
+from pipeline.injection.placement import Placed, Search, shape_rng
 from pipeline.parts.part import Part
-
-__all__ = ["Flaw", "FlawedPart", "cutter_of", "inject"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-PLACES = 60
-"""How many places are tried for a flaw, over all its draws, before it is given up."""
 NO_ROOM = 10
 """After so many flaws of a kind given up in a row, the rest of the kind is dropped untried."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class _Placed:
-    """A flaw that passed all its checks, with its footprint for the distance to others."""
-
-    plan: KindPlan
-    number: int
-    tier: str
-    flaw: Kind
-    site: Site
-    cutter: Cutter
-    change: Change
-    seed: int
-    attempt: int
-    footprint: Footprint
-
-
-class _Misplaced(Exception):
-    """The flaw doesn't fit at the place drawn; the reason in words."""
 
 
 def inject(
@@ -96,12 +71,12 @@ def inject(
     forbidden = np.zeros(len(part.faces), np.bool_)
     for name in plan.keep_free:
         forbidden |= part.regions[name]
-    search = _Search(
+    search = Search(
         surface=skin, block=_block(part), plan=plan, allowed=_allowed(part, plan, visible_faces),
         forbidden=forbidden, visible_at=visible_at,
     )  # fmt: skip
     redrawn = misplaced = 0
-    placed: list[_Placed] = []
+    placed: list[Placed] = []
     dropped: list[str] = []
     numbers = plan.numbers(rng_of)
     for kind_plan in plan.kinds:
@@ -161,17 +136,13 @@ def cutter_of(
     kind = KINDS[flaw.kind](**flaw.parameters)
     if isinstance(kind, Banked):
         kind = replace(kind, bank=bank)
-    return kind.cutter(surface, site, _shape_rng(flaw.seed, flaw.attempt), facet_um * 1e-3)
+    return kind.cutter(surface, site, shape_rng(flaw.seed, flaw.attempt), facet_um * 1e-3)
 
 
 @lru_cache(maxsize=2)
 def _block(part: Part) -> Block:
     """Return the part ready for carving; kept, since many specimens come from one part."""
     return Block(part.vertices_mm, part.faces)
-
-
-def _shape_rng(seed: int, attempt: int) -> np.random.Generator:
-    return np.random.default_rng([seed, attempt, 1])
 
 
 def _allowed(part: Part, plan: FlawPlan, visible: NDArray[Any] | None) -> Floats:
@@ -187,105 +158,9 @@ def _allowed(part: Part, plan: FlawPlan, visible: NDArray[Any] | None) -> Floats
     return weight
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class _Tries:
-    """How the search for a flaw's place ended: the flaw, or why there is none, and what failed."""
-
-    placed: _Placed | None
-    failed: int
-    missed: int
-    reason: str
-
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class _Search:
-    """Where the flaws of a plan may sit on a part.
-
-    Attributes
-    ----------
-    allowed : (F,) weight of each face
-    forbidden : (F,) faces that stay free
-    visible_at : tells which of some points the scan can see; None: all
-    """
-
-    surface: Surface
-    block: Block
-    plan: FlawPlan
-    allowed: Floats
-    forbidden: Bools
-    visible_at: Callable[[Floats], Bools] | None
-
-    def place(
-        self, kind_plan: KindPlan, number: int, placed: Sequence[_Placed], seed: int
-    ) -> _Tries:
-        """Draw a flaw until it has a place beside those that are placed, or tries are used up."""
-        failed, missed, reason = 0, 0, ""
-        while failed < self.plan.tries and missed < PLACES:
-            try:
-                found = self._try(kind_plan, number, placed, seed, failed + missed)
-                return _Tries(placed=found, failed=failed, missed=missed, reason="")
-            except BooleanError as error:
-                failed += 1
-                reason = str(error)
-            except (SiteError, _Misplaced) as error:
-                missed += 1
-                reason = str(error)
-        return _Tries(placed=None, failed=failed, missed=missed, reason=reason)
-
-    def _try(
-        self,
-        kind_plan: KindPlan,
-        number: int,
-        placed: Sequence[_Placed],
-        seed: int,
-        attempt: int,
-    ) -> _Placed:
-        """Draw one flaw, place it, build it and check it."""
-        rng = np.random.default_rng([seed, attempt, 0])
-        tier, flaw = kind_plan.draw(rng)
-        sites = flaw.seat.sites(self.surface, rng, 64, self.allowed * ~self.forbidden)
-        if self.visible_at is not None:
-            seen = self.visible_at(np.stack([site.position_mm for site in sites]))
-            sites = [site for site, good in zip(sites, seen, strict=True) if good]
-        if not sites:
-            raise _Misplaced("no visible place found")
-        site, apart_mm = sites[0], self.plan.min_distance_mm
-        for other in placed:
-            near = max(apart_mm, other.footprint.spacing_mm)
-            if other.footprint.tree.query(site.position_mm)[0] < near:
-                raise _Misplaced("too near to another flaw")
-        cutter = flaw.cutter(
-            self.surface, site, _shape_rng(seed, attempt), self.plan.facet_um * 1e-3
-        )
-        _check_free(self.surface, self.plan, cutter, self.forbidden)
-        footprint = Footprint.of(cutter, apart_mm)
-        if any(footprint.is_near(other.footprint, apart_mm) for other in placed):
-            raise _Misplaced("too near to another flaw")
-        return _Placed(
-            plan=kind_plan,
-            number=number,
-            tier=tier,
-            flaw=flaw,
-            site=site,
-            cutter=cutter,
-            change=self.block.trial(cutter),
-            seed=seed,
-            attempt=attempt,
-            footprint=footprint,
-        )
-
-
-def _check_free(surface: Surface, plan: FlawPlan, cutter: Cutter, forbidden: Bools) -> None:
-    for low, high in plan.keep_free_boxes_mm:
-        if ((cutter.skin_mm >= low) & (cutter.skin_mm <= high)).all(axis=1).any():
-            raise _Misplaced("on a place to be kept free")
-    if forbidden.any() and forbidden[surface.project(cutter.skin_mm)[2]].any():
-        raise _Misplaced("on a region to be kept free")
-
-
 def _carve(
-    block: Block, part: Part, placed: list[_Placed]
-) -> tuple[Carved, list[_Placed], list[str]]:
+    block: Block, part: Part, placed: list[Placed]
+) -> tuple[Carved, list[Placed], list[str]]:
     """Carve all at once; should that fail, one after the other, leaving out what fails."""
     if not placed:
         count = len(part.faces)
@@ -297,13 +172,13 @@ def _carve(
         )
         return untouched, [], []
 
-    def carve(some: list[_Placed]) -> Carved:
+    def carve(some: list[Placed]) -> Carved:
         return block.carve([one.cutter for one in some], [one.change for one in some])
 
     try:
         return carve(placed), placed, []
     except BooleanError:
-        kept: list[_Placed] = []
+        kept: list[Placed] = []
         lost: list[str] = []
         for one in placed:
             try:
@@ -318,7 +193,7 @@ def _inside(solid: Any) -> Inside | None:
     return None if solid is None else Inside.of(solid.vertices_mm, solid.faces)
 
 
-def _record(instance: int, one: _Placed) -> Flaw:
+def _record(instance: int, one: Placed) -> Flaw:
     change = one.change
     return Flaw(
         instance=instance,
