@@ -11,8 +11,8 @@ import pytest
 from pipeline.batch.run import generate
 from pipeline.dataset.checksums import own_files
 from pipeline.recipe import Recipe
-from tests.pipeline.batch.test_dask import HOME, wait_for
 from tests.support.far_network import far_hosts, missing
+from tests.support.processes import HOME, wait_for
 from tests.support.small_recipe import write_shards
 
 pytest.importorskip("distributed", reason="distributed isn't installed: flawforge[dask]")
