@@ -15,6 +15,7 @@ from files.errors import RecipeError
 from pipeline.batch.cluster import cluster
 from pipeline.dataset.manifest import versions
 from pipeline.dataset.shards import file_sha256
+from tests.support.processes import HOME, wait_for
 
 pytest.importorskip("distributed", reason="distributed isn't installed: flawforge[dask]")
 
