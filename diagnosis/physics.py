@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -104,14 +105,18 @@ def refit_linear(ws: Workspace, model: Model) -> Model:
 
 
 def assumed_sheets(sheet: Datasheet, causes: Sequence[Cause]) -> list[Datasheet]:
-    """Return the sensor's file, or its completions where a named cause needs what it leaves out."""
+    """Return the sensor's file, or its completions where a named cause needs what it leaves out.
+
+    A file that leaves the camera's side out has "+y" by default: "-y" was stated.
+    """
     needed = {key for c in causes for key in CATALOGUE[c.name].needs}
     if all(getattr(sheet, key) is not None for key in needed):
         return [sheet]
+    sides: tuple[Literal["+y", "-y"], ...] = ("+y", "-y")
     return [
         replace(sheet, triangulation_angle_deg=angle, camera_side=side)
         for angle in SETTINGS.assumed_angles_deg
-        for side in ("+y", "-y")
+        for side in (sides if sheet.camera_side == "+y" else ("-y",))
     ]
 
 

@@ -50,6 +50,12 @@ def test_a_camera_that_is_not_stated_is_tried_at_either_side() -> None:
     assert {s.triangulation_angle_deg for s in tried} == set(SETTINGS.assumed_angles_deg)
 
 
+def test_a_side_that_is_stated_is_kept() -> None:
+    sheet = replace(datasheet(60), triangulation_angle_deg=None, camera_side="-y")
+    tried = assumed_sheets(sheet, [SECOND_LIGHT])
+    assert [s.camera_side for s in tried] == ["-y"] * len(SETTINGS.assumed_angles_deg)
+
+
 def test_patches_are_looked_at_with_another_file(bent: Workspace) -> None:
     other = replace(bent.patches[0].view.datasheet, camera_side="-y")
     patches = seen_by(bent.patches, other)
