@@ -51,7 +51,7 @@ class Whitener:
     def build(cls, noise: NoiseModel, used: Mask) -> "Whitener":
         """Solve the conditionals for the patterns of neighbours that `used` shows."""
         pattern = _patterns(used, NEIGHBOURS)
-        met = np.unique(pattern[used]) if used.any() else np.zeros(0, dtype=np.int32)
+        met = np.flatnonzero(np.bincount(pattern[used], minlength=1))
         solved = _SOLVED.get(noise, None, lambda: _Conditionals(noise))
         solved.solve(met)
         return cls(
@@ -123,7 +123,7 @@ class _Conditionals:
         self._towards = _between(noise, NEIGHBOURS)
         self._innovation_sd = noise.innovation_sd
 
-    def solve(self, patterns: NDArray[np.int32]) -> None:
+    def solve(self, patterns: NDArray[np.int64]) -> None:
         """Add the patterns that aren't known yet."""
         for code in patterns[~self._known[patterns]]:
             have = (int(code) >> np.arange(len(NEIGHBOURS))) & 1 == 1
