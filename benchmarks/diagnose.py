@@ -16,7 +16,8 @@ import numpy as np
 from scipy import stats
 
 from benchmarks.strength import at_strength
-from diagnosis.diagnose import Diagnosis, diagnose
+from diagnosis.diagnose import diagnose
+from diagnosis.diagnosis import Diagnosis
 from diagnosis.heldout import judge
 from diagnosis.locate import departure_mask
 from diagnosis.maps import RIGID

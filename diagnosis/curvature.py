@@ -1,7 +1,7 @@
 """The log density about a fit: scores of blocks and curvature by numeric derivatives.
 
-Each recording's placement and the noise's level are refitted wherever it is computed: what is left
-is the profile of the numbers that were fitted, a recording's own phase one of them.
+Each recording's placement and the noise's level are refitted at each value, so the log density is
+the profile likelihood of the fitted numbers, a recording's own phase among them.
 """
 
 import math

@@ -1,76 +1,35 @@
 """The whole diagnosis: register, calibrate, detect, explain, judge, locate."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.calibration import nominal_noise, nominal_sd_mm
 from diagnosis.candidates import Candidates, Placed, candidates_of
 from diagnosis.cause import Cause
+from diagnosis.claims import blurs, mounted, texture
 from diagnosis.delivery import delivered
-from diagnosis.evidence.next_scan import NextScan, next_scans
+from diagnosis.diagnosis import Diagnosis
+from diagnosis.evidence.next_scan import next_scans
 from diagnosis.evidence.population import population
 from diagnosis.explain import Explanation, explain
-from diagnosis.finish import averaged_grain, finish_effects, finish_estimates, sunken
-from diagnosis.firmware import filtered_instead
-from diagnosis.found import (
-    FoundEffect,
-    at_limits,
-    found_effects,
-    plainly_found,
-    probability,
-    sheet_with,
-)
+from diagnosis.finish import averaged_grain, sunken
+from diagnosis.found import FoundEffect, at_limits, found_effects, sheet_with
 from diagnosis.heldout import Judgement, judge
-from diagnosis.locate import Region
 from diagnosis.maps import RecordingMaps, map_recording
-from diagnosis.mounting import LEAST_NATS, mounting_error
 from diagnosis.noise import NoiseModel
-from diagnosis.patch import Patch
 from diagnosis.prepare import Inputs, Prepared, prepared
-from diagnosis.registration import Placement
-from diagnosis.residual_structure import Residual, residual_structure
-from diagnosis.settings import SETTINGS
+from diagnosis.residual_structure import residual_structure
 from diagnosis.shrinkage import shrunk_at_edges
 from diagnosis.uncertainty import refined
-from diagnosis.workspace import Model, Workspace
+from diagnosis.workspace import Model
 from sensors.datasheet import Datasheet
 from sensors.effects.form_error import FormError
-from sensors.effects.motion_blur import MotionBlur
-from sensors.effects.onboard_filter import OnboardFilter
 from sensors.recording import Recording
 from sensors.surface.surface import Surface
 
 Progress = Callable[[str], None]
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Diagnosis:
-    """Everything a report needs."""
-
-    verdict: str
-    effects: tuple[FoundEffect, ...]
-    left: tuple[Residual, ...]
-    none_of_these: float
-    next_measurements: tuple[NextScan, ...]
-    population: str
-    assumed: Mapping[str, object]
-    regions: tuple[Region, ...]
-    share_of_points: float
-    before: Judgement
-    after: Judgement
-    maps: tuple[RecordingMaps, ...]
-    datasheet: Datasheet
-    model: Model
-    noise: NoiseModel
-    fitted: tuple[str, ...]
-    held: tuple[str, ...]
-    baselines: tuple[str, ...]
-    held_patches: tuple[Patch, ...]
-    fit_patches: tuple[Patch, ...]
-    notes: tuple[str, ...]
-    seed: int
 
 
 def diagnose(
@@ -113,48 +72,48 @@ def diagnose(
         notes, progress,
     )  # fmt: skip
     by_form = delivered(ready.recorded.recordings, datasheet, notes)
+    usual_sizes = population()
     explanation = explain(
-        ready.patches, ready.noise, ready.recorded, ready.placed, population(),
+        ready.patches, ready.noise, ready.recorded, ready.placed, usual_sizes,
         baseline=ready.baseline, withheld=withheld, notes=notes, progress=progress,
     )  # fmt: skip
-    beside = _beside(ready, explanation, withheld)
-    formed = [f for f in by_form if f.name not in withheld]
-    beside = replace(beside, effects=(*beside.effects, *formed))
+    model, beside, plain_noise = _against_claims(ready, explanation, withheld)
+    beside += [f for f in by_form if f.name not in withheld]
+    verdict = _verdict(bool(explanation.causes or beside), bool(explanation.strange))
+    described = residual_structure(explanation.strange, explanation.ws, model)
     progress("judging on held-out readings")
-    judged = _judged(ready, explanation, beside, withheld, notes)
+    judged = _judged(ready, explanation, refined(explanation.ws, model), plain_noise, notes)
+    found, beside = averaged_grain(judged.found, beside, withheld)
+    found = tuple(sorted([*found, *beside], key=lambda f: -f.heldout_gain))
+    notes += at_limits(found)
     progress("asking what to measure next")
     measure = next_scans(
         explanation.members, explanation.first, ready.recorded, ready.placed, ready.noise
-    )  # fmt: skip
+    )
     progress("drawing maps")
-    verdict = _verdict(bool(explanation.causes or beside.effects), bool(explanation.strange))
-    maps = _drawn(ready, explanation, judged, verdict)
-    counted = sum(m.mask.size for m in maps)
-    assumed = explanation.recorded.datasheet
+    maps = _maps(ready, explanation, judged, verdict, beside)
+    sheet = explanation.recorded.datasheet
     return Diagnosis(
         verdict=verdict,
-        effects=judged.effects,
-        left=judged.left,
+        effects=found,
+        left=described,
         next_measurements=measure,
-        none_of_these=_none_of_these(judged.causes, judged.beside),
-        population=population().name,
-        assumed={
-            key: getattr(assumed, key)
-            for key in ("triangulation_angle_deg", "camera_side")
-            if getattr(assumed, key) != getattr(datasheet, key)
-        },
+        none_of_these=_none_of_these(judged.causes, beside),
+        population=usual_sizes.name,
+        assumed=_assumed(sheet, datasheet),
         regions=tuple(region for m in maps for region in m.regions),
-        share_of_points=float(sum(m.mask.sum() for m in maps)) / max(counted, 1),
+        share_of_points=float(sum(m.mask.sum() for m in maps))
+        / max(sum(m.mask.size for m in maps), 1),
         before=judged.before,
         after=judged.after,
-        maps=maps,
-        datasheet=sheet_with(assumed, [f.effect.shared() for f in judged.effects]),
+        maps=tuple(maps),
+        datasheet=sheet_with(sheet, [f.effect.shared() for f in found]),
         model=judged.model,
         noise=ready.noise,
         fitted=ready.fitted,
         held=ready.held,
         baselines=tuple(r.name for r in baselines),
-        held_patches=tuple(judged.nominally.held),
+        held_patches=tuple(judged.nominal.held),
         fit_patches=explanation.ws.patches,
         notes=tuple(notes),
         seed=seed,
@@ -162,80 +121,69 @@ def diagnose(
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class _Beside:
-    """What was found beside the causes of the evidence: finish, mounting, delivery.
-
-    Attributes
-    ----------
-    noise : as the plain model has it
-    model : with what averages speckle
-    """
-
-    effects: tuple[FoundEffect, ...]
-    noise: NoiseModel
-    model: Model
-
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class _Judged:
-    """Causes and their laws as the held-out readings bear on them.
+    """A model on held-out readings, and the causes that are of use there.
 
     Attributes
     ----------
-    effects : all that are reported, of most use first
-    beside : those of them that no law of a reading's mean holds
-    nominally : placements under the nominal model
+    nominal : the nominal model at its placements
     """
 
     model: Model
-    causes: tuple[Cause, ...]
-    effects: tuple[FoundEffect, ...]
-    beside: tuple[FoundEffect, ...]
-    left: tuple[Residual, ...]
-    candidates: Candidates
-    nominally: Placed
+    causes: list[Cause]
+    found: tuple[FoundEffect, ...]
     before: Judgement
     after: Judgement
+    candidates: Candidates
+    nominal: Placed
 
 
-def _beside(ready: Prepared, explanation: Explanation, withheld: frozenset[str]) -> _Beside:
-    """Compare the noise with its nominal, and the placements with each other."""
-    model, ws = explanation.model, explanation.ws
+def _against_claims(
+    ready: Prepared, explanation: Explanation, withheld: Collection[str]
+) -> tuple[Model, list[FoundEffect], NoiseModel]:
+    """Compare noise and placements with what files and poses claim.
+
+    Returns
+    -------
+    the model, the effects found beside it, and the nominal noise
+    """
+    model, ws, strange = explanation.model, explanation.ws, explanation.strange
     # what a law of light leaves of the mean passes for noise that isn't the same throughout
-    light = any(c.component is not None and c.component.relaxed.spanned for c in explanation.causes)
-    bent = any(
-        s.channel == "mean" or (light and s.channel == "scale") for s in explanation.strange
+    light = any(
+        c.component is not None and c.component.relaxed.spanned for c in explanation.causes
     )
-    effects, noise = _finished(ready, explanation, bent=bent, withheld=withheld)
-    if noise is not ready.noise and ready.nominal is not None:
-        model = sunken(ws, model, [f.effect for f in effects], withheld)
+    bent = any(s.channel == "mean" or (light and s.channel == "scale") for s in strange)
+    beside, plain_noise = texture(
+        explanation, ready.noise, ready.nominal, ready.surface, bent=bent, withheld=withheld,
+        share_own=not ready.single,
+    )  # fmt: skip
+    if plain_noise is not ready.noise and ready.nominal is not None:
+        model = sunken(ws, model, [f.effect for f in beside], withheld)
     warped = any(isinstance(e, FormError) and e.coefficients_um for e in model.effects)
     if "pose_error" not in withheld and not warped:
         # what the model takes for physics is no misplacement; a warped part's low waves turn and
         # shift it, so that how it lies can't be told from how the sensor sits
-        effects += _mounted(
+        beside += mounted(
             ws, model, ready.recorded.recordings, explanation.placed, explanation.held
         )
-    return _Beside(effects=tuple(effects), noise=noise, model=model)
+    return model, beside, plain_noise
 
 
 def _judged(
     ready: Prepared,
     explanation: Explanation,
-    beside: _Beside,
-    withheld: frozenset[str],
+    model: Model,
+    plain_noise: NoiseModel,
     notes: list[str],
 ) -> _Judged:
-    """Judge the laws on held-out readings; drop those of no use beside others that are."""
-    ws, causes = explanation.ws, list(explanation.causes)
-    left = residual_structure(explanation.strange, ws, beside.model)
-    model = refined(ws, beside.model)
+    """Judge nominal and found model on held-out readings, without causes that are of no use."""
+    ws, causes, share_own = explanation.ws, list(explanation.causes), not ready.single
     candidates = candidates_of(
         explanation.recorded, ready.placed, explanation.placed,
-        (ready.patches, explanation.patches), model, ready.noise, share_own=not ready.single,
+        (ready.patches, explanation.patches), model, ready.noise, share_own=share_own,
     )  # fmt: skip
-    nominally = candidates.placed(Model())
-    before = judge(nominally.held, beside.noise, Model(), share_own=not ready.single)
+    nominal = candidates.placed(Model())
+    before = judge(nominal.held, plain_noise, Model(), share_own=share_own)
     found, after = found_effects(ws, model, causes, candidates)
     idle = {f.name for f in found if f.heldout_gain < 0}
     if idle and len(idle) < len(found):
@@ -246,118 +194,44 @@ def _judged(
             model = model.without(name)
         model = refined(ws, model)
         found, after = found_effects(ws, model, causes, candidates)
-    found, others = averaged_grain(found, beside.effects, withheld)
-    every = tuple(sorted([*found, *others], key=lambda f: -f.heldout_gain))
-    notes += at_limits(every)
     return _Judged(
-        model=model, causes=tuple(causes), effects=every, beside=tuple(others), left=left,
-        candidates=candidates, nominally=nominally, before=before, after=after,
+        model=model, causes=causes, found=found, before=before, after=after,
+        candidates=candidates, nominal=nominal,
     )  # fmt: skip
 
 
-def _drawn(
-    ready: Prepared, explanation: Explanation, judged: _Judged, verdict: str
-) -> tuple[RecordingMaps, ...]:
-    """Draw each recording's maps."""
-    ws, model = explanation.ws, judged.model
-    finally_placed = judged.candidates.placed(shrunk_at_edges(ws, model))
+def _maps(
+    ready: Prepared,
+    explanation: Explanation,
+    judged: _Judged,
+    verdict: str,
+    beside: Sequence[FoundEffect],
+) -> list[RecordingMaps]:
+    """Draw each recording's maps; without a place of its own an effect concerns every reading."""
+    ws, noise = explanation.ws, ready.noise
+    finally_placed = judged.candidates.placed(shrunk_at_edges(ws, judged.model))
     # a mismatch is held against the noise of an instrument without it
-    usual = 1.0 if ready.nominal is None else ready.nominal.sd_mm / ready.noise.sd_mm
-    for blur in _blurs(model):
+    usual = 1.0 if ready.nominal is None else ready.nominal.sd_mm / noise.sd_mm
+    for blur in blurs(judged.model):
         usual = max(usual, 1 / blur.quieter(ws.patches[0].view))
     maps = [
-        map_recording(
-            explanation.recorded, k, judged.nominally, finally_placed, ready.noise, usual=usual
-        )
+        map_recording(explanation.recorded, k, judged.nominal, finally_placed, noise, usual=usual)
         for k in range(len(ready.recorded.recordings))
     ]
     if verdict == "match":
-        maps = [m.silenced() for m in maps]
-    elif judged.beside:
-        maps = [m if m.mask.any() else m.everywhere(judged.beside[-1].name) for m in maps]
-    return tuple(maps)
+        return [m.silenced() for m in maps]
+    if beside:
+        return [m if m.mask.any() else m.everywhere(beside[-1].name) for m in maps]
+    return maps
 
 
-def _finished(
-    ready: Prepared, explanation: Explanation, *, bent: bool, withheld: Collection[str]
-) -> tuple[list[FoundEffect], NoiseModel]:
-    """Compare the noise with what plates, baselines or the surface's file claim.
-
-    Returns
-    -------
-    effects on the surface's texture; the nominal noise
-    """
-    model, ws, share_own = explanation.model, explanation.ws, not ready.single
-    noise, nominal, surface = ready.noise, ready.nominal, ready.surface
-    view = ws.patches[0].view
-    claimed = nominal_sd_mm(nominal, surface, view)
-    effects = finish_effects(ws, model, noise, nominal, claimed, explanation.scales, bent=bent)
-    if surface is not None and nominal is None and OnboardFilter.name not in withheld:
-        effects = filtered_instead(effects, noise, surface, view)
-    effects = [e for e in effects if e.name not in withheld]
-    if not effects:
-        return [], noise
-    plain_noise = nominal_noise(noise, nominal, surface, view)
-    plain, level, whole = (
-        judge(explanation.held, n, model, share_own=share_own).log_score
-        for n in (plain_noise, replace(plain_noise, sd_mm=noise.sd_mm), noise)
-    )
-    # what has a lay has it at its level: the level alone is the lesser explanation
-    gains = {e.name: plain - whole for e in effects}
-    if len(effects) > 1:
-        gains["roughness_level"] = min(plain - level, plain - whole)
-    readings = sum(int(p.scored.sum()) for p in explanation.held)
-    found = [
-        plainly_found(
-            e, gains[e.name], finish_estimates(e),
-            probability=probability(readings * gains[e.name], e.name),
-        )
-        for e in effects
-        if readings * gains[e.name] + SETTINGS.log_odds(e.name) > 0
-    ]  # fmt: skip
-    return found, plain_noise
-
-
-def _mounted(
-    ws: Workspace,
-    model: Model,
-    recordings: Sequence[Recording],
-    placed: Mapping[str, Placement],
-    held: Sequence[Patch],
-) -> list[FoundEffect]:
-    """Return what the fitted recordings share of the mounting if the held-out ones bear it out."""
-    moved = ws.placements(model)
-    fitted = [placed[recordings[k].name].further(moved[k]) for k in moved]
-    mounting = mounting_error(
-        [recordings[k].poses for k in moved], fitted, travel_mm=_travelled_mm(ws, model)
-    )
-    if mounting is None:
-        return []
-    apart = Workspace.build(held, ws.noise)
-    moved = apart.placements(model, [p.counted & ~p.edge for p in held])
-    gain = sum(
-        mounting.gain(recordings[k].poses, placed[recordings[k].name].further(step))
-        for k, step in moved.items()
-    )
-    if gain < LEAST_NATS:
-        return []
-    per_reading = gain / max(sum(int(p.counted.sum()) for p in held), 1)
-    return [
-        plainly_found(
-            mounting.effect, per_reading, mounting.intervals,
-            probability=1.0 - np.exp(-gain),
-        )
-    ]  # fmt: skip
-
-
-def _travelled_mm(ws: Workspace, model: Model) -> float:
-    """Half of the longest way during an exposure: where in it a pose is stated isn't known."""
-    ways = [blur.longest_way_mm(p.view) for blur in _blurs(model) for p in ws.patches]
-    return 0.5 * float(max(ways, default=0.0))
-
-
-def _blurs(model: Model) -> list[MotionBlur]:
-    return [e for e in model.effects if isinstance(e, MotionBlur)]
+def _assumed(sheet: Datasheet, given: Datasheet) -> dict[str, object]:
+    """Return what the sensor's file didn't state of its camera, with the values that were tried."""
+    return {
+        key: getattr(sheet, key)
+        for key in ("triangulation_angle_deg", "camera_side")
+        if getattr(sheet, key) != getattr(given, key)
+    }
 
 
 def _verdict(named: bool, strange: bool) -> str:

@@ -174,7 +174,7 @@ def _further(
     explained = float(np.sqrt(state.explained**2 + sum(m.size**2 for m in found.mean)))
     progress(f"fitting {new[0].name}")
     recorded, patches = _complete(
-        state.recorded, state.patches, [*state.causes, *new], noise, state.model, notes
+        state.recorded, state.patches, new, noise, state.model, notes
     )
     state = replace(state, recorded=recorded, patches=patches)
     model, new = fit_laws(new, fitted_part(patches, noise), state.model)
@@ -216,7 +216,7 @@ def _with_rates(
         return state
     progress(f"fitting {', '.join(c.name for c in new)}")
     recorded, patches = _complete(
-        state.recorded, state.patches, [*state.causes, *new], noise, state.model, notes
+        state.recorded, state.patches, new, noise, state.model, notes
     )
     model, fitted = fit_laws(new, fitted_part(patches, noise), state.model)
     return replace(
@@ -312,7 +312,8 @@ def _complete(
 ) -> tuple[Recorded, Sequence[Patch]]:
     """Complete the sensor's file where a named cause's law needs what it leaves out.
 
-    Each completion is tried; the one under which the readings are most probable stands.
+    Each completion is tried with the new laws at the points of their grids; the one under which the
+    readings are most probable stands. What was found before needed none of it.
     """
     sheets = assumed_sheets(recorded.datasheet, causes)
     if len(sheets) == 1:
@@ -321,7 +322,7 @@ def _complete(
     for sheet in sheets:
         views = seen_by(patches, sheet)
         ws = fitted_part(views, noise).thin(SETTINGS.fitted_readings)
-        trial, _ = fit_laws(causes, ws, model)
+        trial, _ = fit_laws(causes, ws, model, polish=False)
         density = log_density(ws.patches, noise, trial)
         if best is None or density > best[0]:
             best = density, sheet, views

@@ -115,13 +115,13 @@ def _fit_fillets(ws: Workspace, model: Model, polish: bool) -> Fitted | None:
     found = max(tried.values(), key=lambda f: f.gain - f.free)
     if not polish or found.effect.is_null:
         return found
-    # a placement gives way to what it lacks: it moves with the radius
+    # the placement compensates a missing fillet, so that it changes with the radius
     finer = _fit_searched((found.effect,), ws, model, ws.masks(), True)
     return found if finer is None else replace(finer, free=found.free)
 
 
 def _as_silent(turn_rad: Field, gains: Field) -> NDArray[np.int64]:
-    """Creases that no reading tells of and that turn as those with a fillet do.
+    """Creases without readings whose angle is that of creases with a fillet.
 
     One maker's tool rounds corners of one kind; where a corner of that kind is sharp, none is
     presumed.

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from diagnosis.albedo import AlbedoPattern
-from diagnosis.diagnose import Diagnosis
+from diagnosis.diagnosis import Diagnosis
 from diagnosis.settings import SETTINGS
 from files.hdf5_output import created
 from files.plain_data import plain

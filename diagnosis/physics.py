@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -18,8 +19,14 @@ from sensors.effects import CATALOGUE
 from sensors.effects.base import Effect
 
 
-def fit_laws(causes: Sequence[Cause], ws: Workspace, model: Model) -> tuple[Model, list[Cause]]:
+def fit_laws(
+    causes: Sequence[Cause], ws: Workspace, model: Model, *, polish: bool = True
+) -> tuple[Model, list[Cause]]:
     """Add the law of each cause to a model, strongest first, then refit all together.
+
+    Parameters
+    ----------
+    polish : search beyond the laws' grids; otherwise the best points of the grids stand
 
     Returns
     -------
@@ -28,7 +35,7 @@ def fit_laws(causes: Sequence[Cause], ws: Workspace, model: Model) -> tuple[Mode
     few = ws.thin(SETTINGS.fitted_readings)
     out = []
     for cause in causes:
-        fitted = fit_law(cause, few, model)
+        fitted = fit_law(cause, few, model, polish=polish)
         if fitted is None or fitted.effect.is_null:
             out.append(cause.doubted("Its law doesn't fit these recordings."))
             continue
@@ -39,12 +46,14 @@ def fit_laws(causes: Sequence[Cause], ws: Workspace, model: Model) -> tuple[Mode
             )
         model = few.levelled(model.with_effect(fitted.effect, fitted.own))
         out.append(cause)
-    if len(model.effects) > 1:
+    if polish and len(model.effects) > 1:
         model = refit(few, model)
     return refit_linear(ws, model), out
 
 
-def fit_law(cause: Cause, ws: Workspace, model: Model) -> Fitted | None:
+def fit_law(
+    cause: Cause, ws: Workspace, model: Model, *, polish: bool = True
+) -> Fitted | None:
     """Fit one law beside a model; None where it can't act on these recordings."""
     kind = CATALOGUE[cause.name]
     predictions = ws.predict(model)
@@ -61,7 +70,7 @@ def fit_law(cause: Cause, ws: Workspace, model: Model) -> Fitted | None:
             for p in [base.parameter(name)]
         ] or starts
     found = [
-        fit_effect(kind, ws, model, predictions, states, start=start, polish=True)
+        fit_effect(kind, ws, model, predictions, states, start=start, polish=polish)
         for start in starts
     ]
     return max((f for f in found if f is not None), key=lambda f: f.gain, default=None)
@@ -96,14 +105,18 @@ def refit_linear(ws: Workspace, model: Model) -> Model:
 
 
 def assumed_sheets(sheet: Datasheet, causes: Sequence[Cause]) -> list[Datasheet]:
-    """Return the sensor's file, or its completions where a named cause needs what it leaves out."""
+    """Return the sensor's file, or its completions where a named cause needs what it leaves out.
+
+    A file that leaves the camera's side out has "+y" by default: "-y" was stated.
+    """
     needed = {key for c in causes for key in CATALOGUE[c.name].needs}
     if all(getattr(sheet, key) is not None for key in needed):
         return [sheet]
+    sides: tuple[Literal["+y", "-y"], ...] = ("+y", "-y")
     return [
         replace(sheet, triangulation_angle_deg=angle, camera_side=side)
         for angle in SETTINGS.assumed_angles_deg
-        for side in ("+y", "-y")
+        for side in (sides if sheet.camera_side == "+y" else ("-y",))
     ]
 
 

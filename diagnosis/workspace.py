@@ -118,7 +118,7 @@ class Workspace:
             return self
         patches = thinned(self.patches, budget)
         if len(patches) == len(self.patches) and total <= WHOLE:
-            # strips by now: fewer profiles of each hide a part's form (a real plate's was missed)
+            # already strips: with fewer profiles a part's form was not detected (a real plate's)
             return self
         return replace(self, patches=tuple(patches))
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from diagnosis.diagnose import Diagnosis
+    from diagnosis.diagnosis import Diagnosis
     from flawforge.dataset import Dataset
 
 __all__ = ["diagnose", "export", "generate", "open"]
@@ -60,7 +60,9 @@ def generate(
     from pipeline.batch.backend import Backend
 
     with Backend(jobs=jobs).started() as backend:
+        from files.errors import RecipeError
         from pipeline.batch.run import generate as make
+        from pipeline.dataset.object_store import is_url
         from pipeline.recipe import Recipe
 
         loaded = Recipe.load(
@@ -69,6 +71,11 @@ def generate(
             sets=[f"{key}={json.dumps(value)}" for key, value in (sets or {}).items()],
             seed=seed,
         )
+        if is_url(str(out)):
+            raise RecipeError(
+                "the reader of datasets needs a folder", where="out", value=out,
+                allowed="a folder; flawforge generate --out takes object stores",
+            )  # fmt: skip
         make(loaded, Path(out), backend=backend)
     return open_dataset(out)
 

@@ -8,7 +8,7 @@ MOST_LINES: Final = 10  # of a kind
 COUNTS: Final = ("seen", "visible", "detectable")
 
 
-def summary(dataset: Mapping[str, Any], out: Path, *, seconds: float | None = None) -> str:
+def summary(dataset: Mapping[str, Any], out: Path | str, *, seconds: float | None = None) -> str:
     """Return the summary of a dataset.
 
     Parameters
@@ -16,7 +16,7 @@ def summary(dataset: Mapping[str, Any], out: Path, *, seconds: float | None = No
     dataset
         Content of dataset.json.
     out
-        Folder of the dataset.
+        Folder of the dataset, or its place in an object store.
     seconds
         Duration of the run.
     """

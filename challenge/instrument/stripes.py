@@ -170,10 +170,57 @@ def lay_out(
     """
     spacing, samples = spacings(sheet, camera, pitch_mm)
     y = first_mm + spacing * np.arange(ceil((last_mm - first_mm) / spacing) + 1, dtype=np.float64)
-    step = camera.step_rad
-    first = -camera.fov_rad / 2 - (_MARGIN + 0.5) * step
-    wide = camera.columns + 2 * _MARGIN
-    coarse = first + step * (np.arange(wide * _EDGE_CASTS) + 0.5) / _EDGE_CASTS
+    met = _met(tree, y, camera, surface)
+    x, z, owner = _scatterers(met, camera, samples)
+    points = np.stack([x, np.broadcast_to(y[:, None], x.shape), z], -1)
+    part = points @ to_part[:3, :3].T + to_part[:3, 3]
+    power = np.nan_to_num(met.sent[:, owner]) * surface.brightness(part)
+    if surface.relief_mm > 0:
+        rise = surface.relief(part)  # along the part's z, towards the sensor
+        up = to_part[2, :3]  # the part's z in the sensor frame
+        x = x + rise * up[0]
+        z = z + rise * up[2]
+    below = np.zeros((1, 1, 3), np.float32)
+    if surface.depth_mm > 0:
+        below = np.ascontiguousarray(_below(met).astype(np.float32)[:, owner])
+    none = np.zeros((0, 0), np.float32)
+    stripes = Stripes(
+        y_mm=y,
+        x_mm=np.ascontiguousarray(x),
+        z_mm=np.ascontiguousarray(z),
+        power=np.ascontiguousarray(power, np.float32),
+        cosine=none,
+        sine=none,
+        below=below,
+        spacing_mm=spacing,
+        samples=samples,
+    )
+    return Cast(stripes=stripes, part_mm=part.reshape(-1, 3))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Met:
+    """Where casts (G, K) meet the part, and the light that they send to the camera.
+
+    Attributes
+    ----------
+    slope : (K,) of each ray
+    light : (K, 3) unit vectors towards the laser
+    sent : (G, K) light sent to the camera relative to a matt plate at the working distance
+    """
+
+    slope: NDArray[np.float64]
+    z_mm: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    light: NDArray[np.float64]
+    cos_in: NDArray[np.float64]
+    sent: NDArray[np.float64]
+
+
+def _met(tree: Tree, y: NDArray[np.float64], camera: Camera, surface: OpticalSurface) -> _Met:
+    """Cast `_EDGE_CASTS` rays a column, and each hit's sight line."""
+    first, wide = _first_angle(camera), camera.columns + 2 * _MARGIN
+    coarse = first + camera.step_rad * (np.arange(wide * _EDGE_CASTS) + 0.5) / _EDGE_CASTS
     slope = np.asarray(np.tan(coarse), np.float64)
     camera_y = camera.side * camera.base_mm
     z, triangle, visible = _cast(tree, y, slope, camera_y)
@@ -192,52 +239,38 @@ def lay_out(
     matt = 0.6 * cos(camera.triangulation_rad) / np.pi  # a white plate, reference of exposure
     range_0 = camera.working_distance_mm / cos(camera.triangulation_rad)
     sent = np.where(visible, sent / matt * (range_0 / distance) ** 2, 0.0)
+    return _Met(slope=slope, z_mm=z, normal=normal, light=light, cos_in=cos_in, sent=sent)
 
-    # scatterers: on the facet of the nearest cast
-    angle = first + step * (np.arange(wide * samples) + 0.5) / samples
+
+def _first_angle(camera: Camera) -> float:
+    return float(-camera.fov_rad / 2 - (_MARGIN + 0.5) * camera.step_rad)
+
+
+def _scatterers(
+    met: _Met, camera: Camera, samples: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """Lay scatterers on the facet of the nearest cast: x and z (G, M), and whose facet (M,)."""
+    wide = camera.columns + 2 * _MARGIN
+    angle = _first_angle(camera) + camera.step_rad * (np.arange(wide * samples) + 0.5) / samples
     owner = np.minimum((np.arange(angle.size) * _EDGE_CASTS) // samples, wide * _EDGE_CASTS - 1)
-    fine_slope = np.tan(angle)
-    offset = normal[..., 0] * slope * z + normal[..., 2] * z  # n·(hit - origin)
-    fine_normal_x, fine_normal_z = normal[:, owner, 0], normal[:, owner, 2]
+    slope, normal, z = np.tan(angle), met.normal, met.z_mm
+    offset = normal[..., 0] * met.slope * z + normal[..., 2] * z  # n·(hit - origin)
     with np.errstate(divide="ignore", invalid="ignore"):
-        z_fine = offset[:, owner] / (fine_normal_x * fine_slope + fine_normal_z)
+        z_fine = offset[:, owner] / (normal[:, owner, 0] * slope + normal[:, owner, 2])
     z_near = z[:, owner]
     # a facet seen edge-on: stay at the cast's own depth rather than run along it
     run = 4 * camera.column_pitch_mm
     z_fine = np.where(np.abs(z_fine - z_near) < run, z_fine, z_near)
-    x_fine = z_fine * fine_slope
-    power = np.nan_to_num(sent[:, owner])
-    z_fine = np.nan_to_num(z_fine, nan=camera.working_distance_mm)
-    x_fine = np.nan_to_num(x_fine)
+    x_fine = np.nan_to_num(z_fine * slope)
+    return x_fine, np.nan_to_num(z_fine, nan=camera.working_distance_mm), owner
 
-    points = np.stack([x_fine, np.broadcast_to(y[:, None], x_fine.shape), z_fine], -1)
-    part = points @ to_part[:3, :3].T + to_part[:3, 3]
-    power = power * surface.brightness(part)
-    if surface.relief_mm > 0:
-        rise = surface.relief(part)  # along the part's z, towards the sensor
-        up = to_part[2, :3]  # the part's z in the sensor frame
-        x_fine = x_fine + rise * up[0]
-        z_fine = z_fine + rise * up[2]
-    below = np.zeros((1, 1, 3), np.float32)
-    if surface.depth_mm > 0:
-        ratio = 1 / _REFRACTION
-        sine_2 = ratio**2 * (1 - np.clip(cos_in, 0, 1) ** 2)
-        inward = (ratio * np.clip(cos_in, 0, 1) - np.sqrt(1 - sine_2))[..., None] * normal
-        path = -ratio * light[None] + inward
-        # seen through the surface: the normal part of the path looks shorter
-        sunk = np.einsum("gmi,gmi->gm", path, normal)[..., None] * normal
-        below = (path - sunk * (1 - 1 / _REFRACTION)).astype(np.float32)[:, owner]
-        below = np.ascontiguousarray(below)
-    none = np.zeros((0, 0), np.float32)
-    stripes = Stripes(
-        y_mm=y,
-        x_mm=np.ascontiguousarray(x_fine),
-        z_mm=np.ascontiguousarray(z_fine),
-        power=np.ascontiguousarray(power, np.float32),
-        cosine=none,
-        sine=none,
-        below=below,
-        spacing_mm=spacing,
-        samples=samples,
-    )
-    return Cast(stripes=stripes, part_mm=part.reshape(-1, 3))
+
+def _below(met: _Met) -> NDArray[np.float64]:
+    """Apparent displacement (G, K, 3) of light a millimetre below the surface, refracted."""
+    ratio, cos_in = 1 / _REFRACTION, np.clip(met.cos_in, 0, 1)
+    sine_2 = ratio**2 * (1 - cos_in**2)
+    inward = (ratio * cos_in - np.sqrt(1 - sine_2))[..., None] * met.normal
+    path = -ratio * met.light[None] + inward
+    # seen through the surface: the normal part of the path looks shorter
+    sunk = np.einsum("gmi,gmi->gm", path, met.normal)[..., None] * met.normal
+    return np.asarray(path - sunk * (1 - 1 / _REFRACTION))

@@ -176,12 +176,12 @@ def _by_profile(
     span = max(float(np.ptp(values)) for values in own_axis)
     finest = min(float(np.median(np.abs(np.diff(values)))) for values in own_axis)
     count = int(span / finest / 2 / SETTINGS.band_step)
+    width = _band(np.zeros(2), 1.0, finest).shape[1]
     for k in range(count):
         f = (SETTINGS.least_cycles + k * SETTINGS.band_step) / span
         if f > 0.5 / finest:
             break
-        shape = np.zeros((starts[-1], len(blocks) * _band(np.zeros(2), 1.0, finest).shape[1]))
-        width = shape.shape[1] // len(blocks)
+        shape = np.zeros((starts[-1], len(blocks) * width))
         for i, values in enumerate(own_axis):
             own = _band(values, f, finest)
             shape[starts[i] : starts[i + 1], i * width : (i + 1) * width] = own
@@ -193,10 +193,14 @@ def _by_profile(
     out.append(Candidate(name=unknown.name, effect="", component=unknown, at=at))
     steps, places = [], []
     for i, size in enumerate(sizes):
+        own = inner[starts[i] : starts[i + 1], starts[i] : starts[i + 1]]
+        # energy of all profiles from each one on
+        energy = np.diag(own[::-1, ::-1].cumsum(axis=0).cumsum(axis=1))[::-1]
+        height = np.sqrt(gram.readings / np.maximum(energy, 1e-12))
         for k in range(2, size - 2):
             shape = np.zeros((starts[-1], 1))
-            shape[starts[i] + k : starts[i + 1]] = 1.0
-            steps.append(_scaled(shape, inner, gram.readings))
+            shape[starts[i] + k : starts[i + 1]] = height[k]
+            steps.append(shape)
             places.append(float(k))
     if steps:
         unknown = replace(component, effect="", name=f"step of the {what}")

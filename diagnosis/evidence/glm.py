@@ -17,11 +17,14 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg, sparse
 
 Floats = NDArray[np.float64]
 Owners = NDArray[np.int64]
 STEPS = 40
 SETTLED = 1e-5
+SPARSE = 0.1
+"""Share of entries that aren't zero below which columns are kept as a sparse matrix."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -89,12 +92,13 @@ def mode(responses: Responses, columns: Floats, sd: Floats, start: Floats | None
     start : (k,) where to begin
     """
     scaled = columns * sd
+    if np.count_nonzero(scaled) < SPARSE * scaled.size:
+        scaled = sparse.csr_array(scaled)
     u = np.zeros(len(sd)) if start is None else start / sd
     best, slope, curve = responses.likelihood(scaled @ u)
     best -= 0.5 * float(u @ u)
     for _ in range(STEPS):
-        hessian = np.eye(len(u)) + (scaled * curve[:, None]).T @ scaled
-        step = np.linalg.solve(hessian, scaled.T @ slope - u)
+        step = linalg.cho_solve(_factor(scaled, curve), scaled.T @ slope - u)
         step *= min(1.0, 2.0 / max(np.abs(scaled @ step).max(initial=0.0), 1e-12))
         size, before = 1.0, best
         while size > 1e-3:
@@ -110,8 +114,19 @@ def mode(responses: Responses, columns: Floats, sd: Floats, start: Floats | None
         if best - before < SETTLED:
             break
     _, _, curve = responses.likelihood(scaled @ u)
-    hessian = np.eye(len(u)) + (scaled * curve[:, None]).T @ scaled
+    root, _ = _factor(scaled, curve)
+    half = linalg.solve_triangular(root, np.eye(len(u)), lower=True)
     return Mode(
-        coefficients=sd * u, sd=sd * np.sqrt(np.diag(np.linalg.inv(hessian))),
-        log_evidence=best - 0.5 * float(np.linalg.slogdet(hessian)[1]),
+        coefficients=sd * u, sd=sd * np.sqrt(np.square(half).sum(axis=0)),
+        log_evidence=best - float(np.log(np.diag(root)).sum()),
     )  # fmt: skip
+
+
+def _factor(columns: Floats | sparse.csr_array, curve: Floats) -> tuple[Floats, bool]:
+    """Cholesky factor of the precision I + X'HX, for `cho_solve`."""
+    if isinstance(columns, np.ndarray):
+        inner = (columns * curve[:, None]).T @ columns
+    else:
+        inner = (columns.multiply(curve[:, None]).T @ columns).toarray()
+    root, lower = linalg.cho_factor(np.eye(len(inner)) + inner, lower=True)
+    return np.asarray(root), bool(lower)

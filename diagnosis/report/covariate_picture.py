@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.diagnose import Diagnosis
+from diagnosis.diagnosis import Diagnosis
 from diagnosis.found import FoundEffect
 from diagnosis.noise import Field, Mask
 from diagnosis.report.canvas import BEFORE, INK, PALE, binned, figure_of, png

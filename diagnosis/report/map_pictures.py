@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.diagnose import Diagnosis
+from diagnosis.diagnosis import Diagnosis
 from diagnosis.maps import RecordingMaps
 from diagnosis.noise import Mask
 from diagnosis.report.canvas import figure_of, png

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from diagnosis.diagnose import Diagnosis
+from diagnosis.diagnosis import Diagnosis
 from diagnosis.report.covariate_picture import covariate_picture
 from diagnosis.report.map_pictures import mismatch_map, residual_maps
 from diagnosis.report.profile_picture import profile_picture

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.diagnose import Diagnosis
+from diagnosis.diagnosis import Diagnosis
 from diagnosis.noise import Field
 from diagnosis.report.canvas import AFTER, BEFORE, PALE, figure_of, png
 

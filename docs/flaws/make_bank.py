@@ -1,6 +1,6 @@
 """Make docs/flaw-bank.md and its pictures: flaws out of scans, made ones and a real one.
 
-    python docs/flaws/make_bank.py SHARED_FOLDER
+    python -m docs.flaws.make_bank SHARED_FOLDER
 
 The made flaws are those of tests/support/flawed_scan.py. The real recording is a height
 map of SICK's AppSpace samples (Unlicense); it is read from the shared folder and not kept.
@@ -17,23 +17,20 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from scipy.interpolate import LinearNDInterpolator
 
+from defects.flaw_bank import FlawBank, Relief
+from defects.kinds.banked import spread
+from defects.surface.surface import Surface as Skin
+from docs.flaws.make_flaws import picture
+from docs.real.nominal import plate as nominal_plate
+from flawforge.flaw.extraction import extract
+from pipeline.injection.flawplan import FlawPlan, exactly
+from pipeline.injection.inject import inject
+from pipeline.parts import builtin
+from pipeline.seeds import streams
+from sensors.recording import Recording
+from tests.support.flawed_scan import MADE, SHEET, around, plate, recorded
+
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "real"), str(HERE.parents[1])]
-
-from make_flaws import picture  # noqa: E402  after the paths of the other pages' scripts
-from nominal import plate as nominal_plate  # noqa: E402
-
-from defects.flaw_bank import FlawBank, Relief  # noqa: E402
-from defects.kinds.banked import spread  # noqa: E402
-from defects.surface.surface import Surface as Skin  # noqa: E402
-from flawforge.flaw.extraction import extract  # noqa: E402
-from pipeline.injection.flawplan import FlawPlan, exactly  # noqa: E402
-from pipeline.injection.inject import inject  # noqa: E402
-from pipeline.parts import builtin  # noqa: E402
-from pipeline.seeds import streams  # noqa: E402
-from sensors.recording import Recording  # noqa: E402
-from tests.support.flawed_scan import MADE, SHEET, around, plate, recorded  # noqa: E402
-
 SOURCE = "OCR_3D_image_42.json"
 WINDOW = (slice(10, 352), slice(250, 640))  # the panel without label and base
 REGION = "283:337,243:281"
@@ -45,7 +42,7 @@ PLANTED = (
 PAGE = """\
 # Plant real flaws
 
-Made by `python docs/flaws/make_bank.py SHARED_FOLDER`; do not edit.
+Made by `python -m docs.flaws.make_bank SHARED_FOLDER`; do not edit.
 
     flawforge flaw extract a.h5 --part part.stl --sensor sensor.yaml --region 12,-4,19,3 --out bank
 

@@ -11,8 +11,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from pipeline.batch.run import generate
+from pipeline.injection.flawed_part import FlawedPart
 from pipeline.injection.flawplan import FlawPlan, exactly
-from pipeline.injection.inject import FlawedPart, inject
+from pipeline.injection.inject import inject
 from pipeline.parts import builtin as parts
 from pipeline.parts.part import Part
 from pipeline.preview.camera import Camera, render

@@ -25,7 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("recipe", metavar="RECIPE", help="the recipe's YAML file, or 'quickstart'")
     add_recipe_options(parser)
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="DIR", help="folder of the dataset"
+        "--out", required=True, metavar="DIR",
+        help="folder of the dataset, or a prefix of an object store, s3://bucket/prefix",
     )
     parser.add_argument(
         "--jobs", type=_jobs, default=1, metavar="N", help="processes (default 1; 0 = all cores)"
@@ -55,6 +56,7 @@ def _jobs(text: str) -> int:
 def run(arguments: argparse.Namespace) -> int:
     """Make the dataset and print its summary."""
     import os
+    from contextlib import AbstractContextManager, nullcontext
 
     from pipeline.batch.backend import Backend
 
@@ -62,6 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
     with Backend(jobs=jobs, scheduler=arguments.scheduler).started() as backend:
         from files.errors import RecipeError
         from pipeline.batch.run import generate
+        from pipeline.dataset.object_store import ObjectStore, is_url, staged
         from pipeline.recipe import Recipe
 
         if (arguments.backend == "dask") != (arguments.scheduler is not None):
@@ -72,10 +75,19 @@ def run(arguments: argparse.Namespace) -> int:
             sets=arguments.sets,
             seed=arguments.seed,
         )
+        into: AbstractContextManager[tuple[ObjectStore | None, Path]]
+        into = nullcontext((None, Path(arguments.out)))
+        if is_url(arguments.out):
+            if arguments.scheduler:
+                raise RecipeError(
+                    "an object store and --backend dask exclude each other", where="--out",
+                    value=arguments.out, allowed="--jobs here, or a folder that all workers share",
+                )  # fmt: skip
+            into = staged(arguments.out)
         begin = time.monotonic()
         progress = shown("flawforge.generate", json_lines=arguments.log_json)
-        with progress, compiling_said():
-            dataset = generate(recipe, arguments.out, backend=backend)
+        with into as (store, out), progress, compiling_said():
+            dataset = generate(recipe, out, backend=backend, store=store)
     if not arguments.log_json:
         print(summary(dataset, arguments.out, seconds=time.monotonic() - begin))
     return 1 if dataset["failed"] else 0

@@ -23,6 +23,7 @@ from pipeline.dataset.compression import reader_needs
 from pipeline.dataset.description import describe
 from pipeline.dataset.folder import drop_leftovers, drop_parts, held
 from pipeline.dataset.manifest import versions, write_manifest
+from pipeline.dataset.object_store import ObjectStore, claim, publish
 from pipeline.dataset.shards import file_sha256
 from pipeline.injection.specimen import check_plan, load_entry, store_part
 from pipeline.parts.part import find_parts
@@ -51,10 +52,12 @@ def generate(
     out: Path,
     *,
     backend: Backend | None = None,
+    store: ObjectStore | None = None,
 ) -> dict[str, Any]:
     """Make the dataset of a recipe in the folder `out`; return the content of dataset.json.
 
-    Whole shards of an earlier run are kept. Progress goes to the logger "flawforge.generate":
+    With a `store` the dataset goes there, and `out` holds what is in the making. Whole shards of
+    an earlier run are kept. Progress goes to the logger "flawforge.generate":
     records have an `event` ("plan", "part", "warning", "shard", "done") and its `facts`.
 
     Raises
@@ -77,6 +80,8 @@ def generate(
             from pipeline.batch.cluster import check_folder
 
             check_folder(client, hidden)
+        if store is not None:
+            claim(store, hidden, fingerprint)
         parts, facts, failed_parts = prepare(recipe, wanted, hidden / "parts", backend)
         failed += failed_parts
         if not parts:
@@ -86,7 +91,7 @@ def generate(
         plan = make_plan(recipe, parts)
         _log("plan", {"scans": plan.scans, "shards": len(plan.shards), "parts": len(parts)})
         attributes = {"name": recipe.file.name, "recipe": used, "versions": made_by}
-        place = Workplace(recipe=recipe, out=out, attributes=attributes)
+        place = Workplace(recipe=recipe, out=out, attributes=attributes, store=store)
         _make_shards(place, plan, {one["part"]: one["triangles"] for one in facts}, backend)
         dataset = write_manifest(
             out,
@@ -108,6 +113,8 @@ def generate(
         drop_leftovers(out)
         describe(out, dataset)
         write_checksums(out, {name: facts["sha256"] for name, facts in dataset["shards"].items()})
+        if store is not None:
+            publish(store, out)
         _log("done", {"scans": dataset["scans"], "failed": len(dataset["failed"])})
         return dataset
 

@@ -11,8 +11,9 @@ from typing import Any
 from files.plain_data import plain
 from files.whole_file import write_whole
 from pipeline.batch.plan import PlannedPart, PlannedScans, PlannedShard
+from pipeline.dataset.object_store import HIDDEN, ObjectStore
 from pipeline.dataset.shards import ShardWriter, file_sha256
-from pipeline.injection.inject import Flaw
+from pipeline.injection.flawed_part import Flaw
 from pipeline.injection.specimen import Specimen, make_specimen
 from pipeline.motion.trajectory import Trajectory
 from pipeline.parts.part_error import PartError
@@ -25,20 +26,43 @@ from pipeline.seeds import seed_of, streams
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Workplace:
-    """Data that all workers of a dataset share."""
+    """Data that all workers of a dataset share.
+
+    Parameters
+    ----------
+    recipe, out, attributes
+        What is made, the folder it is made in, and what each shard states.
+    store
+        Where shards go, each as it is whole; None: they stay in the folder.
+    """
 
     recipe: Recipe
     out: Path
     attributes: dict[str, Any]
+    store: ObjectStore | None = None
 
     @property
     def hidden(self) -> Path:
         """Folder of the journals and the kept parts."""
-        return self.out / ".flawforge"
+        return self.out / HIDDEN
 
     def journal(self, shard: str) -> Path:
         """Path of a shard's journal, which states that the shard is whole, and its content."""
         return self.hidden / f"{shard}.json"
+
+    def sha256(self, shard: str) -> str | None:
+        """SHA-256 of a whole shard's bytes; None where there is none."""
+        if self.store is not None:
+            return self.store.sha256(shard)
+        return file_sha256(self.out / shard)
+
+    def deliver(self, shard: str) -> None:
+        """Upload a shard and then its journal, where the dataset goes into a store."""
+        if self.store is None:
+            return
+        self.store.put(self.out / shard, shard)
+        self.store.put(self.journal(shard), f"{HIDDEN}/{shard}.json")
+        (self.out / shard).unlink()
 
 
 def read_journal(place: Workplace, shard: str) -> dict[str, Any]:
@@ -60,7 +84,7 @@ def is_whole(place: Workplace, shard: str) -> bool:
     """Whether a shard's file exists with the checksum of its journal."""
     try:
         written: str = read_journal(place, shard)["sha256"]
-        return file_sha256(place.out / shard) == written
+        return place.sha256(shard) == written
     except (OSError, ValueError, KeyError):
         return False
 
@@ -129,6 +153,7 @@ def make_shard(place: Workplace, shard: PlannedShard) -> tuple[str, int]:
     text = json.dumps(journal)
     digest = hashlib.sha256(text.encode()).hexdigest()
     write_whole(place.journal(shard.name), f"{text}\n{digest}\n")
+    place.deliver(shard.name)
     return shard.name, len(scans)
 
 

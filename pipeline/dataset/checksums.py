@@ -36,8 +36,9 @@ def own_files(folder: Path) -> list[str]:
 
 
 def write_checksums(folder: Path, known: Mapping[str, str]) -> Checksums:
-    """Write the list; checksums that are `known`, by name, are reused."""
-    files = {name: known.get(name) or file_sha256(folder / name) for name in own_files(folder)}
+    """Write the list of a folder's files and of those `known` by name, which are not read."""
+    names = sorted({*own_files(folder), *known})
+    files = {name: known.get(name) or file_sha256(folder / name) for name in names}
     body = "".join(f"{digest}  {name}\n" for name, digest in files.items())
     root = hashlib.sha256(body.encode()).hexdigest()
     write_whole(folder / NAME, f"{body}# root {root}\n")

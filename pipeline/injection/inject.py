@@ -1,7 +1,7 @@
 """Injection: flaws drawn from a plan, placed on a part, carved into it, and recorded."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -10,47 +10,22 @@ from numpy.typing import NDArray
 
 from defects.carving.block import Block
 from defects.carving.point_in_mesh import Inside
-from defects.carving.solid import BooleanError, Change, Cutter
+from defects.carving.solid import BooleanError, Cutter
 from defects.carving.stitch import Carved
 from defects.flaw_bank import FlawBank
-from defects.kind import Kind
 from defects.kinds import KINDS
 from defects.kinds.banked import Banked
-from defects.surface.surface import Site, SiteError, Surface
+from defects.surface.surface import Site, Surface
 from pipeline.injection.flawed_part import Flaw, FlawedPart
-from pipeline.injection.flawplan import FlawPlan, KindPlan
-from pipeline.injection.spacing import Footprint
+from pipeline.injection.flawplan import FlawPlan
+from pipeline.injection.placement import Placed, Search, shape_rng
 from pipeline.parts.part import Part
-
-__all__ = ["Flaw", "FlawedPart", "cutter_of", "inject"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-PLACES = 60
-"""How many places are tried for a flaw, over all its draws, before it is given up."""
 NO_ROOM = 10
 """After so many flaws of a kind given up in a row, the rest of the kind is dropped untried."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class _Placed:
-    """A flaw that passed all its checks, with its footprint for the distance to others."""
-
-    plan: KindPlan
-    number: int
-    tier: str
-    flaw: Kind
-    site: Site
-    cutter: Cutter
-    change: Change
-    seed: int
-    attempt: int
-    footprint: Footprint
-
-
-class _Misplaced(Exception):
-    """The flaw doesn't fit at the place drawn; the reason in words."""
 
 
 def inject(
@@ -93,13 +68,15 @@ def inject(
     """
     plan.check_regions(part.regions)
     skin = surface or Surface.of(part.vertices_mm, part.faces)
-    block = _block(part)
-    allowed = _allowed(part, plan, visible_faces)
     forbidden = np.zeros(len(part.faces), np.bool_)
     for name in plan.keep_free:
         forbidden |= part.regions[name]
-    placed: list[_Placed] = []
+    search = Search(
+        surface=skin, block=_block(part), plan=plan, allowed=_allowed(part, plan, visible_faces),
+        forbidden=forbidden, visible_at=visible_at,
+    )  # fmt: skip
     redrawn = misplaced = 0
+    placed: list[Placed] = []
     dropped: list[str] = []
     numbers = plan.numbers(rng_of)
     for kind_plan in plan.kinds:
@@ -109,29 +86,16 @@ def inject(
                 dropped.append(f"{kind_plan.kind} {i}: no room; {NO_ROOM} before it found none")
                 continue
             seed = int(rng_of("flaw", kind_plan.kind, i).integers(2**63))
-            failed, missed, reason = 0, 0, ""
-            while failed < plan.tries and missed < PLACES:
-                try:
-                    placed.append(
-                        _try(
-                            skin, block, plan, kind_plan, i, placed, allowed, forbidden,
-                            visible_at, seed, failed + missed,
-                        )  # fmt: skip
-                    )
-                    given_up = 0
-                    break
-                except BooleanError as error:
-                    failed += 1
-                    reason = str(error)
-                except (SiteError, _Misplaced) as error:
-                    missed += 1
-                    reason = str(error)
-            else:
-                dropped.append(f"{kind_plan.kind} {i}: {reason}")
+            tries = search.place(kind_plan, i, placed, seed)
+            if tries.placed is None:
+                dropped.append(f"{kind_plan.kind} {i}: {tries.reason}")
                 given_up += 1
-            redrawn += failed
-            misplaced += missed
-    carved, placed, lost = _carve(block, part, placed)
+            else:
+                placed.append(tries.placed)
+                given_up = 0
+            redrawn += tries.failed
+            misplaced += tries.missed
+    carved, placed, lost = _carve(search.block, part, placed)
     return FlawedPart(
         part=part,
         vertices_mm=carved.vertices_mm,
@@ -172,17 +136,13 @@ def cutter_of(
     kind = KINDS[flaw.kind](**flaw.parameters)
     if isinstance(kind, Banked):
         kind = replace(kind, bank=bank)
-    return kind.cutter(surface, site, _shape_rng(flaw.seed, flaw.attempt), facet_um * 1e-3)
+    return kind.cutter(surface, site, shape_rng(flaw.seed, flaw.attempt), facet_um * 1e-3)
 
 
 @lru_cache(maxsize=2)
 def _block(part: Part) -> Block:
     """Return the part ready for carving; kept, since many specimens come from one part."""
     return Block(part.vertices_mm, part.faces)
-
-
-def _shape_rng(seed: int, attempt: int) -> np.random.Generator:
-    return np.random.default_rng([seed, attempt, 1])
 
 
 def _allowed(part: Part, plan: FlawPlan, visible: NDArray[Any] | None) -> Floats:
@@ -198,63 +158,9 @@ def _allowed(part: Part, plan: FlawPlan, visible: NDArray[Any] | None) -> Floats
     return weight
 
 
-def _try(
-    surface: Surface,
-    block: Block,
-    plan: FlawPlan,
-    kind_plan: KindPlan,
-    number: int,
-    placed: list[_Placed],
-    allowed: Floats,
-    forbidden: Bools,
-    visible_at: Callable[[Floats], Bools] | None,
-    seed: int,
-    attempt: int,
-) -> _Placed:
-    """Draw one flaw, place it, build it and check it."""
-    rng = np.random.default_rng([seed, attempt, 0])
-    tier, flaw = kind_plan.draw(rng)
-    sites = flaw.seat.sites(surface, rng, 64, allowed * ~forbidden)
-    if visible_at is not None:
-        seen = visible_at(np.stack([site.position_mm for site in sites]))
-        sites = [site for site, good in zip(sites, seen, strict=True) if good]
-    if not sites:
-        raise _Misplaced("no visible place found")
-    site = sites[0]
-    for other in placed:
-        near = max(plan.min_distance_mm, other.footprint.spacing_mm)
-        if other.footprint.tree.query(site.position_mm)[0] < near:
-            raise _Misplaced("too near to another flaw")
-    cutter = flaw.cutter(surface, site, _shape_rng(seed, attempt), plan.facet_um * 1e-3)
-    _check_free(surface, plan, cutter, forbidden)
-    footprint = Footprint.of(cutter, plan.min_distance_mm)
-    if any(footprint.is_near(other.footprint, plan.min_distance_mm) for other in placed):
-        raise _Misplaced("too near to another flaw")
-    return _Placed(
-        plan=kind_plan,
-        number=number,
-        tier=tier,
-        flaw=flaw,
-        site=site,
-        cutter=cutter,
-        change=block.trial(cutter),
-        seed=seed,
-        attempt=attempt,
-        footprint=footprint,
-    )
-
-
-def _check_free(surface: Surface, plan: FlawPlan, cutter: Cutter, forbidden: Bools) -> None:
-    for low, high in plan.keep_free_boxes_mm:
-        if ((cutter.skin_mm >= low) & (cutter.skin_mm <= high)).all(axis=1).any():
-            raise _Misplaced("on a place to be kept free")
-    if forbidden.any() and forbidden[surface.project(cutter.skin_mm)[2]].any():
-        raise _Misplaced("on a region to be kept free")
-
-
 def _carve(
-    block: Block, part: Part, placed: list[_Placed]
-) -> tuple[Carved, list[_Placed], list[str]]:
+    block: Block, part: Part, placed: list[Placed]
+) -> tuple[Carved, list[Placed], list[str]]:
     """Carve all at once; should that fail, one after the other, leaving out what fails."""
     if not placed:
         count = len(part.faces)
@@ -266,13 +172,13 @@ def _carve(
         )
         return untouched, [], []
 
-    def carve(some: list[_Placed]) -> Carved:
+    def carve(some: list[Placed]) -> Carved:
         return block.carve([one.cutter for one in some], [one.change for one in some])
 
     try:
         return carve(placed), placed, []
     except BooleanError:
-        kept: list[_Placed] = []
+        kept: list[Placed] = []
         lost: list[str] = []
         for one in placed:
             try:
@@ -287,7 +193,7 @@ def _inside(solid: Any) -> Inside | None:
     return None if solid is None else Inside.of(solid.vertices_mm, solid.faces)
 
 
-def _record(instance: int, one: _Placed) -> Flaw:
+def _record(instance: int, one: Placed) -> Flaw:
     change = one.change
     return Flaw(
         instance=instance,

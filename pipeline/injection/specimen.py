@@ -22,7 +22,8 @@ import numpy as np
 from defects.surface.surface import Surface
 from files.whole_file import write_whole
 from pipeline.batch.plan import PlannedPart
-from pipeline.injection.inject import FlawedPart, inject
+from pipeline.injection.flawed_part import FlawedPart
+from pipeline.injection.inject import inject
 from pipeline.motion.aim import Aimer, Outlook
 from pipeline.parts import builtin as parts
 from pipeline.parts.part import Part, load_part

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.injection.inject import FlawedPart
+from pipeline.injection.flawed_part import FlawedPart
 from pipeline.motion.given_path import given_path
 from pipeline.motion.limits import Motion
 from pipeline.motion.trajectory import Reach, Trajectory, draw, frame, rate_of, sweeps

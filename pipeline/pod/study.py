@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from pipeline.dataset.verify import read_dataset
 from pipeline.pod.curve import Curve, Floats, NotEstimable
 from pipeline.pod.hit_miss import HitMiss, Link
 from pipeline.pod.signal_response import SignalResponse
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 BUILT_IN_FLOOR: Final = 1.0
 """Responses of the built-in detector are in standard deviations of the noise."""
@@ -93,21 +96,8 @@ def make_study(
     RecipeError
         Where a file or a column is wrong.
     """
-    import pandas as pd
-
-    flaws = read_table(folder / "flaws.parquet")
-    if split is not None:
-        known = sorted(flaws["split"].unique())
-        if split not in known:
-            raise RecipeError(
-                "no such split", where="--split", value=split, allowed=", ".join(known)
-            )
-        flaws = flaws[flaws["split"] == split]
-    shown = flaws[flaws["pixels"] > 0].reset_index(drop=True)
-    column = size if size in shown else f"size_{size}"
-    if column not in shown or not pd.api.types.is_numeric_dtype(shown[column]):
-        allowed = [str(name) for name in shown if str(name).endswith("_mm")]
-        raise RecipeError("no such size", where="--size", value=size, allowed=", ".join(allowed))
+    shown = _shown(read_table(folder / "flaws.parquet"), split)
+    column = _size_column(shown, size)
     if predictions is None:
         used = read_dataset(folder)["recipe"]
         threshold = float(used["detectable_at"]) if threshold is None else threshold
@@ -125,25 +115,59 @@ def make_study(
         if not mine.any():
             continue
         own = None if response is None else response[mine]
-        curves: dict[str, Curve | str] = {}
-        curves["hit/miss"] = _try(lambda m=mine: HitMiss.fit(sizes[m], hit[m], link))
-        if own is not None and threshold is not None:
-            curves["signal response"] = _try(
-                lambda m=mine, o=own: SignalResponse.fit(
-                    sizes[m], o, threshold=threshold, floor=floor
-                )
-            )
         distinct = shown.loc[mine, ["specimen", "instance"]].drop_duplicates()
         groups.append(
             Group(
                 name=name, size=sizes[mine], hit=hit[mine], response=own, flaws=len(distinct),
-                curves=curves,
+                curves=_curves(sizes[mine], hit[mine], own, link, threshold, floor),
             )  # fmt: skip
         )
     return Study(
         detector=detector, size_column=column, threshold=threshold, link=link, split=split,
         left_out=int((~usable).sum()), groups=tuple(groups),
     )  # fmt: skip
+
+
+def _shown(flaws: "pd.DataFrame", split: str | None) -> "pd.DataFrame":
+    """Rows of the flaws that a scan of the split shows."""
+    if split is not None:
+        known = sorted(flaws["split"].unique())
+        if split not in known:
+            raise RecipeError(
+                "no such split", where="--split", value=split, allowed=", ".join(known)
+            )
+        flaws = flaws[flaws["split"] == split]
+    return flaws[flaws["pixels"] > 0].reset_index(drop=True)
+
+
+def _size_column(shown: "pd.DataFrame", size: str) -> str:
+    """Name of the column that holds a size."""
+    from pandas.api.types import is_numeric_dtype
+
+    column = size if size in shown else f"size_{size}"
+    if column not in shown or not is_numeric_dtype(shown[column]):
+        allowed = [str(name) for name in shown if str(name).endswith("_mm")]
+        raise RecipeError("no such size", where="--size", value=size, allowed=", ".join(allowed))
+    return column
+
+
+def _curves(
+    size: Floats,
+    hit: NDArray[np.bool_],
+    response: Floats | None,
+    link: Link,
+    threshold: float | None,
+    floor: float,
+) -> dict[str, Curve | str]:
+    """Fit both curves to the flaws of a group, or say why one can't be."""
+    curves: dict[str, Curve | str] = {
+        "hit/miss": _try(lambda: HitMiss.fit(size, hit, link))
+    }
+    if response is not None and threshold is not None:
+        curves["signal response"] = _try(
+            lambda: SignalResponse.fit(size, response, threshold=threshold, floor=floor)
+        )
+    return curves
 
 
 def _try(fit: Any) -> Curve | str:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from defects.kinds import KINDS
-from pipeline.injection.inject import FlawedPart
+from pipeline.injection.flawed_part import FlawedPart
 from pipeline.motion.trajectory import Trajectory
 from pipeline.scan.detectability import Evidence, evidence_of
 from pipeline.scan.labels import Tally, cross_boxes, faces_hit, stand_out, tally

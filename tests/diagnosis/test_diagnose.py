@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.diagnose import Diagnosis, diagnose
+from diagnosis.diagnose import diagnose
+from diagnosis.diagnosis import Diagnosis
 from files.errors import RecipeError
 from sensors.recording import Recording
 from tests.support.small_parts import VIEWS, datasheet, part, record

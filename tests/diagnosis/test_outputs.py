@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from diagnosis.diagnose import Diagnosis
+from diagnosis.diagnosis import Diagnosis
 from flawforge.cli import main
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene

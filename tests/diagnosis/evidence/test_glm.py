@@ -51,3 +51,21 @@ def test_a_change_taken_in_is_gone(kind: str) -> None:
     left = mode(of.moved(u * found.coefficients[0]), u[:, None], np.array([1.0]))
     assert abs(found.coefficients[0]) > 0.1
     assert abs(left.coefficients[0]) < 0.05
+
+
+@pytest.mark.parametrize("kind", ["scale", "rate"])
+def test_indicators_are_fitted_as_sparse_or_dense_alike(
+    kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    of, u = responses(kind, count=600)
+    columns = np.column_stack([np.ones(600), np.arange(600)[:, None] % 40 == np.arange(40)])
+    sd = np.concatenate([[1.0], np.full(40, 0.3)])
+    found = mode(of, columns.astype(float), sd)
+    monkeypatch.setattr("diagnosis.evidence.glm.SPARSE", 0.0)
+    dense = mode(of, columns.astype(float), sd)
+    assert found.coefficients == pytest.approx(dense.coefficients, abs=1e-9)
+    assert found.sd == pytest.approx(dense.sd)
+    assert found.log_evidence == pytest.approx(dense.log_evidence)
+    _, _, curve = of.likelihood(columns @ dense.coefficients)
+    precision = np.diag(sd**-2.0) + (columns * curve[:, None]).T @ columns
+    assert dense.sd == pytest.approx(np.sqrt(np.diag(np.linalg.inv(precision))))

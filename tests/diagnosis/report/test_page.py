@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from diagnosis.diagnose import Diagnosis, diagnose
+from diagnosis.diagnose import diagnose
+from diagnosis.diagnosis import Diagnosis
 from diagnosis.outputs import write_outputs
 from tests.support.small_parts import VIEWS, datasheet, part, record
 

@@ -6,7 +6,6 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,10 +15,10 @@ from files.errors import RecipeError
 from pipeline.batch.cluster import cluster
 from pipeline.dataset.manifest import versions
 from pipeline.dataset.shards import file_sha256
+from tests.support.processes import HOME, wait_for
 
 pytest.importorskip("distributed", reason="distributed isn't installed: flawforge[dask]")
 
-HOME = Path(__file__).resolve().parents[3]
 OUTPUTS = ("shard-*.h5", "manifest.*", "flaws.*", "dataset.json")
 
 
@@ -38,14 +37,6 @@ def spawn(log: Path, module: str, *words: str) -> subprocess.Popen[bytes]:
             stdout=said,
             stderr=said,
         )
-
-
-def wait_for(log: Path, words: str, process: subprocess.Popen[bytes]) -> None:
-    deadline = time.monotonic() + 120
-    while words not in log.read_text():
-        assert process.poll() is None, log.read_text()
-        assert time.monotonic() < deadline, log.read_text()
-        time.sleep(0.05)
 
 
 def free_port() -> int:

@@ -13,7 +13,8 @@ from defects.carving.solid import BooleanError, Solid
 from defects.carving.stitch import is_closed
 from defects.surface.surface import Surface
 from pipeline.injection.flawplan import FlawPlan, exactly
-from pipeline.injection.inject import NO_ROOM, PLACES, cutter_of, inject
+from pipeline.injection.inject import NO_ROOM, cutter_of, inject
+from pipeline.injection.placement import PLACES
 from pipeline.parts.builtin import build
 from pipeline.parts.part import Part
 from pipeline.seeds import streams
