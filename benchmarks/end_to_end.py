@@ -73,7 +73,7 @@ class ScanCost:
     stages_s
         Median seconds by the clock of each stage of `SCANS`.
     disk_bytes
-        Size of the shard with this one scan.
+        Median size of a shard with one scan.
     peak_bytes
         Most memory that the process held, loading and cutting the part included.
     specimen_s
@@ -145,7 +145,7 @@ def scan_cost(profiles: int, points: int, *, rounds: int = 7, part: str) -> Scan
             return shard
 
         one(0).unlink()  # compiled, and every tree built
-        walls, processors, stages = [], [], []
+        walls, processors, stages, sizes = [], [], [], []
         for number in range(rounds):
             with stopwatch() as laps:
                 begin, busy = time.perf_counter(), time.process_time()
@@ -154,7 +154,7 @@ def scan_cost(profiles: int, points: int, *, rounds: int = 7, part: str) -> Scan
                 processors.append(time.process_time() - busy)
             laps["labels"] = walls[-1] - sum(laps.values())
             stages.append(laps)
-            size = shard.stat().st_size
+            sizes.append(shard.stat().st_size)
             shard.unlink()
         return ScanCost(
             profiles=profiles,
@@ -163,7 +163,7 @@ def scan_cost(profiles: int, points: int, *, rounds: int = 7, part: str) -> Scan
             wall_s=statistics.median(walls),
             processor_s=statistics.median(processors),
             stages_s={key: statistics.median(lap[key] for lap in stages) for key in SCANS},
-            disk_bytes=size,
+            disk_bytes=round(statistics.median(sizes)),
             peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
             specimen_s=specimen_s,
         )

@@ -317,7 +317,7 @@ def _many(scans: Sequence[ScanCost], plan: PlanCost) -> str:
         lines.append(
             (
                 f"{cost.profiles} × {cost.points}",
-                f"{each_s * HUNDRED_MILLION / 3.6e6 / 24:,.0f} days",
+                f"{each_s * HUNDRED_MILLION / 3.6e6:,.0f} hours",
                 f"{cost.disk_bytes * HUNDRED_MILLION / 1e12:,.0f} TB",
                 f"{HUNDRED_MILLION / MOST_PER_SHARD / 1e6:.1f} million",
                 f"{plan.seconds * shared / 60:.0f} min, {plan.peak_bytes * shared / 1e9:.0f} GB",
