@@ -21,7 +21,9 @@ from benchmarks.end_to_end import (
     batches,
     copied_bytes_per_s,
     dask_seconds,
+    plan_cost,
     scan_cost_alone,
+    stored_bytes_per_s,
 )
 from benchmarks.perlin import fields, median_seconds
 from benchmarks.waits import carvings, packings, uses
@@ -73,6 +75,8 @@ def _scans(arguments: argparse.Namespace) -> dict[str, Any]:
     return {
         "scans": [scan_cost_alone(*size, rounds=arguments.rounds) for size in SIZES],
         "copied_bytes_per_s": copied_bytes_per_s(),
+        "stored_bytes_per_s": stored_bytes_per_s(),
+        "plan": plan_cost(),
     }
 
 

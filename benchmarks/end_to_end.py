@@ -16,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import tracemalloc
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -72,7 +73,7 @@ class ScanCost:
     stages_s
         Median seconds by the clock of each stage of `SCANS`.
     disk_bytes
-        Size of the shard with this one scan.
+        Median size of a shard with one scan.
     peak_bytes
         Most memory that the process held, loading and cutting the part included.
     specimen_s
@@ -144,7 +145,7 @@ def scan_cost(profiles: int, points: int, *, rounds: int = 7, part: str) -> Scan
             return shard
 
         one(0).unlink()  # compiled, and every tree built
-        walls, processors, stages = [], [], []
+        walls, processors, stages, sizes = [], [], [], []
         for number in range(rounds):
             with stopwatch() as laps:
                 begin, busy = time.perf_counter(), time.process_time()
@@ -153,7 +154,7 @@ def scan_cost(profiles: int, points: int, *, rounds: int = 7, part: str) -> Scan
                 processors.append(time.process_time() - busy)
             laps["labels"] = walls[-1] - sum(laps.values())
             stages.append(laps)
-            size = shard.stat().st_size
+            sizes.append(shard.stat().st_size)
             shard.unlink()
         return ScanCost(
             profiles=profiles,
@@ -162,7 +163,7 @@ def scan_cost(profiles: int, points: int, *, rounds: int = 7, part: str) -> Scan
             wall_s=statistics.median(walls),
             processor_s=statistics.median(processors),
             stages_s={key: statistics.median(lap[key] for lap in stages) for key in SCANS},
-            disk_bytes=size,
+            disk_bytes=round(statistics.median(sizes)),
             peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
             specimen_s=specimen_s,
         )
@@ -219,6 +220,72 @@ def scan_cost_alone(
     return ScanCost(**json.loads(said.splitlines()[-1]))
 
 
+def stored_bytes_per_s() -> float:
+    """Return how fast this machine writes bytes that reach the disk: a limit for shards."""
+    block = np.random.default_rng(0).bytes(1 << 26)
+    rates = []
+    with tempfile.TemporaryDirectory() as folder:
+        for number in range(3):
+            begin = time.perf_counter()
+            with (Path(folder) / f"{number}").open("wb") as file:
+                for _ in range(4):
+                    file.write(block)
+                file.flush()
+                os.fsync(file.fileno())
+            rates.append(4 * len(block) / (time.perf_counter() - begin))
+    return statistics.median(rates)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PlanCost:
+    """What the plan and the tables of a large dataset cost: they are one process's.
+
+    Attributes
+    ----------
+    scans
+        How many were planned.
+    seconds, peak_bytes
+        Processor time, and the most memory that planning added.
+    row_bytes
+        Of a scan and its flaws in the manifest's files.
+    """
+
+    scans: int
+    seconds: float
+    peak_bytes: int
+    row_bytes: float
+
+
+def plan_cost(scans: int = 200_000) -> PlanCost:
+    """Plan a dataset of so many scans, eight of each specimen; and weigh a small one's tables."""
+    from pipeline.batch.plan import PlannedPart, make_plan
+    from pipeline.batch.run import generate
+    from pipeline.recipe import Recipe
+
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        path = recipe_in(
+            folder, profiles=20, points=64, parts="  - builtin: steel_plate",
+            work=f"specimens: {scans // 8}\nscans: 8",
+        )  # fmt: skip
+        recipe = Recipe.load(path)
+        part = PlannedPart(name="steel_plate", entry=recipe.file.parts[0], stored="")
+        tracemalloc.start()
+        make_plan(recipe, [part])
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        begin = time.process_time()
+        make_plan(recipe, [part])
+        seconds = time.process_time() - begin
+        small = Recipe.load(path, sets=["specimens=4"])
+        made = generate(small, folder / "out")
+        tables = [*(folder / "out").glob("*.csv"), *(folder / "out").glob("*.parquet")]
+        size = sum(file.stat().st_size for file in tables)
+    return PlanCost(
+        scans=scans, seconds=seconds, peak_bytes=peak, row_bytes=size / made["scans"]
+    )
+
+
 def copied_bytes_per_s() -> float:
     """Return how fast one core copies float64 numbers in memory: a limit for 8.2 M readings."""
     source = np.ones(SIZES[1][0] * SIZES[1][1])
@@ -247,6 +314,10 @@ class BatchCost:
         For each turn, seconds in which two runs of 1 job each, started together, were both done.
     disk_bytes
         Size of the dataset's folder.
+    processor_s
+        Processor seconds of all processes together, for 1 job and for `MANY_JOBS`.
+    serial_s
+        Processor seconds of the first process until shards can be made, its modules excepted.
     """
 
     name: str
@@ -254,6 +325,21 @@ class BatchCost:
     seconds: dict[int, list[float]]
     apart_s: list[float]
     disk_bytes: int
+    processor_s: dict[int, float]
+    serial_s: float
+
+    @property
+    def each_job_s(self) -> float:
+        """Processor seconds that each further job adds: libraries, parts, trees once more."""
+        return max(0.0, (self.processor_s[MANY_JOBS] - self.processor_s[1]) / (MANY_JOBS - 1))
+
+    def speed_up(self, jobs: int) -> float:
+        """How much faster so many jobs on idle cores of their own would be, by processor time.
+
+        Amdahl's law with what each job repeats: what is serial, a job's own, a share of the rest.
+        """
+        alone = self.serial_s + self.each_job_s
+        return self.processor_s[1] / (alone + (self.processor_s[1] - alone) / jobs)
 
     @property
     def ratios(self) -> list[float]:
@@ -264,6 +350,9 @@ class BatchCost:
     def limits(self) -> list[float]:
         """How much more the machine does with two runs that know nothing of each other."""
         return [2 * one / both for one, both in zip(self.seconds[1], self.apart_s, strict=True)]
+
+
+MANY_JOBS = 8
 
 
 def batch_cost(name: str, recipe: Path, *, turns: int = 3) -> BatchCost:
@@ -282,9 +371,48 @@ def batch_cost(name: str, recipe: Path, *, turns: int = 3) -> BatchCost:
             apart_s.append(_generated(recipe, folder / "a", folder / "b", jobs=1))
             shutil.rmtree(folder / "a")
             shutil.rmtree(folder / "b")
+        processor_s = {
+            jobs: _processor_s(lambda jobs=jobs: _generated(recipe, folder / f"{jobs}", jobs=jobs))
+            for jobs in (1, MANY_JOBS)
+        }
+        serial_s = _serial_s(recipe, folder / "serial")
     return BatchCost(
-        name=name, scans=made["scans"], seconds=seconds, apart_s=apart_s, disk_bytes=size
-    )
+        name=name, scans=made["scans"], seconds=seconds, apart_s=apart_s, disk_bytes=size,
+        processor_s=processor_s, serial_s=serial_s,
+    )  # fmt: skip
+
+
+def _processor_s(run: Callable[[], Any]) -> float:
+    """Return processor seconds of the processes that a call starts and waits for."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    run()
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+SERIAL = """
+import sys, time
+from pathlib import Path
+import pipeline.batch.work
+from pipeline.batch import run, work
+from pipeline.recipe import Recipe
+begin = time.process_time()
+def stop(*_):
+    print(time.process_time() - begin)
+    raise SystemExit
+make = work.simulate
+work.simulate = stop
+run.generate(Recipe.load(sys.argv[1]), Path(sys.argv[2]))
+"""
+
+
+def _serial_s(recipe: Path, out: Path) -> float:
+    """Return processor seconds from the recipe to the first scan: parts, plan, first specimen."""
+    said = subprocess.run(
+        [sys.executable, "-c", SERIAL, recipe, out], cwd=HOME, env={**os.environ, **THREADS},
+        check=True, capture_output=True, text=True,
+    )  # fmt: skip
+    return float(said.stdout.splitlines()[-1])
 
 
 def _generated(recipe: Path, *folders: Path, jobs: int) -> float:

@@ -14,9 +14,10 @@ from itertools import pairwise
 from pathlib import Path
 
 from benchmarks.casting import GrowthRow, Row
-from benchmarks.end_to_end import SCANS, BatchCost, ScanCost
+from benchmarks.end_to_end import MANY_JOBS, SCANS, BatchCost, PlanCost, ScanCost
 from benchmarks.results import Section
 from benchmarks.waits import Carving, Packing
+from pipeline.batch.plan import MOST_PER_SHARD
 
 PEERS = ("embreex", "trimesh", "Open3D", "VTK", "Embree, refined")
 LIBRARIES = ("numpy", "numba", "h5py", "embreex", "trimesh", "open3d", "vtk")
@@ -83,6 +84,7 @@ def _scans_section(section: Section) -> str:
     full = max(scans, key=lambda cost: cost.profiles * cost.points)
     small = min(scans, key=lambda cost: cost.profiles * cost.points)
     rate: float = section.facts["copied_bytes_per_s"]
+    stored: float = section.facts["stored_bytes_per_s"]
     lines = [
         (f"labelled scan, {size.profiles} × {size.points}, processor",
          f"{size.processor_s:.3f} s", aim)
@@ -93,6 +95,8 @@ def _scans_section(section: Section) -> str:
         ("peak memory of that process", f"{full.peak_bytes / 2**30:.2f} GiB", "0.6 GiB"),
         (f"against copying its readings in memory once ({rate / 1e9:.1f} GB/s)",
          f"{full.processor_s * rate / (8 * full.profiles * full.points):.0f} ×", ""),
+        (f"of the disk's own time for its bytes ({stored / 1e6:.0f} MB/s with sync)",
+         f"{full.processor_s * stored / full.disk_bytes:.1f} ×", ""),
     ]  # fmt: skip
     said = (
         f"The car door with 7 flaws ({full.triangles:,} triangles). Cutting the flaws into the door"
@@ -102,7 +106,10 @@ def _scans_section(section: Section) -> str:
         "\nA million scans, eight of each flawed door. Core-hours are processor time of one core "
         "like this one's; memory is what each job needs.\n\n"
     )
-    return _aims(lines) + said + _scans(scans) + model + _cost_model(scans)
+    return (
+        _aims(lines) + said + _scans(scans) + model + _cost_model(scans)
+        + "\n" + _many(scans, section.facts["plan"])
+    )  # fmt: skip
 
 
 def _waits_section(section: Section) -> str:
@@ -217,7 +224,10 @@ def _rate(casting: Sequence[Row], mesh: tuple[str, int], caster: str) -> str:
 def _scans(scans: Sequence[ScanCost]) -> str:
     sizes = [f"{cost.profiles} × {cost.points}" for cost in scans]
     lines = [
-        (text, *(f"{cost.stages_s[key]:.3f} s" for cost in scans)) for key, text in SCANS.items()
+        (text, *(
+            f"{cost.stages_s[key]:.3f} s, {cost.stages_s[key] / cost.wall_s:.0%}" for cost in scans
+        ))
+        for key, text in SCANS.items()
     ]
     lines += [
         ("**all, clock**", *(f"**{cost.wall_s:.3f} s**" for cost in scans)),
@@ -250,7 +260,23 @@ def _datasets(datasets: Sequence[BatchCost]) -> str:
         "dataset", "2 jobs against 1 (each turn)", "limit", "1 job", "2 jobs",
         "a minute, 1 job", "a minute, 2 jobs", "on disk",
     )  # fmt: skip
-    return table(head, lines)
+    shares = [
+        (
+            batch.name, f"{batch.processor_s[1]:.1f} s",
+            f"{batch.serial_s:.1f} s, {batch.serial_s / batch.processor_s[1]:.0%}",
+            f"{batch.each_job_s:.2f} s, {batch.each_job_s / batch.processor_s[1]:.1%}",
+            f"{batch.speed_up(2):.2f} ×", f"{batch.speed_up(MANY_JOBS):.2f} ×",
+        )
+        for batch in datasets
+    ]  # fmt: skip
+    said = (
+        f"\nThe same in processor time, and {MANY_JOBS} jobs on this machine's cores. *Serial* is "
+        "the first process's work until scans can be made: parts, plan, first specimen. *Each job* "
+        "is what a further job adds. The last columns follow from them for idle cores.\n\n"
+    )
+    return table(head, lines) + said + table(
+        ("dataset", "1 job", "serial", "each job", "2 jobs", f"{MANY_JOBS} jobs"), shares
+    )
 
 
 SCANS_PER_SPECIMEN = 8
@@ -277,6 +303,36 @@ def _cost_model(scans: Sequence[ScanCost]) -> str:
         "core-hours for a million", "disk for a million", "memory a job",
     )  # fmt: skip
     return table(head, lines)
+
+
+HUNDRED_MILLION = 100_000_000
+
+
+def _many(scans: Sequence[ScanCost], plan: PlanCost) -> str:
+    """Lay out what a hundred million scans would take, on paper: straight lines of the above."""
+    shared = HUNDRED_MILLION / plan.scans
+    lines = []
+    for cost in scans:
+        each_s = cost.processor_s + cost.specimen_s / SCANS_PER_SPECIMEN
+        lines.append(
+            (
+                f"{cost.profiles} × {cost.points}",
+                f"{each_s * HUNDRED_MILLION / 3.6e6:,.0f} hours",
+                f"{cost.disk_bytes * HUNDRED_MILLION / 1e12:,.0f} TB",
+                f"{HUNDRED_MILLION / MOST_PER_SHARD / 1e6:.1f} million",
+                f"{plan.seconds * shared / 60:.0f} min, {plan.peak_bytes * shared / 1e9:.0f} GB",
+                f"{plan.row_bytes * HUNDRED_MILLION / 1e9:,.0f} GB",
+            )
+        )
+    head = (
+        "a hundred million scans, on paper", "1000 cores", "disk", "shards",
+        "the plan, one process", "manifest.* and flaws.*",
+    )  # fmt: skip
+    return table(head, lines) + (
+        f"\nPlan and tables are measured on {plan.scans:,} and 32 scans; the rest is the table "
+        "above. Plan and tables are made by one process: from some ten million scans on, several "
+        "recipes with seeds of their own are the better datasets.\n"
+    )
 
 
 def _per_doubling(scanned: Sequence[ScanCost]) -> list[float]:
@@ -360,6 +416,7 @@ def scaling(found: Mapping[str, Section]) -> dict[str, str]:
         shown["cost"] = (
             f"Cutting seven flaws into the door takes {full.specimen_s:.1f} s.\n\n"
             + _cost_model(scans)
+            + "\n" + _many(scans, found["scans"].facts["plan"])
         )
     if "datasets" in found:
         section = found["datasets"]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from benchmarks.casting import GrowthRow, Row
-from benchmarks.end_to_end import BatchCost, ScanCost
+from benchmarks.end_to_end import BatchCost, PlanCost, ScanCost
 from benchmarks.waits import Carving, Packing, Use
 
 SECTIONS: Final = ("scans", "waits", "datasets", "casting", "growth", "noise")
@@ -31,7 +31,8 @@ class Section:
     facts
         What was measured, by name: lists of the types of `KINDS`; "datasets", a list of
         `BatchCost`, with "dask_s" (None: not installed); "absent", meshes that weren't there;
-        "noise", seconds by field; "copied_bytes_per_s", what the memory gives.
+        "noise", seconds by field; "copied_bytes_per_s" and "stored_bytes_per_s", what memory and
+        disk give; "plan", a `PlanCost`.
     """
 
     machine: dict[str, Any]
@@ -58,9 +59,14 @@ def read(folder: Path) -> dict[str, Section]:
         for key, kind in KINDS.items():
             if key in facts:
                 facts[key] = [kind(**one) for one in facts[key]]
+        if "plan" in facts:
+            facts["plan"] = PlanCost(**facts["plan"])
         if "datasets" in facts:
             facts["datasets"] = [
-                BatchCost(**one | {"seconds": {int(k): v for k, v in one["seconds"].items()}})
+                BatchCost(**one | {
+                    key: {int(k): v for k, v in one[key].items()}
+                    for key in ("seconds", "processor_s")
+                })
                 for one in facts["datasets"]
             ]
         found[name] = section

@@ -213,11 +213,6 @@ def _expanded(
     )  # fmt: skip
 
 
-def blocks_of(ws: Workspace, model: Model) -> Field:
-    """Log density of each block, placements and level refitted."""
-    return np.asarray(_sums(ws, model, [ws.masks()])[0])
-
-
 def _sums(ws: Workspace, model: Model, parts: Sequence[Sequence[Mask]]) -> Field:
     """Log density of each block of each part, (parts, blocks)."""
     levelled = ws.levelled(replace(model, level=1.0))

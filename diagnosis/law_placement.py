@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from diagnosis.coordinate_search import step_by_step
 from diagnosis.noise import Field, NoiseModel
 from diagnosis.patch import Patch
 from diagnosis.prediction import predict
@@ -20,7 +21,6 @@ from diagnosis.registration import (
     move,
     open_directions,
     pitch_of,
-    step_by_step,
 )
 from diagnosis.workspace import Model
 from sensors.casting.laser import Laser

@@ -12,9 +12,10 @@ from diagnosis.expectation import expect
 from diagnosis.locate import Region, departure_mask, free_mask, regions_of, smoothed_score
 from diagnosis.noise import Field, Mask, NoiseModel
 from diagnosis.patch import in_range
+from diagnosis.pose_derivative import pose_columns, travel_columns
 from diagnosis.prediction import Prediction, law_of, predict
 from diagnosis.recorded import Recorded
-from diagnosis.registration import PRIOR_SD, Placement, hits_normal, pose_columns, travel_columns
+from diagnosis.registration import PRIOR_SD, Placement, hits_normal
 from diagnosis.workspace import Model
 from sensors.model import SensorModel
 from sensors.recording import Recording, repeated_rows

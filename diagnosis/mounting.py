@@ -19,7 +19,8 @@ from scipy.spatial.transform import Rotation
 from scipy.special import fdtrc, stdtrit
 
 from diagnosis.noise import Field
-from diagnosis.registration import PRIOR_SD, Placement, travel_columns
+from diagnosis.pose_derivative import travel_columns
+from diagnosis.registration import PRIOR_SD, Placement
 from diagnosis.uncertainty import Estimate
 from sensors.effects.pose_error import PoseError
 

@@ -36,8 +36,6 @@ class NoiseModel:
         transform of a spectrum that is nowhere negative.
     tail_share, tail_sd_mm : float
         Share of readings beyond 4.5 sd, mm size of those; Gaussian noise has next to none.
-    kurtosis : float
-        Fourth standardised moment of the readings inside the clip, 3 where Gaussian.
     missing_share : float
         Share of readings lost for no geometric reason.
     pitch_x_mm, pitch_y_mm : float
@@ -54,7 +52,6 @@ class NoiseModel:
     acf: Field
     tail_share: float
     tail_sd_mm: float
-    kurtosis: float
     missing_share: float
     pitch_x_mm: float
     pitch_y_mm: float
@@ -162,7 +159,6 @@ def calibrate(
             acf=np.ones((1, 1)),
             tail_share=0.0,
             tail_sd_mm=10 * max(scale, 1e-4),
-            kurtosis=3.0,
             missing_share=missing_share,
             pitch_x_mm=pitch_mm[0],
             pitch_y_mm=pitch_mm[1],
@@ -185,7 +181,6 @@ def calibrate(
         acf=acf,
         tail_share=float(outside.size / max(outside.size + inside.size, 1)),
         tail_sd_mm=float(max(np.sqrt(np.mean(outside**2)) if outside.size else 0.0, 6 * scale)),
-        kurtosis=float(np.mean(inside**4) / np.mean(inside**2) ** 2),
         missing_share=missing_share,
         pitch_x_mm=pitch_mm[0],
         pitch_y_mm=pitch_mm[1],

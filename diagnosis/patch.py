@@ -12,8 +12,9 @@ from numba import njit
 
 from diagnosis.edges import edge_softness, near_edges
 from diagnosis.noise import Field, Mask
+from diagnosis.pose_derivative import pose_columns, travel_columns
 from diagnosis.prediction import law_of
-from diagnosis.registration import PRIOR_SD, Placement, hits_normal, pose_columns, travel_columns
+from diagnosis.registration import PRIOR_SD, Placement, hits_normal
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet

@@ -5,18 +5,18 @@ edges and creases down-weighted; directions that smooth faces leave open are the
 silhouettes, if there are any. The same columns are projected out of every later test.
 """
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
+from diagnosis.coordinate_search import step_by_step
 from diagnosis.noise import Field, Mask, mad_sd
 from diagnosis.part_unit import unit_hint
+from diagnosis.pose_derivative import pose_columns, travel_columns, travel_vector, turned_ways
 from files.errors import RecipeError
 from sensors.casting.hits import Hits
 from sensors.casting.laser import Laser
@@ -33,8 +33,6 @@ milliradian (makers' data of linear stages). What turns with a part's tilt isn't
 faces, so that a wider prior would bend the travel for nothing; where readings tell, it hardly
 matters.
 """
-EDGE_ON = 1e-3
-"""Least cosine of a facet's normal to a ray: beyond it, depth would move by any amount."""
 SUBSET = 120_000
 MOVE_LIMIT = np.array([1.0, 1.0, 1.0, 0.01, 0.01, 0.01, 1e-3, 5e-3, 5e-3])
 """Largest step of one iteration: mm, radians, share of the travel, its direction."""
@@ -102,93 +100,6 @@ def move(poses: Field, shift: Field, centre_mm: Field) -> Field:
     moved[:, :3, :3] = turn @ moved[:, :3, :3]
     moved[:, :3, 3] = (moved[:, :3, 3] - centre_mm) @ turn.T + centre_mm + shift[:3]
     return moved
-
-
-def travel_vector(poses: Field) -> Field:
-    """Each profile's way from the mean position, (n, 3), part frame, mm."""
-    position = poses[:, :3, 3]
-    return np.asarray(position - position.mean(axis=0))
-
-
-def travel_columns(poses: Field) -> Field:
-    """Return the derivative of each position by the travel's scale and turns, (n, 3, 3), mm."""
-    return _turned(travel_vector(poses), poses)
-
-
-def _turned(way: Field, poses: Field) -> Field:
-    """Ways (n, 3), and as long along the sensor's x and z, (n, 3, 3)."""
-    middle = poses[len(poses) // 2, :3, :3]
-    along = way @ middle[:, 1]
-    sideways, deeper = (along[:, None] * middle[None, :, k] for k in (0, 2))
-    return np.stack([way, sideways, deeper], axis=-1)
-
-
-def pose_columns(
-    poses: Field,
-    laser: Laser,
-    depth_mm: Field,
-    normal: Field,
-    centre_mm: Field,
-    travel: Field,
-) -> Field:
-    """Return the derivative of depth by the parameters of a placement, (n, m, 9).
-
-    The point of a ray at fixed depth moves with the sensor by δ; the tangent plane at the hit
-    with normal n then cuts the ray with direction v deeper by -n·δ / n·v.
-
-    Parameters
-    ----------
-    normal : (n, m, 3)
-        Outward normals at the hits, part frame.
-    travel : (n, 3, 3)
-        `travel_columns` of the whole recording, of these profiles: a strip's own would count from
-        its own mean.
-    """
-    return np.asarray(
-        _pose_columns(
-            poses, laser.x_mm, laser.slope_x, depth_mm, np.ascontiguousarray(normal), centre_mm,
-            travel,
-        )
-    )  # fmt: skip
-
-
-@njit(cache=True)
-def _pose_columns(
-    poses: Field,
-    x_mm: Field,
-    slope_x: Field,
-    depth_mm: Field,
-    normal: Field,
-    centre_mm: Field,
-    travel: Field,
-) -> Field:
-    n, m = depth_mm.shape
-    out = np.empty((n, m, 9))
-    axis, arm, lever = np.empty(3), np.empty(3), np.empty(3)
-    for i in range(n):
-        for j in range(m):
-            depth = 0.0 if np.isnan(depth_mm[i, j]) else depth_mm[i, j]
-            facing = 0.0
-            for k in range(3):
-                axis[k] = poses[i, k, 2] + slope_x[j] * poses[i, k, 0]
-                arm[k] = poses[i, k, 3] + x_mm[j] * poses[i, k, 0] + depth * axis[k]
-                arm[k] -= centre_mm[k]
-                facing += normal[i, j, k] * axis[k]
-            if abs(facing) < EDGE_ON:
-                facing = -EDGE_ON
-            for k in range(3):
-                lever[k] = -normal[i, j, k] / facing
-                out[i, j, k] = lever[k]
-            out[i, j, 3] = arm[1] * lever[2] - arm[2] * lever[1]
-            out[i, j, 4] = arm[2] * lever[0] - arm[0] * lever[2]
-            out[i, j, 5] = arm[0] * lever[1] - arm[1] * lever[0]
-            for k in range(3):
-                out[i, j, 6 + k] = (
-                    lever[0] * travel[i, 0, k]
-                    + lever[1] * travel[i, 1, k]
-                    + lever[2] * travel[i, 2, k]
-                )
-    return out
 
 
 def smooth_weight(depth_mm: Field, normal: Field, pitch_mm: float) -> Field:
@@ -422,33 +333,6 @@ def open_directions(
     return np.asarray((vectors[:, np.sqrt(values) > OPEN * pitch_mm] * sizes[:, None]).T)
 
 
-def step_by_step(
-    cost: Callable[[Field], float], count: int, reaches: Sequence[float]
-) -> tuple[Field, float]:
-    """Search (count,) numbers from zero on, one at a time, with shorter and shorter steps.
-
-    Returns
-    -------
-    the best, and by how much it costs less
-    """
-    best = np.zeros(count)
-    before = least = cost(best)
-    for reach in reaches:
-        for k in range(count):
-            from_here = least
-            for sign in (-1.0, 1.0):
-                if least < from_here:
-                    break  # the way back is known
-                for _ in range(4):
-                    trial = best.copy()
-                    trial[k] += sign * reach
-                    value = cost(trial)
-                    if value >= least - 1e-9:
-                        break
-                    best, least = trial, value
-    return best, before - least
-
-
 def overlap_fault(scene: Scene, rays: Laser, poses: Field, depth: Field) -> str:
     """Say why a recording and a part don't meet: elsewhere, or in other units."""
     hint = unit_hint(scene, rays, poses, depth, missed=True)
@@ -499,7 +383,7 @@ def _move_all(poses: Field, subset: Field, shift: Field, centre: Field) -> Field
     still = np.zeros(6)
     moved = move(poses, np.concatenate([still, shift[6:]]), centre)
     behind = poses[:, :3, 3].mean(axis=0) - subset[:, :3, 3].mean(axis=0)
-    moved[:, :3, 3] += (_turned(behind[None], poses) @ shift[6:])[0]
+    moved[:, :3, 3] += (turned_ways(behind[None], poses) @ shift[6:])[0]
     return move(moved, np.concatenate([shift[:6], np.zeros(3)]), centre)
 
 

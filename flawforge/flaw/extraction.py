@@ -99,6 +99,77 @@ def extract(
     RecipeError
         Where the recording doesn't meet the part or the region holds no flaw above the noise.
     """
+    read = _levelled(recording, part, datasheet, region)
+    raw, pitch, noise, inside = read.raw_mm, read.pitch_mm, read.noise, read.inside
+    power = noise.sd_mm**2 * np.maximum(noise.spectrum(raw.shape), 1e-6)
+    # Once with the whole region's smoothness, to find the flaw; then with the flaw's own.
+    sought = denoise(raw, power, pitch, np.ones(raw.shape, np.bool_))
+    found = _found(sought.height_mm * _fade(inside), inside, sought.sd_mm, recording.name)
+    denoised = denoise(raw, power, pitch, ndimage.binary_dilation(found, iterations=2))
+    smoothed = denoised.height_mm * _fade(inside)
+    site, nodes, step = _lattice(read.surface, read.feet, smoothed, found, pitch)
+    try:
+        patch = spread(read.surface, site, nodes, (step, step))
+    except SiteError as error:
+        raise RecipeError(f"the flaw has no flat map: {error}", where=recording.name) from None
+    height, mask = _on_lattice(patch.skin_mm, site, read.feet, smoothed, found, nodes)
+    relief = Relief(
+        name=name,
+        pitch_mm=step,
+        height_mm=height,
+        mask=mask,
+        facts={
+            "recording": recording.name,
+            "comment": recording.comment,
+            "import_options": recording.import_options,
+            "part": part.name,
+            "sensor": datasheet.name,
+            "profiles": [read.window[0].start, read.window[0].stop],
+            "points": [read.window[1].start, read.window[1].stop],
+            "position_mm": site.position_mm.tolist(),
+            "normal": site.normal.tolist(),
+            "heading": site.direction().tolist(),
+            "registration_mm_rad": read.shift.tolist(),
+            "pitch_profiles_mm": pitch[0],
+            "pitch_points_mm": pitch[1],
+            "noise_sd_mm": noise.sd_mm,
+            "noise_correlation_px": list(noise.correlation_length_px()),
+            "denoised_sd_mm": denoised.sd_mm,
+            "prior_length_mm": denoised.length_mm,
+        },
+    )
+    return Extracted(
+        relief=relief, site=site, raw_mm=raw, pitch_mm=pitch, noise=noise,
+        denoised=denoised,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class _Levelled:
+    """Heights over the skin in a window around the region, as read.
+
+    Attributes
+    ----------
+    raw_mm : (n, m) heights, levelled by the region's rim
+    inside : (n, m) bool, the region
+    feet : (n, m, 3) places on the skin
+    shift : of the registration
+    """
+
+    surface: Surface
+    window: tuple[slice, slice]
+    inside: Bools
+    raw_mm: Floats
+    feet: Floats
+    pitch_mm: tuple[float, float]
+    noise: NoiseModel
+    shift: Floats
+
+
+def _levelled(
+    recording: Recording, part: Part, datasheet: Datasheet, region: Region
+) -> _Levelled:
+    """Register the recording without the region, and measure its heights and the noise."""
     scene = Scene(part.vertices_mm, part.faces)
     laser = Laser.of_recording(datasheet, recording)
     read = np.isfinite(recording.depth_mm) & ~repeated_rows(recording.depth_mm)[:, None]
@@ -113,7 +184,8 @@ def extract(
     turned = placed.poses[:, None]
     axis = turned[..., :3, 2] + laser.slope_x[None, :, None] * turned[..., :3, 0]
     rough = (depth - hits.depth_mm) * np.einsum("nmk,nmk->nm", normal, axis)
-    pitch = _pitch(laser.points_part_mm(hits.depth_mm, placed.poses))
+    on_part = laser.points_part_mm(hits.depth_mm, placed.poses)
+    pitch = _pitch(on_part)
     smooth = smooth_weight(hits.depth_mm, normal, max(pitch)) == 1.0
     noise = calibrate(
         [rough], [smooth & read & ~wanted], pitch_mm=(pitch[1], pitch[0]), missing_share=0.0,
@@ -123,53 +195,11 @@ def extract(
     inside = wanted[window]
     points = laser.points_part_mm(depth, placed.poses)[window]
     surface = Surface.of(part.vertices_mm, part.faces)
-    feet, heights = _over_the_skin(
-        surface, points, laser.points_part_mm(hits.depth_mm, placed.poses)[window]
-    )
+    feet, heights = _over_the_skin(surface, points, on_part[window])
     heights[_spikes(heights, noise.sd_mm)] = np.nan
-    raw = heights - _level(heights, inside)
-    spectrum = noise.spectrum(raw.shape)
-    power = noise.sd_mm**2 * np.maximum(spectrum, 1e-6)
-    # Once with the whole region's smoothness, to find the flaw; then with the flaw's own.
-    sought = denoise(raw, power, pitch, np.ones(raw.shape, np.bool_))
-    found = _found(sought.height_mm * _fade(inside), inside, sought.sd_mm, recording.name)
-    denoised = denoise(raw, power, pitch, ndimage.binary_dilation(found, iterations=2))
-    smoothed = denoised.height_mm * _fade(inside)
-    site, nodes, step = _lattice(surface, feet, smoothed, found, pitch)
-    try:
-        patch = spread(surface, site, nodes, (step, step))
-    except SiteError as error:
-        raise RecipeError(f"the flaw has no flat map: {error}", where=recording.name) from None
-    height, mask = _on_lattice(patch.skin_mm, site, feet, smoothed, found, nodes)
-    shift = placed.shift
-    relief = Relief(
-        name=name,
-        pitch_mm=step,
-        height_mm=height,
-        mask=mask,
-        facts={
-            "recording": recording.name,
-            "comment": recording.comment,
-            "import_options": recording.import_options,
-            "part": part.name,
-            "sensor": datasheet.name,
-            "profiles": [window[0].start, window[0].stop],
-            "points": [window[1].start, window[1].stop],
-            "position_mm": site.position_mm.tolist(),
-            "normal": site.normal.tolist(),
-            "heading": site.direction().tolist(),
-            "registration_mm_rad": shift.tolist(),
-            "pitch_profiles_mm": pitch[0],
-            "pitch_points_mm": pitch[1],
-            "noise_sd_mm": noise.sd_mm,
-            "noise_correlation_px": list(noise.correlation_length_px()),
-            "denoised_sd_mm": denoised.sd_mm,
-            "prior_length_mm": denoised.length_mm,
-        },
-    )
-    return Extracted(
-        relief=relief, site=site, raw_mm=raw, pitch_mm=pitch, noise=noise,
-        denoised=denoised,
+    return _Levelled(
+        surface=surface, window=window, inside=inside, raw_mm=heights - _level(heights, inside),
+        feet=feet, pitch_mm=pitch, noise=noise, shift=placed.shift,
     )  # fmt: skip
 
 

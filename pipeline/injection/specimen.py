@@ -16,6 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -137,14 +138,21 @@ def skin_of(path: Path) -> Surface:
     return Surface.of(part.vertices_mm, part.faces)
 
 
-def _cut_once(kept: Path, cut: Callable[[], FlawedPart]) -> FlawedPart:
+def _cut_once(
+    kept: Path, cut: Callable[[], FlawedPart], meanwhile: Callable[[], Any]
+) -> FlawedPart:
     """Cut a flawed part and keep it, or take what another worker kept; wait for one at it.
 
+    A worker that has to wait does `meanwhile` what its scans will need.
     The lock is the operating system's: it is gone when its worker is, and the next one cuts.
     What is kept is read in the run that wrote it alone, see `pipeline.dataset.folder.drop_parts`.
     """
     with kept.with_suffix(".lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            meanwhile()
+            fcntl.flock(lock, fcntl.LOCK_EX)
         if not kept.exists():
             flawed = cut()
             write_whole(kept, pickle.dumps(flawed, protocol=5))
@@ -197,7 +205,7 @@ def make_specimen(
 
     if shared:
         kept = (folder / planned.stored).with_name(f"{part.name}-{number}.flawed")
-        flawed = replace(_cut_once(kept, cut), part=part)
+        flawed = replace(_cut_once(kept, cut, lambda: clean_scene.tree), part=part)
     else:
         flawed = cut()
     scene = Scene(flawed.vertices_mm, flawed.faces) if flawed.flaws else clean_scene

@@ -202,21 +202,13 @@ def _grown(
     return out
 
 
-@njit(cache=True)
 def _triangles_at_vertices(faces: Ints, count: int) -> tuple[NDArray[np.int64], Ints]:
     """For each vertex the triangles around it, as one list with the starts of its runs."""
-    start = np.zeros(count + 1, np.int64)
-    for f in range(len(faces)):
-        for v in range(3):
-            start[faces[f, v] + 1] += 1
-    for k in range(count):
-        start[k + 1] += start[k]
-    fill, ring = start[:-1].copy(), np.empty(start[-1], np.int32)
-    for f in range(len(faces)):
-        for v in range(3):
-            ring[fill[faces[f, v]]] = f
-            fill[faces[f, v]] += 1
-    return start, ring
+    flat = faces.ravel()
+    order = np.argsort(flat, kind="stable")
+    start = np.zeros(count + 1, dtype=np.int64)
+    np.cumsum(np.bincount(flat, minlength=count), out=start[1:])
+    return start, (order // 3).astype(np.int32)
 
 
 @njit(cache=True, error_model="numpy")

@@ -6,7 +6,15 @@ import pytest
 
 from benchmarks import page, results, waits
 from benchmarks.casting import GrowthRow, Row
-from benchmarks.end_to_end import HOME, SCANS, BatchCost, batches, scan_cost
+from benchmarks.end_to_end import (
+    HOME,
+    SCANS,
+    BatchCost,
+    PlanCost,
+    batches,
+    plan_cost,
+    scan_cost,
+)
 from pipeline.recipe import Recipe
 
 PLATE = "  - builtin: steel_plate\n    parameters: {length_mm: 500, width_mm: 450}"
@@ -58,7 +66,11 @@ def found(cost):
         cost, triangles=4 * cost.triangles, processor_s=2.25 * cost.processor_s
     )
     facts = {
-        "scans": {"scans": [cost, larger], "copied_bytes_per_s": 8e9},
+        "scans": {
+            "scans": [cost, larger], "copied_bytes_per_s": 8e9,
+            "stored_bytes_per_s": 1e9,
+            "plan": PlanCost(scans=1000, seconds=0.5, peak_bytes=10**6, row_bytes=100.0),
+        },
         "waits": {
             "carving": [
                 waits.Carving(
@@ -75,7 +87,8 @@ def found(cost):
             "datasets": [
                 BatchCost(
                     name=name, scans=4, seconds={1: [4.0, 6.0], 2: [2.0, 4.0]},
-                    apart_s=[5.0, 8.0], disk_bytes=10,
+                    apart_s=[5.0, 8.0], disk_bytes=10, processor_s={1: 20.0, 8: 27.0},
+                    serial_s=1.0,
                 )
                 for name in ("first", "second")
             ],
@@ -92,6 +105,23 @@ def found(cost):
     }
 
 
+def test_the_plan_and_the_tables_of_a_scan_are_small():
+    cost = plan_cost(800)
+    assert 0 < cost.peak_bytes < 1e7
+    assert 500 < cost.row_bytes < 20_000
+
+
+def test_what_is_serial_bounds_the_speed_up():
+    batch = BatchCost(
+        name="d", scans=4, seconds={}, apart_s=[], disk_bytes=1, processor_s={1: 20.0, 8: 34.0},
+        serial_s=2.0,
+    )  # fmt: skip
+    assert batch.each_job_s == 2.0
+    assert batch.speed_up(1) == 1.0
+    assert batch.speed_up(2) == pytest.approx(20 / (4 + 8))
+    assert batch.speed_up(10**9) == pytest.approx(20 / 4)
+
+
 def test_the_page_puts_ratios_first(cost, found, tmp_path):
     text = "\n".join(page.blocks(found).values())
     assert "| sweep against embreex, slowest mesh | 25 × | 10 × |" in text
@@ -104,6 +134,9 @@ def test_the_page_puts_ratios_first(cost, found, tmp_path):
     assert "| p | 9 | 0.500 s | 0.125 s | 2.00 × | 4.00 × |" in text
     assert "| i | lz4 | 2.0 × | 2.0 × | 0.50 |" in text
     assert "| seven flaws into p | 0.50 s | 0.3 s |" in text
+    assert "| second | 20.0 s | 1.0 s, 5% | 1.00 s, 5.0% | 1.82 × | 4.71 × |" in text
+    assert "| 24 × 32 | " in text.split("a hundred million scans, on paper")[1]
+    assert "| 833 min, 100 GB | 10 GB |" in text
     assert "VTK skipped: No module named 'vtkmodules'" in text
     assert "gone.stl: skipped" in text
     assert "Dask isn't installed: skipped" in text
@@ -133,7 +166,8 @@ def test_a_section_alone_leaves_the_others_as_they_were(found):
 def test_the_page_on_scaling_is_filled_and_can_be_filled_again(cost, found):
     text = (HOME / "docs" / "scaling.md").read_text(encoding="utf-8")
     batch = BatchCost(
-        name="d", scans=4, seconds={1: [4.0], 2: [2.0]}, apart_s=[4.0], disk_bytes=10
+        name="d", scans=4, seconds={1: [4.0], 2: [2.0]}, apart_s=[4.0], disk_bytes=10,
+        processor_s={1: 20.0, 8: 27.0}, serial_s=1.0,
     )
     found["scans"].facts["scans"] = [cost]
     found["datasets"].facts.update({"datasets": [batch, batch], "dask_s": 7.25})

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagnosis.registration import hits_normal, move, pose_columns, register, travel_columns
+from diagnosis.pose_derivative import pose_columns, travel_columns
+from diagnosis.registration import hits_normal, move, register
 from files.errors import RecipeError
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene

@@ -1,11 +1,11 @@
 """Recordings are placed anew under a model, held-out ones too; drifts, levels, strong effects."""
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
-from diagnosis import reregistration
 from diagnosis.finish import level_change
 from diagnosis.fit import fit_effect
 from diagnosis.patch import cut
@@ -81,20 +81,34 @@ def test_a_held_out_recording_is_placed_anew(ws: Workspace) -> None:
     assert all(p.scored.any() for p in found)
 
 
-def test_a_recording_stays_where_its_readings_are_more_probable(
-    ws: Workspace, monkeypatch: pytest.MonkeyPatch
-) -> None:
+class Elsewhere(Recorded):
+    """Recordings whose registration ends 3 mm aside of where they are told to lie."""
+
+    asked: ClassVar[list[int]] = []
+
+    def register(self, number: int, *_: object) -> Placement:
+        """Return another optimum than the best."""
+        self.asked.append(number)
+        poses = self.recordings[number].poses.copy()
+        poses[:, 0, 3] += 3.0
+        return Placement(
+            shift=np.zeros(PRIOR_SD.size), centre_mm=np.zeros(3),
+            covariance=np.eye(PRIOR_SD.size), poses=poses,
+        )  # fmt: skip
+
+
+def test_a_recording_stays_where_its_readings_are_more_probable(ws: Workspace) -> None:
     """A registration under a model may end in another optimum."""
-    scene, sheet, laser, made, commanded = as_commanded(1.0)
-    elsewhere = made.poses.copy()
-    elsewhere[:, 0, 3] += 3.0
-    monkeypatch.setattr(Recorded, "register", lambda *a, **k: replace(commanded, poses=elsewhere))
-    monkeypatch.setattr(reregistration, "NEAR_MM", 0.0)
+    scene, sheet, laser, made, commanded = as_commanded(6.0)
     patches = cut(0, made, commanded, scene, sheet, laser, lateral_mm=0.03)
-    recorded = alone(made, scene, sheet, laser, held_out=False)
+    recorded = Elsewhere(
+        recordings=(made,), scene=scene, datasheet=sheet, laser={made.name: laser},
+        lateral_mm=0.03, held_out=(np.zeros(made.depth_mm.shape, dtype=bool),),
+    )  # fmt: skip
     found, placed = placed_anew(
         Model(), patches, recorded, {"r": commanded}, ws.noise, by_law=False
     )
+    assert recorded.asked == [0]
     assert found == patches
     assert placed["r"] is commanded
 
