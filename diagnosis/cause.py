@@ -112,7 +112,7 @@ def reported(assessment: Assessment) -> tuple[list[Cause], list[Strange]]:
                 nats=member.nats, size=member.size, repeats=member.repeats,
                 relaxed=component.relaxed,
             ))  # fmt: skip
-    return sorted(causes.values(), key=lambda c: -c.size), strange
+    return sorted(causes.values(), key=lambda c: (-c.size, -c.nats)), strange
 
 
 def _members(

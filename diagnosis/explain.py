@@ -115,8 +115,7 @@ def explain(
     ws = fitted_part(patches, noise)
     first = seen(ws.patches, noise, Model())
     before = seen(baseline, noise, Model(), like=first) if baseline else None
-    own = mean_factors(first) if before is None else {}
-    scales = _good(population, first, before, baseline, noise, own)
+    scales = _good(population, first, before, baseline, noise)
     state = _State(
         recorded=recorded, patches=patches, placed=placed, model=Model(), causes=(), now=first,
         before=before,
@@ -138,10 +137,6 @@ def explain(
             break
         state = further
     channels = channels_seen(fitted_part(state.patches, noise).patches, noise, state.model, first)
-    if not baseline:
-        scales = population.of_kinds(
-            kinds_of(population, {**own, **rate_factors(channels)}, good=False)
-        )
     named, odd = reported(assessed_rates(channels, scales, withheld=withheld))
     state = _with_rates(state, without_kin(named, state.names), noise, notes, progress)
     return Explanation(
@@ -230,11 +225,10 @@ def _good(
     before: Seen | None,
     baseline: Sequence[Patch],
     noise: NoiseModel,
-    own: Mapping[str, Field],
 ) -> dict[str, Field]:
     """Probability of each component's sizes in this instrument when it is good."""
     if before is None:
-        return population.of_kinds(kinds_of(population, own, good=False))
+        return population.of_kinds(kinds_of(population, mean_factors(first), good=False))
     channels = channels_seen(baseline, noise, Model(), first)
     return informed(population, mean_factors(before), rate_factors(channels))
 

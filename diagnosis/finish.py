@@ -26,12 +26,14 @@ from sensors.effects.pixel_locking import PixelLocking
 from sensors.effects.roughness_level import RoughnessLevel
 from sensors.effects.volume_scattering import VolumeScattering
 from sensors.noise.uncertainty import sigma_mm
+from sensors.view.view import View
 
-MOVING_DOUBT = 0.3
 USUAL = 0.1
 LEAST_READINGS = 200
 LAY_TOLERANCE = math.log(1.3)
 """Least stretch of the noise on the part; sealed nulls have 0.07 at most."""
+CORRELATED = 0.05
+"""Autocorrelation from which it isn't the measurement's own noise."""
 SENSORS_OWN = 0.5
 SQUARE_RAD = math.radians(25)
 AVERAGED = (
@@ -146,7 +148,7 @@ def finish_effects(
     if nominal_sd_mm > 0:
         ratio = level_change(ws, model, nominal_sd_mm)
         size = nominal_sd_mm * math.exp(ratio)
-        unsure = math.hypot(level_unsure(own), _plates_doubt(model))
+        unsure = math.hypot(level_unsure(own), _plates_doubt(model, ws.patches[0].view))
         unsure = math.hypot(unsure, 0.0 if nominal is None else level_unsure(nominal))
         if level_odds(ratio, unsure, claimed_sizes() if nominal is None else usual) > 0:
             amplitude = math.sqrt(
@@ -185,7 +187,7 @@ def _stands_out(effect: Effect) -> bool:
     return isinstance(effect, RoughnessLevel) and effect.amplitude < SURELY_LESS
 
 
-def _plates_doubt(model: Model) -> float:
+def _plates_doubt(model: Model, view: View) -> float:
     """By how much a plate's noise may be unlike the part's for no finish.
 
     A plate stands within one camera row or two, the part reaches over many; and it has none of the
@@ -196,7 +198,7 @@ def _plates_doubt(model: Model) -> float:
         if isinstance(effect, PixelLocking):
             doubt += 4 * math.pi * effect.amplitude_px
         elif isinstance(effect, MotionBlur):
-            doubt += MOVING_DOUBT
+            doubt -= math.log(effect.quieter(view))
     return doubt
 
 
@@ -234,7 +236,7 @@ def _lay(
         return None
     mean = complex(np.mean(on_part))
     size, misfit = abs(mean), _misfit(on_part)
-    tolerance = LAY_TOLERANCE + _plates_doubt(model)
+    tolerance = LAY_TOLERANCE + _plates_doubt(model, ws.patches[0].view)
     alike = _misfit(on_sensor) < misfit + SENSORS_OWN * size
     drawn = complex(np.mean(on_sensor))
     if alike and abs(drawn.real) > abs(drawn.imag):
@@ -256,21 +258,19 @@ def _misfit(values: Sequence[complex]) -> float:
 def _stretch(noise: NoiseModel) -> complex:
     """How noise is drawn out: its size is ln(longest / shortest correlation length).
 
-    Its phase is twice the direction, from the line towards the travel. Correlation lengths along
-    four directions θ follow ln L = c + Re(s e^(-2iθ)) / 2.
+    Its phase is twice the direction, from the line towards the travel. By the second moments M of
+    what of the autocorrelation is positive, a reading's own size added: with L = ln M,
+    s = (L_xx - L_yy) / 2 + i L_xy.
     """
     ly, lx = noise.lags
-    design, lengths = [], []
-    for down, right in ((0, 1), (1, 1), (1, 0), (1, -1)):
-        reach = min(ly if down else lx, lx if right else ly)
-        k = np.arange(-reach, reach + 1)
-        step = complex(right * noise.pitch_x_mm, down * noise.pitch_y_mm)
-        along = noise.acf[ly + k * down, lx + k * right]
-        lengths.append(math.log(abs(step) * float(np.clip(along, 0, None).sum())))
-        turned = (step / abs(step)) ** 2
-        design.append([1.0, 0.5 * turned.real, 0.5 * turned.imag])
-    _, real, imaginary = np.linalg.lstsq(np.array(design), np.array(lengths), rcond=None)[0]
-    return complex(real, imaginary)
+    weight = np.where(noise.acf > CORRELATED, noise.acf, 0.0)
+    weight /= weight.sum()
+    down, right = np.mgrid[-ly : ly + 1, -lx : lx + 1]
+    steps = np.stack([right * noise.pitch_x_mm, down * noise.pitch_y_mm])
+    own = np.diag([noise.pitch_x_mm**2, noise.pitch_y_mm**2]) / 12
+    values, vectors = np.linalg.eigh(np.einsum("nm,inm,jnm->ij", weight, steps, steps) + own)
+    log = vectors @ np.diag(np.log(values)) @ vectors.T
+    return complex(0.5 * (log[0, 0] - log[1, 1]), log[0, 1])
 
 
 def _axes(patch: Patch) -> tuple[complex, complex]:

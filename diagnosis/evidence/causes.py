@@ -139,7 +139,9 @@ class CauseSearch:
         tried : what is weighed beside the set, whose law is doubted as well
         """
         terms = [(c.term(v), s) for c, v, s in active]
-        signal = self._explained**2 + sum(s**2 for _, _, s in (*active, *tried))
+        # where a recording lay isn't a law that could be wrong
+        laws = [s for c, _, s in (*active, *tried) if not c.component.placement]
+        signal = self._explained**2 + sum(s**2 for s in laws)
         at_edges = sum(s**2 for c, _, s in active if c.component.relaxed.spanned)
         doubt = np.where(
             self._spanned, SETTINGS.doubt_at_edges * np.sqrt(at_edges),

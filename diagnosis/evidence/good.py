@@ -84,11 +84,14 @@ def rate_factors(channels: Sequence[Channel]) -> dict[str, Floats]:
 def kinds_of(
     population: Population, factors: Mapping[str, Floats], *, good: bool
 ) -> Floats:
-    """Probability of each kind of instruments (K,), given recordings of one instrument.
+    """Probability of each kind of instruments (K,), given the mean of one instrument's recordings.
+
+    How its noise and its losses go with profiles and columns depends on the size of a recording,
+    too: they don't tell a kind.
 
     Parameters
     ----------
-    factors : of components of any channel
+    factors : of the mean's components
     good : whether the instrument was good then; else each component may have changed
     """
     nats = np.zeros(len(population.kinds))
@@ -113,7 +116,7 @@ def informed(
     ----------
     mean, rates : factors of the baselines
     """
-    kinds = kinds_of(population, {**mean, **rates}, good=True)
+    kinds = kinds_of(population, mean, good=True)
     out = population.of_kinds(kinds)
     for name, likelihood in {**mean, **rates}.items():
         weights = population.weights(name)

@@ -54,9 +54,8 @@ def claimed_sizes() -> dict[str, Floats]:
 def level_unsure(noise: NoiseModel) -> float:
     """Return the standard deviation of the logarithm of a measured noise's size.
 
-    Of a stationary field with kurtosis κ the mean square has the relative variance
-    (κ - 1) Σρ² / N, ρ its autocorrelation (Priestley, Spectral Analysis, 1981, § 5.3).
+    The mean square of a stationary Gaussian field has the relative variance 2 Σρ² / N, ρ its
+    autocorrelation (Priestley, Spectral Analysis, 1981, § 5.3).
     """
     together = float(np.square(noise.acf).sum())
-    share = max(noise.kurtosis - 1.0, 1.0) * together / max(noise.readings, 1)
-    return 0.5 * math.sqrt(share)
+    return 0.5 * math.sqrt(2.0 * together / max(noise.readings, 1))

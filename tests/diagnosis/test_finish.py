@@ -81,7 +81,7 @@ def names_told(
     view = View(part("steps"), SensorModel(datasheet(40)), poses(3), np.arange(3.0))
     ws: Any = SimpleNamespace(patches=[SimpleNamespace(view=view)])
     noise: Any = SimpleNamespace(
-        correlation_length_px=lambda: (1.0, 1.0), acf=np.ones((1, 1)), kurtosis=3.0, readings=20_000
+        correlation_length_px=lambda: (1.0, 1.0), acf=np.ones((1, 1)), readings=20_000
     )
     effects = finish.finish_effects(ws, Model(), noise, noise, 0.01, {}, bent=bent)
     return [e.name for e in effects]
