@@ -72,7 +72,7 @@ class _State:
     now : recordings under the model
     before : baselines, while the model is nominal
     explained : whitened rms of what the laws explain
-    refuted : effects whose laws, fitted, do nothing here
+    refuted : effects whose laws, fitted, do nothing here: what goes with them is a remainder
     """
 
     recorded: Recorded
@@ -173,13 +173,14 @@ def _further(
     )
     state = replace(state, recorded=recorded, patches=patches)
     model, new = fit_laws(new, fitted_part(patches, noise), state.model)
+    without = replace(state, refuted=state.refuted | {new[0].name})
     if _is_law(new[0]) and new[0].name not in model.names():
         # what was weighed is the law itself at points of its grid: fitted, it does nothing
-        return replace(state, refuted=state.refuted | {new[0].name})
+        return without
     if state.causes:
         model, new = _without_remainders(state.model, model, new, notes)
         if not new:
-            return None
+            return without
     again = _seen_again(state, model, (*state.causes, *new), noise)
     return replace(again, explained=explained)
 

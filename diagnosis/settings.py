@@ -68,6 +68,11 @@ class Settings:
         default=2, unit="", low=1, whole=True,
         source="a second one for a harmonic that is stronger than its fundamental",
     )  # fmt: skip
+    range_beyond: float = quantity(
+        "how far a covariate's range reaches beyond 96 % of its values, over what these span",
+        default=0.25, unit="1", low=0.0,
+        source="uniform values end there; the tails of others count as their ends",
+    )  # fmt: skip
     periods_tried: int = quantity(
         "periods over the range that are looked at to pick those",
         default=400, unit="", low=1, whole=True,

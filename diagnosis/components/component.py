@@ -106,7 +106,10 @@ def with_pitches(
 
 
 def ranges_of(patches: Sequence[Patch], names: Sequence[str]) -> Ranges:
-    """Range of each covariate over the readings off edges, without its rare extremes."""
+    """Range of each covariate over the readings off edges, without its rare extremes.
+
+    A few readings on a steep wall would leave one wave for all others.
+    """
     out = {}
     for name in names:
         values = []
@@ -117,7 +120,9 @@ def ranges_of(patches: Sequence[Patch], names: Sequence[str]) -> Ranges:
             values.append(value[np.isfinite(value)][::3])
         every = np.concatenate(values) if values else np.zeros(0)
         if every.size:
-            low, high = np.quantile(every, [0.002, 0.998])
+            least, low, high, most = np.quantile(every, [0.002, 0.02, 0.98, 0.998])
+            beyond = SETTINGS.range_beyond * (high - low)
+            low, high = max(low - beyond, least), min(high + beyond, most)
             if high > low:
                 out[name] = (float(low), float(high))
     return out
