@@ -21,6 +21,7 @@ from benchmarks.end_to_end import (
     batches,
     copied_bytes_per_s,
     dask_seconds,
+    job_cost,
     plan_cost,
     scan_cost_alone,
     stored_bytes_per_s,
@@ -80,6 +81,12 @@ def _scans(arguments: argparse.Namespace) -> dict[str, Any]:
     }
 
 
+def _jobs(_arguments: argparse.Namespace) -> dict[str, Any]:
+    with tempfile.TemporaryDirectory() as folder:
+        recipes = batches(Path(folder))
+        return {"jobs": [job_cost(name, recipes[name]) for name in list(recipes)[:3]]}
+
+
 def _datasets(arguments: argparse.Namespace) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         recipes = batches(Path(folder))
@@ -124,6 +131,7 @@ def _waits(arguments: argparse.Namespace) -> dict[str, Any]:
 MEASURE: dict[str, Callable[[argparse.Namespace], dict[str, Any]]] = {
     "scans": _scans,
     "waits": _waits,
+    "jobs": _jobs,
     "datasets": _datasets,
     "casting": _casting,
     "growth": _growth,

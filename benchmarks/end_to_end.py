@@ -20,6 +20,7 @@ import tracemalloc
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -314,10 +315,6 @@ class BatchCost:
         For each turn, seconds in which two runs of 1 job each, started together, were both done.
     disk_bytes
         Size of the dataset's folder.
-    processor_s
-        Processor seconds of all processes together, for 1 job and for `MANY_JOBS`.
-    serial_s
-        Processor seconds of the first process until shards can be made, its modules excepted.
     """
 
     name: str
@@ -325,6 +322,36 @@ class BatchCost:
     seconds: dict[int, list[float]]
     apart_s: list[float]
     disk_bytes: int
+
+    @property
+    def ratios(self) -> list[float]:
+        """How much faster 2 jobs are, for each turn."""
+        return [one / two for one, two in zip(self.seconds[1], self.seconds[2], strict=True)]
+
+    @property
+    def limits(self) -> list[float]:
+        """How much more the machine does with two runs that know nothing of each other."""
+        return [2 * one / both for one, both in zip(self.seconds[1], self.apart_s, strict=True)]
+
+
+MANY_JOBS = 8
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class JobCost:
+    """What jobs add to a dataset, in processor time, which other work hardly changes.
+
+    Attributes
+    ----------
+    name
+        What was made.
+    processor_s
+        Of all processes together, for 1 job and for `MANY_JOBS`.
+    serial_s
+        Of the first process until scans can be made, its modules excepted.
+    """
+
+    name: str
     processor_s: dict[int, float]
     serial_s: float
 
@@ -340,19 +367,6 @@ class BatchCost:
         """
         alone = self.serial_s + self.each_job_s
         return self.processor_s[1] / (alone + (self.processor_s[1] - alone) / jobs)
-
-    @property
-    def ratios(self) -> list[float]:
-        """How much faster 2 jobs are, for each turn."""
-        return [one / two for one, two in zip(self.seconds[1], self.seconds[2], strict=True)]
-
-    @property
-    def limits(self) -> list[float]:
-        """How much more the machine does with two runs that know nothing of each other."""
-        return [2 * one / both for one, both in zip(self.seconds[1], self.apart_s, strict=True)]
-
-
-MANY_JOBS = 8
 
 
 def batch_cost(name: str, recipe: Path, *, turns: int = 3) -> BatchCost:
@@ -371,15 +385,21 @@ def batch_cost(name: str, recipe: Path, *, turns: int = 3) -> BatchCost:
             apart_s.append(_generated(recipe, folder / "a", folder / "b", jobs=1))
             shutil.rmtree(folder / "a")
             shutil.rmtree(folder / "b")
+    return BatchCost(
+        name=name, scans=made["scans"], seconds=seconds, apart_s=apart_s, disk_bytes=size
+    )
+
+
+def job_cost(name: str, recipe: Path) -> JobCost:
+    """Generate a recipe's dataset by 1 job and by `MANY_JOBS`, and only until its first scan."""
+    with tempfile.TemporaryDirectory() as name_of_folder:
+        folder = Path(name_of_folder)
         processor_s = {
-            jobs: _processor_s(lambda jobs=jobs: _generated(recipe, folder / f"{jobs}", jobs=jobs))
+            jobs: _processor_s(partial(_generated, recipe, folder / f"{jobs}", jobs=jobs))
             for jobs in (1, MANY_JOBS)
         }
         serial_s = _serial_s(recipe, folder / "serial")
-    return BatchCost(
-        name=name, scans=made["scans"], seconds=seconds, apart_s=apart_s, disk_bytes=size,
-        processor_s=processor_s, serial_s=serial_s,
-    )  # fmt: skip
+    return JobCost(name=name, processor_s=processor_s, serial_s=serial_s)
 
 
 def _processor_s(run: Callable[[], Any]) -> float:

@@ -14,7 +14,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from benchmarks.casting import GrowthRow, Row
-from benchmarks.end_to_end import MANY_JOBS, SCANS, BatchCost, PlanCost, ScanCost
+from benchmarks.end_to_end import MANY_JOBS, SCANS, BatchCost, JobCost, PlanCost, ScanCost
 from benchmarks.results import Section
 from benchmarks.waits import Carving, Packing
 from pipeline.batch.plan import MOST_PER_SHARD
@@ -58,7 +58,8 @@ def table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
 def blocks(found: Mapping[str, Section]) -> dict[str, str]:
     """Return what docs/benchmarks.md shows of each section that was measured."""
     write = {
-        "scans": _scans_section, "waits": _waits_section, "datasets": _datasets_section,
+        "scans": _scans_section, "waits": _waits_section, "jobs": _jobs_section,
+        "datasets": _datasets_section,
         "casting": _casting_section, "growth": _growth_section, "noise": _noise_section,
     }  # fmt: skip
     return {name: _ran(section) + "\n" + write[name](section) for name, section in found.items()}
@@ -154,6 +155,23 @@ def _datasets_section(section: Section) -> str:
         for batch in datasets[1:]
     ]
     return _aims(lines) + _datasets(datasets) + "\n" + _dask(section)
+
+
+def _jobs_section(section: Section) -> str:
+    jobs: list[JobCost] = section.facts["jobs"]
+    worst = max(job.serial_s / job.processor_s[1] for job in jobs)
+    return _aims([("serial part, worst", f"{worst:.0%}", "3%")]) + table(
+        ("dataset", "1 job", "serial", "each job adds", "2 jobs", f"{MANY_JOBS} jobs"),
+        [
+            (
+                job.name, f"{job.processor_s[1]:.1f} s",
+                f"{job.serial_s:.1f} s, {job.serial_s / job.processor_s[1]:.0%}",
+                f"{job.each_job_s:.2f} s, {job.each_job_s / job.processor_s[1]:.1%}",
+                f"{job.speed_up(2):.2f} ×", f"{job.speed_up(MANY_JOBS):.2f} ×",
+            )
+            for job in jobs
+        ],
+    )  # fmt: skip
 
 
 def _casting_section(section: Section) -> str:
@@ -260,23 +278,7 @@ def _datasets(datasets: Sequence[BatchCost]) -> str:
         "dataset", "2 jobs against 1 (each turn)", "limit", "1 job", "2 jobs",
         "a minute, 1 job", "a minute, 2 jobs", "on disk",
     )  # fmt: skip
-    shares = [
-        (
-            batch.name, f"{batch.processor_s[1]:.1f} s",
-            f"{batch.serial_s:.1f} s, {batch.serial_s / batch.processor_s[1]:.0%}",
-            f"{batch.each_job_s:.2f} s, {batch.each_job_s / batch.processor_s[1]:.1%}",
-            f"{batch.speed_up(2):.2f} ×", f"{batch.speed_up(MANY_JOBS):.2f} ×",
-        )
-        for batch in datasets
-    ]  # fmt: skip
-    said = (
-        f"\nThe same in processor time, and {MANY_JOBS} jobs on this machine's cores. *Serial* is "
-        "the first process's work until scans can be made: parts, plan, first specimen. *Each job* "
-        "is what a further job adds. The last columns follow from them for idle cores.\n\n"
-    )
-    return table(head, lines) + said + table(
-        ("dataset", "1 job", "serial", "each job", "2 jobs", f"{MANY_JOBS} jobs"), shares
-    )
+    return table(head, lines)
 
 
 SCANS_PER_SPECIMEN = 8
