@@ -14,15 +14,11 @@ from typing import Any
 
 from benchmarks import page, results
 from benchmarks.casting import built_in_meshes, growth_rows, mesh_file, rows
+from benchmarks.datasets import batch_cost, batches, dask_seconds, job_cost, plan_cost
 from benchmarks.end_to_end import (
     HOME,
     SIZES,
-    batch_cost,
-    batches,
     copied_bytes_per_s,
-    dask_seconds,
-    job_cost,
-    plan_cost,
     scan_cost_alone,
     stored_bytes_per_s,
 )

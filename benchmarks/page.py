@@ -14,7 +14,8 @@ from itertools import pairwise
 from pathlib import Path
 
 from benchmarks.casting import GrowthRow, Row
-from benchmarks.end_to_end import MANY_JOBS, SCANS, BatchCost, JobCost, PlanCost, ScanCost
+from benchmarks.datasets import MANY_JOBS, BatchCost, JobCost, PlanCost
+from benchmarks.end_to_end import SCANS, ScanCost
 from benchmarks.results import Section
 from benchmarks.waits import Carving, Packing
 from pipeline.batch.plan import MOST_PER_SHARD

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from benchmarks.casting import GrowthRow, Row
-from benchmarks.end_to_end import BatchCost, JobCost, PlanCost, ScanCost
+from benchmarks.datasets import BatchCost, JobCost, PlanCost
+from benchmarks.end_to_end import ScanCost
 from benchmarks.waits import Carving, Packing, Use
 
 SECTIONS: Final = ("scans", "waits", "jobs", "datasets", "casting", "growth", "noise")

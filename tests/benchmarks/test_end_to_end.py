@@ -6,16 +6,8 @@ import pytest
 
 from benchmarks import page, results, waits
 from benchmarks.casting import GrowthRow, Row
-from benchmarks.end_to_end import (
-    HOME,
-    SCANS,
-    BatchCost,
-    JobCost,
-    PlanCost,
-    batches,
-    plan_cost,
-    scan_cost,
-)
+from benchmarks.datasets import BatchCost, JobCost, PlanCost, batches, plan_cost
+from benchmarks.end_to_end import HOME, SCANS, scan_cost
 from pipeline.recipe import Recipe
 
 PLATE = "  - builtin: steel_plate\n    parameters: {length_mm: 500, width_mm: 450}"
