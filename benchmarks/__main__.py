@@ -14,14 +14,11 @@ from typing import Any
 
 from benchmarks import page, results
 from benchmarks.casting import built_in_meshes, growth_rows, mesh_file, rows
+from benchmarks.datasets import batch_cost, batches, dask_seconds, job_cost, plan_cost
 from benchmarks.end_to_end import (
     HOME,
     SIZES,
-    batch_cost,
-    batches,
     copied_bytes_per_s,
-    dask_seconds,
-    plan_cost,
     scan_cost_alone,
     stored_bytes_per_s,
 )
@@ -80,6 +77,12 @@ def _scans(arguments: argparse.Namespace) -> dict[str, Any]:
     }
 
 
+def _jobs(_arguments: argparse.Namespace) -> dict[str, Any]:
+    with tempfile.TemporaryDirectory() as folder:
+        recipes = batches(Path(folder))
+        return {"jobs": [job_cost(name, recipes[name]) for name in list(recipes)[:3]]}
+
+
 def _datasets(arguments: argparse.Namespace) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         recipes = batches(Path(folder))
@@ -124,6 +127,7 @@ def _waits(arguments: argparse.Namespace) -> dict[str, Any]:
 MEASURE: dict[str, Callable[[argparse.Namespace], dict[str, Any]]] = {
     "scans": _scans,
     "waits": _waits,
+    "jobs": _jobs,
     "datasets": _datasets,
     "casting": _casting,
     "growth": _growth,

@@ -15,7 +15,8 @@ from pathlib import Path
 import trimesh
 
 from benchmarks.end_to_end import HOME
-from benchmarks.page import fill, table
+from benchmarks.page import fill
+from benchmarks.page_datasets import table
 from sensors.noise.perlin import PerlinField
 from tests.support.small_parts import VIEWS, datasheet, part, record
 

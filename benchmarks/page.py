@@ -7,17 +7,25 @@ import importlib.metadata
 import math
 import os
 import platform
-import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
 from benchmarks.casting import GrowthRow, Row
-from benchmarks.end_to_end import MANY_JOBS, SCANS, BatchCost, PlanCost, ScanCost
+from benchmarks.end_to_end import SCANS, ScanCost
+from benchmarks.page_datasets import (
+    aims,
+    cost_model,
+    dask,
+    datasets_section,
+    datasets_table,
+    hundred_million,
+    jobs_section,
+    table,
+)
 from benchmarks.results import Section
 from benchmarks.waits import Carving, Packing
-from pipeline.batch.plan import MOST_PER_SHARD
 
 PEERS = ("embreex", "trimesh", "Open3D", "VTK", "Embree, refined")
 LIBRARIES = ("numpy", "numba", "h5py", "embreex", "trimesh", "open3d", "vtk")
@@ -49,16 +57,11 @@ class Machine:
         return cls(processor=processor, cores=os.cpu_count() or 1, versions=versions)
 
 
-def table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
-    """Lay out a Markdown table, first column to the left, the others to the right."""
-    rule = [":---", *["---:"] * (len(head) - 1)]
-    return "\n".join("| " + " | ".join(line) + " |" for line in (head, rule, *lines)) + "\n"
-
-
 def blocks(found: Mapping[str, Section]) -> dict[str, str]:
     """Return what docs/benchmarks.md shows of each section that was measured."""
     write = {
-        "scans": _scans_section, "waits": _waits_section, "datasets": _datasets_section,
+        "scans": _scans_section, "waits": _waits_section, "jobs": jobs_section,
+        "datasets": datasets_section,
         "casting": _casting_section, "growth": _growth_section, "noise": _noise_section,
     }  # fmt: skip
     return {name: _ran(section) + "\n" + write[name](section) for name, section in found.items()}
@@ -73,10 +76,6 @@ def _ran(section: Section) -> str:
         f"{section.load:.1f}; {machine.processor}, {machine.cores} cores, one thread a process; "
         f"{versions}.\n"
     )
-
-
-def _aims(lines: Sequence[Sequence[str]]) -> str:
-    return table(("", "measured", "aim"), lines) + "\n"
 
 
 def _scans_section(section: Section) -> str:
@@ -107,17 +106,17 @@ def _scans_section(section: Section) -> str:
         "like this one's; memory is what each job needs.\n\n"
     )
     return (
-        _aims(lines) + said + _scans(scans) + model + _cost_model(scans)
-        + "\n" + _many(scans, section.facts["plan"])
+        aims(lines) + said + _scans(scans) + model + cost_model(scans)
+        + "\n" + hundred_million(scans, section.facts["plan"])
     )  # fmt: skip
 
 
 def _waits_section(section: Section) -> str:
     carving: list[Carving] = section.facts["carving"]
     packing: list[Packing] = section.facts["packing"]
-    aims = [(row.what, row.measured, row.aim) for row in section.facts["uses"]]
+    waits = [(row.what, row.measured, row.aim) for row in section.facts["uses"]]
     slowest = max(carving, key=lambda row: row.all_s)
-    aims.insert(0, (f"seven flaws into {slowest.part}", f"{slowest.all_s:.2f} s", "0.3 s"))
+    waits.insert(0, (f"seven flaws into {slowest.part}", f"{slowest.all_s:.2f} s", "0.3 s"))
     cut = table(
         ("seven flaws", "triangles", "drawn and carved", "carving", "whole solids : seams",
          "whole part : seams"),
@@ -137,23 +136,10 @@ def _waits_section(section: Section) -> str:
         ],
     )  # fmt: skip
     return (
-        _aims(aims)
+        aims(waits)
         + "Seconds are processor time. *Carving* is the part's booleans alone, of the same cutters "
         "both ways.\n\n" + cut + "\n" + packed
     )
-
-
-def _datasets_section(section: Section) -> str:
-    datasets: list[BatchCost] = section.facts["datasets"]
-    lines = [
-        (
-            f"2 jobs against 1, best of {len(batch.ratios)}: {batch.name}",
-            f"{max(batch.ratios):.2f} × of {max(batch.limits):.2f}",
-            "1.85 of 2",
-        )
-        for batch in datasets[1:]
-    ]
-    return _aims(lines) + _datasets(datasets) + "\n" + _dask(section)
 
 
 def _casting_section(section: Section) -> str:
@@ -164,7 +150,7 @@ def _casting_section(section: Section) -> str:
         f"\n{name}: skipped, the file is missing.\n" for name in section.facts["absent"]
     )
     lines = [("sweep against embreex, slowest mesh", f"{min(small):.0f} ×", "10 ×")]
-    return _aims(lines) + _casting(casting) + absent
+    return aims(lines) + _casting(casting) + absent
 
 
 def _growth_section(section: Section) -> str:
@@ -184,7 +170,7 @@ def _growth_section(section: Section) -> str:
             "1 ×",
         ),
     ]
-    return _aims(lines) + _growth(facts["triangles"], facts["scanned"], facts["points"])
+    return aims(lines) + _growth(facts["triangles"], facts["scanned"], facts["points"])
 
 
 def _noise_section(section: Section) -> str:
@@ -241,98 +227,6 @@ def _scans(scans: Sequence[ScanCost]) -> str:
         ("peak memory", *(f"{cost.peak_bytes / 2**30:.2f} GiB" for cost in scans)),
     ]  # fmt: skip
     return table(("stage", *sizes), lines)
-
-
-def _datasets(datasets: Sequence[BatchCost]) -> str:
-    lines = []
-    for batch in datasets:
-        one, two = (statistics.median(batch.seconds[jobs]) for jobs in (1, 2))
-        ratios = ", ".join(f"{ratio:.2f}" for ratio in batch.ratios)
-        lines.append(
-            (
-                batch.name, f"{statistics.median(batch.ratios):.2f} × ({ratios})",
-                f"{statistics.median(batch.limits):.2f} ×", f"{one:.1f} s",
-                f"{two:.1f} s", f"{60 / one:.1f}", f"{60 / two:.1f}",
-                f"{batch.disk_bytes / 1e6:.1f} MB",
-            )
-        )  # fmt: skip
-    head = (
-        "dataset", "2 jobs against 1 (each turn)", "limit", "1 job", "2 jobs",
-        "a minute, 1 job", "a minute, 2 jobs", "on disk",
-    )  # fmt: skip
-    shares = [
-        (
-            batch.name, f"{batch.processor_s[1]:.1f} s",
-            f"{batch.serial_s:.1f} s, {batch.serial_s / batch.processor_s[1]:.0%}",
-            f"{batch.each_job_s:.2f} s, {batch.each_job_s / batch.processor_s[1]:.1%}",
-            f"{batch.speed_up(2):.2f} ×", f"{batch.speed_up(MANY_JOBS):.2f} ×",
-        )
-        for batch in datasets
-    ]  # fmt: skip
-    said = (
-        f"\nThe same in processor time, and {MANY_JOBS} jobs on this machine's cores. *Serial* is "
-        "the first process's work until scans can be made: parts, plan, first specimen. *Each job* "
-        "is what a further job adds. The last columns follow from them for idle cores.\n\n"
-    )
-    return table(head, lines) + said + table(
-        ("dataset", "1 job", "serial", "each job", "2 jobs", f"{MANY_JOBS} jobs"), shares
-    )
-
-
-SCANS_PER_SPECIMEN = 8
-
-
-def _cost_model(scans: Sequence[ScanCost]) -> str:
-    lines = []
-    for cost in scans:
-        shared_s = cost.specimen_s / SCANS_PER_SPECIMEN
-        each_s = cost.processor_s + shared_s
-        lines.append(
-            (
-                f"{cost.profiles} × {cost.points}",
-                f"{cost.processor_s:.2f} s + {shared_s:.2f} s",
-                f"{3600 / each_s:,.0f}",
-                f"{cost.disk_bytes / 1e6:.2f} MB",
-                f"{each_s * 1e6 / 3600:,.0f}",
-                f"{cost.disk_bytes * 1e6 / 1e12:.2f} TB",
-                f"{cost.peak_bytes / 2**30:.2f} GiB",
-            )
-        )
-    head = (
-        "scan", "scan + its share of the specimen", "scans a core-hour", "on disk",
-        "core-hours for a million", "disk for a million", "memory a job",
-    )  # fmt: skip
-    return table(head, lines)
-
-
-HUNDRED_MILLION = 100_000_000
-
-
-def _many(scans: Sequence[ScanCost], plan: PlanCost) -> str:
-    """Lay out what a hundred million scans would take, on paper: straight lines of the above."""
-    shared = HUNDRED_MILLION / plan.scans
-    lines = []
-    for cost in scans:
-        each_s = cost.processor_s + cost.specimen_s / SCANS_PER_SPECIMEN
-        lines.append(
-            (
-                f"{cost.profiles} × {cost.points}",
-                f"{each_s * HUNDRED_MILLION / 3.6e6:,.0f} hours",
-                f"{cost.disk_bytes * HUNDRED_MILLION / 1e12:,.0f} TB",
-                f"{HUNDRED_MILLION / MOST_PER_SHARD / 1e6:.1f} million",
-                f"{plan.seconds * shared / 60:.0f} min, {plan.peak_bytes * shared / 1e9:.0f} GB",
-                f"{plan.row_bytes * HUNDRED_MILLION / 1e9:,.0f} GB",
-            )
-        )
-    head = (
-        "a hundred million scans, on paper", "1000 cores", "disk", "shards",
-        "the plan, one process", "manifest.* and flaws.*",
-    )  # fmt: skip
-    return table(head, lines) + (
-        f"\nPlan and tables are measured on {plan.scans:,} and 32 scans; the rest is the table "
-        "above. Plan and tables are made by one process: from some ten million scans on, several "
-        "recipes with seeds of their own are the better datasets.\n"
-    )
 
 
 def _per_doubling(scanned: Sequence[ScanCost]) -> list[float]:
@@ -415,21 +309,13 @@ def scaling(found: Mapping[str, Section]) -> dict[str, str]:
         )  # fmt: skip
         shown["cost"] = (
             f"Cutting seven flaws into the door takes {full.specimen_s:.1f} s.\n\n"
-            + _cost_model(scans)
-            + "\n" + _many(scans, found["scans"].facts["plan"])
+            + cost_model(scans)
+            + "\n" + hundred_million(scans, found["scans"].facts["plan"])
         )
     if "datasets" in found:
         section = found["datasets"]
-        shown["datasets"] = _datasets(section.facts["datasets"]) + "\n" + _dask(section)
+        shown["datasets"] = datasets_table(section.facts["datasets"]) + "\n" + dask(section)
     return shown
-
-
-def _dask(section: Section) -> str:
-    dask_s: float | None = section.facts["dask_s"]
-    if dask_s is None:
-        return "Dask isn't installed: skipped.\n"
-    name = section.facts["datasets"][1].name
-    return f"Two Dask workers on this machine: {name}, in {dask_s:.1f} s.\n"
 
 
 def plot(path: Path, section: Section) -> None:

@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from benchmarks.casting import GrowthRow, Row
-from benchmarks.end_to_end import BatchCost, PlanCost, ScanCost
+from benchmarks.datasets import BatchCost, JobCost, PlanCost
+from benchmarks.end_to_end import ScanCost
 from benchmarks.waits import Carving, Packing, Use
 
-SECTIONS: Final = ("scans", "waits", "datasets", "casting", "growth", "noise")
+SECTIONS: Final = ("scans", "waits", "jobs", "datasets", "casting", "growth", "noise")
 KINDS: Final[Mapping[str, Any]] = {
     "scans": ScanCost, "scanned": ScanCost, "points": ScanCost, "casting": Row,
     "triangles": GrowthRow, "carving": Carving, "packing": Packing, "uses": Use,
@@ -30,9 +31,9 @@ class Section:
         Load of the machine before the run, and how long it took.
     facts
         What was measured, by name: lists of the types of `KINDS`; "datasets", a list of
-        `BatchCost`, with "dask_s" (None: not installed); "absent", meshes that weren't there;
-        "noise", seconds by field; "copied_bytes_per_s" and "stored_bytes_per_s", what memory and
-        disk give; "plan", a `PlanCost`.
+        `BatchCost`, with "dask_s" (None: not installed); "jobs", a list of `JobCost`; "absent",
+        meshes that weren't there; "noise", seconds by field; "copied_bytes_per_s" and
+        "stored_bytes_per_s", what memory and disk give; "plan", a `PlanCost`.
     """
 
     machine: dict[str, Any]
@@ -63,11 +64,13 @@ def read(folder: Path) -> dict[str, Section]:
             facts["plan"] = PlanCost(**facts["plan"])
         if "datasets" in facts:
             facts["datasets"] = [
-                BatchCost(**one | {
-                    key: {int(k): v for k, v in one[key].items()}
-                    for key in ("seconds", "processor_s")
-                })
+                BatchCost(**one | {"seconds": {int(k): v for k, v in one["seconds"].items()}})
                 for one in facts["datasets"]
+            ]
+        if "jobs" in facts:
+            facts["jobs"] = [
+                JobCost(**one | {"processor_s": {int(k): v for k, v in one["processor_s"].items()}})
+                for one in facts["jobs"]
             ]
         found[name] = section
     return found

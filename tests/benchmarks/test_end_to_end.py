@@ -6,15 +6,8 @@ import pytest
 
 from benchmarks import page, results, waits
 from benchmarks.casting import GrowthRow, Row
-from benchmarks.end_to_end import (
-    HOME,
-    SCANS,
-    BatchCost,
-    PlanCost,
-    batches,
-    plan_cost,
-    scan_cost,
-)
+from benchmarks.datasets import BatchCost, JobCost, PlanCost, batches, plan_cost
+from benchmarks.end_to_end import HOME, SCANS, scan_cost
 from pipeline.recipe import Recipe
 
 PLATE = "  - builtin: steel_plate\n    parameters: {length_mm: 500, width_mm: 450}"
@@ -83,12 +76,12 @@ def found(cost):
             ],
             "uses": [waits.Use(what="wait", measured="1 s", aim="2 s")],
         },
+        "jobs": {"jobs": [JobCost(name="job", processor_s={1: 20.0, 8: 27.0}, serial_s=1.0)]},
         "datasets": {
             "datasets": [
                 BatchCost(
                     name=name, scans=4, seconds={1: [4.0, 6.0], 2: [2.0, 4.0]},
-                    apart_s=[5.0, 8.0], disk_bytes=10, processor_s={1: 20.0, 8: 27.0},
-                    serial_s=1.0,
+                    apart_s=[5.0, 8.0], disk_bytes=10,
                 )
                 for name in ("first", "second")
             ],
@@ -112,10 +105,7 @@ def test_the_plan_and_the_tables_of_a_scan_are_small():
 
 
 def test_what_is_serial_bounds_the_speed_up():
-    batch = BatchCost(
-        name="d", scans=4, seconds={}, apart_s=[], disk_bytes=1, processor_s={1: 20.0, 8: 34.0},
-        serial_s=2.0,
-    )  # fmt: skip
+    batch = JobCost(name="d", processor_s={1: 20.0, 8: 34.0}, serial_s=2.0)
     assert batch.each_job_s == 2.0
     assert batch.speed_up(1) == 1.0
     assert batch.speed_up(2) == pytest.approx(20 / (4 + 8))
@@ -134,7 +124,7 @@ def test_the_page_puts_ratios_first(cost, found, tmp_path):
     assert "| p | 9 | 0.500 s | 0.125 s | 2.00 × | 4.00 × |" in text
     assert "| i | lz4 | 2.0 × | 2.0 × | 0.50 |" in text
     assert "| seven flaws into p | 0.50 s | 0.3 s |" in text
-    assert "| second | 20.0 s | 1.0 s, 5% | 1.00 s, 5.0% | 1.82 × | 4.71 × |" in text
+    assert "| job | 20.0 s | 1.0 s, 5% | 1.00 s, 5.0% | 1.82 × | 4.71 × |" in text
     assert "| 24 × 32 | " in text.split("a hundred million scans, on paper")[1]
     assert "| 833 min, 100 GB | 10 GB |" in text
     assert "VTK skipped: No module named 'vtkmodules'" in text
@@ -166,8 +156,7 @@ def test_a_section_alone_leaves_the_others_as_they_were(found):
 def test_the_page_on_scaling_is_filled_and_can_be_filled_again(cost, found):
     text = (HOME / "docs" / "scaling.md").read_text(encoding="utf-8")
     batch = BatchCost(
-        name="d", scans=4, seconds={1: [4.0], 2: [2.0]}, apart_s=[4.0], disk_bytes=10,
-        processor_s={1: 20.0, 8: 27.0}, serial_s=1.0,
+        name="d", scans=4, seconds={1: [4.0], 2: [2.0]}, apart_s=[4.0], disk_bytes=10
     )
     found["scans"].facts["scans"] = [cost]
     found["datasets"].facts.update({"datasets": [batch, batch], "dask_s": 7.25})
