@@ -156,7 +156,8 @@ def check_fits(datasheet: Datasheet, recording: Recording, notes: list[str]) -> 
             f"{recording.name}: {(~inside).sum()} readings outside the working range count as "
             "missing"
         )
-    if recording.depth_mm.shape[1] != datasheet.points_per_profile:
+    placed = recording.x_mm is not None or recording.ray_x_mm is not None
+    if not placed and recording.depth_mm.shape[1] != datasheet.points_per_profile:
         notes.append(
             f"{recording.name}: {recording.depth_mm.shape[1]} points a profile, the sensor's file "
             f"says {datasheet.points_per_profile}: taken as spread over the same field of view"

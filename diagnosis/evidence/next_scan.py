@@ -122,10 +122,12 @@ def next_scans(
             if rival not in by_name:
                 continue
             odds = _added(member, by_name[rival].at, found, gram)
-            out.append(NextScan(
-                scan=scan, between=(member.candidate.effect, by_name[rival].effect or rival),
-                expected_log_odds=odds,
-            ))  # fmt: skip
+            if odds > 0:
+                one, other = member.candidate, by_name[rival]
+                out.append(NextScan(
+                    scan=scan, between=(one.effect or one.name, other.effect or other.name),
+                    expected_log_odds=odds,
+                ))  # fmt: skip
     return tuple(sorted(out, key=lambda s: -s.expected_log_odds))
 
 

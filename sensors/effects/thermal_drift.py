@@ -32,7 +32,7 @@ class ThermalDrift(AdditiveEffect):
     source: ClassVar = "First-order warming, 5 to 100 µm over minutes"
     statement: ClassVar = (
         "The depth drifts towards {amplitude_um:.0f} µm with a time constant of "
-        "{time_constant_s:.0f} s as the instrument warms up."
+        "{time_constant_s:.4g} s as the instrument warms up."
     )
     channels: ClassVar = ("mean",)
     frame: ClassVar = "time"

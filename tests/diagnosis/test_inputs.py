@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from diagnosis.diagnose import diagnose
-from diagnosis.inputs import check_marks
+from diagnosis.inputs import check_fits, check_marks
 from files.errors import RecipeError
 from sensors.surface.surface import Surface
 from tests.support.small_parts import datasheet, part, record
@@ -71,3 +71,13 @@ def test_a_plane_seen_without_noise_and_stray_readings_are_no_marks() -> None:
     check_marks(sheet, replace(made, depth_mm=depth))
     depth[0, :3] = sheet.depth_max_mm + np.array([1.0, 2.0, 3.0])
     check_marks(sheet, replace(made, depth_mm=depth))
+
+
+def test_columns_that_a_recording_places_are_not_spread_over_the_field_of_view() -> None:
+    sheet = dataclasses.replace(datasheet(60), columns="even_x")
+    made = record(part("domes"), sheet, [], name="r", seed=0, profiles=40, pitch_mm=0.7)
+    window = replace(made, depth_mm=made.depth_mm[:, 10:50], x_mm=None)
+    for x_mm, count in ((None, 1), (np.linspace(-10.0, 10.0, 40), 0)):
+        notes: list[str] = []
+        check_fits(sheet, replace(window, x_mm=x_mm), notes)
+        assert len(notes) == count

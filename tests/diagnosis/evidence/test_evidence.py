@@ -157,3 +157,21 @@ def test_a_turn_tells_the_part_from_the_sensor() -> None:
     slower = next(v for k, v in odds.items() if "slowly" in k)
     assert quarter > slower
     assert list(odds.values()) == sorted(odds.values(), reverse=True)
+
+
+def test_a_scan_is_proposed_by_names_and_where_it_adds_evidence() -> None:
+    one = ready([{"name": "line_bow", "sag_um": 40.0}], 7)
+    patches = [replace(p, fit=p.fit | True) for p in one.patches if p.recording == 0]
+    now = seen(patches, one.noise, Model())
+    member = next(m for m in assessed_mean(now, {}).mean)
+    nameless = replace(
+        member, candidate=replace(member.candidate, effect=""),
+        shares={member.candidate.name: 0.6, "column_offset": 0.4},
+    )  # fmt: skip
+    scans = next_scans([nameless], now, one.recorded, one.placed, one.noise)
+    assert {s.between for s in scans} == {(member.candidate.name, "column_offset")}
+    # free values of profiles follow whatever a step does, in any scan
+    step = next(c for c in now.candidates if c.name == "step of the offsets")
+    free = {step.name: 0.6, "free offsets of profiles": 0.4}
+    nested = replace(nameless, candidate=step, shares=free)
+    assert not next_scans([nested], now, one.recorded, one.placed, one.noise)

@@ -208,3 +208,9 @@ def test_form_moves_what_it_displaces_along_the_ray(view_of):
     v = (slanted.part_mm[..., 1] + 150.0) / 300.0
     expected = -0.1 * np.cos(np.pi * v) / math.cos(0.5)
     assert np.allclose(effect.signature(slanted)[slanted.valid], expected[slanted.valid], atol=1e-9)
+
+
+def test_a_drift_faster_than_a_second_is_told_with_its_time_constant():
+    told = ThermalDrift(amplitude_um=12.0, time_constant_s=0.332).describe()
+    assert "0.332 s" in told
+    assert "1200 s" in ThermalDrift(amplitude_um=12.0, time_constant_s=1200.0).describe()
