@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from diagnosis.coordinate_search import step_by_step
 from diagnosis.noise import Field, Mask, mad_sd
 from diagnosis.part_unit import unit_hint
-from diagnosis.pose_derivative import pose_columns, travel_columns, travel_vector, turned_ways
+from diagnosis.pose_derivative import pose_columns, travel_columns, turned_ways
 from files.errors import RecipeError
 from sensors.casting.hits import Hits
 from sensors.casting.laser import Laser
@@ -325,12 +325,16 @@ def any_silhouette(depth_mm: Field, pitch_mm: float) -> bool:
 def open_directions(
     covariance: Field, poses: Field, rays: Laser, depth_mm: Field, pitch_mm: float
 ) -> Field:
-    """Directions (k, 9) in which smooth faces leave a placement open; a unit moves it by 1 mm."""
-    sizes = np.array(
-        [1.0, 1.0, 1.0, *(1 / _reach(poses, rays, depth_mm),) * 3, *(1 / _length(poses),) * 3]
-    )
-    values, vectors = np.linalg.eigh(covariance / np.outer(sizes, sizes))
-    return np.asarray((vectors[:, np.sqrt(values) > OPEN * pitch_mm] * sizes[:, None]).T)
+    """Directions (k, 9) in which smooth faces leave a placement open; a unit moves it by 1 mm.
+
+    Of where the part lies, for a travel as it is: silhouettes at both ends of a bar would stretch
+    the travel to make up for a part that lies elsewhere.
+    """
+    sizes = np.array([1.0, 1.0, 1.0, *(1 / _reach(poses, rays, depth_mm),) * 3])
+    lies = np.linalg.inv(np.linalg.inv(covariance)[:6, :6])
+    values, vectors = np.linalg.eigh(lies / np.outer(sizes, sizes))
+    found = (vectors[:, np.sqrt(values) > OPEN * pitch_mm] * sizes[:, None]).T
+    return np.hstack([found, np.zeros((len(found), 3))])
 
 
 def overlap_fault(scene: Scene, rays: Laser, poses: Field, depth: Field) -> str:
@@ -372,10 +376,6 @@ def _reach(poses: Field, rays: Laser, depth: Field) -> float:
     points = _points(poses, rays, depth)[np.isfinite(depth)]
     spread = points.max(axis=0) - points.min(axis=0)
     return max(0.5 * float(np.sqrt((spread**2).sum())), 1e-3)
-
-
-def _length(poses: Field) -> float:
-    return float(max(np.linalg.norm(travel_vector(poses), axis=1).max(), 1e-3))
 
 
 def _move_all(poses: Field, subset: Field, shift: Field, centre: Field) -> Field:
