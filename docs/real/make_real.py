@@ -231,9 +231,12 @@ def _filled(page: str, name: str, content: str) -> str:
 
 def _commit() -> str:
     asked = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], cwd=HERE, check=True, capture_output=True,
+        ["git", "log", "-1", "--format=%h", "--", "../../diagnosis", "../../sensors"],
+        cwd=HERE,
+        check=True,
+        capture_output=True,
         text=True,
-    )  # fmt: skip
+    )
     return asked.stdout.strip()
 
 
