@@ -135,7 +135,7 @@ def candidates_of(
         known = [one]
         if two.placement is not one.placement:
             known.append(two)
-        if model.effects and is_whole(two.patches, recorded, number):
+        if not model.is_nominal and is_whole(two.patches, recorded, number):
             again = registered_under(model, two.patches[0], recorded, noise)
             known.append(place_at(recorded, number, again))
         places.append(tuple(known))

@@ -82,6 +82,10 @@ class Curve(Effect):
         """Add curves."""
         return type(self)(parts=(*self.parts, *parts))
 
+    def only(self, name: str) -> Self:
+        """Keep the curves of an effect."""
+        return type(self)(parts=tuple(p for p in self.parts if p.component.effect == name))
+
     def without(self, name: str) -> Self:
         """Leave out the curves of an effect."""
         return type(self)(parts=tuple(p for p in self.parts if p.component.effect != name))

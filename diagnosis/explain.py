@@ -287,7 +287,7 @@ def _settled(
     noise: NoiseModel,
 ) -> tuple[Sequence[Patch], Mapping[str, Placement]]:
     """Place recordings anew under a model while that still moves them."""
-    if not model.effects and model.curve.is_null:
+    if model.is_nominal:
         return patches, placed
     for _ in range(SETTINGS.placed):
         before = patches

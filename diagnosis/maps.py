@@ -153,14 +153,14 @@ def map_recording(
     repeated = repeated_rows(recording.depth_mm)
     depth[repeated] = np.nan
     plain = expected(recorded, number, nominal, noise)
-    final = expected(recorded, number, found, noise) if found.model.effects else plain
+    final = plain if found.model.is_nominal else expected(recorded, number, found, noise)
     final = np.where(np.isfinite(plain), final, np.nan)
     changes = _changes(recorded, number, found, noise)
     residual = depth - plain
     score = smoothed_score(residual, changes.sd_mm, noise)
     wrong = (np.isfinite(depth) != np.isfinite(plain)) & (changes.soft < SURE)
     wrong[repeated] = False
-    if found.model.effects:
+    if not found.model.is_nominal:
         mask = departure_mask(changes.departure_mm, changes.lost, usual * changes.noise_mm)
         mask |= _random_losses(found.model, wrong)
     else:
@@ -212,7 +212,8 @@ def _changes(recorded: Recorded, number: int, found: Placed, noise: NoiseModel) 
     out: dict[str, list[Field]] = {
         k: [] for k in ("change", "lost", "sd", "noise", "gone", "soft", "edge")
     }
-    alone: dict[str, list[Mask]] = {e.name: [] for e in effects}
+    causes = model.by_cause(number)
+    alone: dict[str, list[Mask]] = {name: [] for name in causes}
     rigid: list[Field] = []
     samples: list[Field] = []
     for part, view in pieces.views():
@@ -229,9 +230,9 @@ def _changes(recorded: Recorded, number: int, found: Placed, noise: NoiseModel) 
         out["gone"].append(after.p_missing > 0.5)
         out["soft"].append(soft[1].astype(np.float32))
         out["edge"].append(edge)
-        for effect in effects:
-            by_itself = predict(view, (effect,), noise, softness=soft)
-            alone[effect.name].append(_one(before, by_itself))
+        for name, own in causes.items():
+            by_itself = predict(view, own, noise, softness=soft)
+            alone[name].append(_one(before, by_itself))
     whole = {k: np.concatenate(v) for k, v in out.items()}
     departure = whole["change"]
     if effects:

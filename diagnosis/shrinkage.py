@@ -23,7 +23,7 @@ def edge_shares(ws: Workspace, model: Model) -> EdgeShares:
     model = replace(model, effects=tuple(bending_effects(model.effects)), shares=None)
     products, squares = np.zeros(len(STEPS)), np.zeros(len(STEPS))
     count = np.zeros(len(STEPS))
-    if model.effects:
+    if not model.is_nominal:
         moved = ws.placements(model)
         both = zip(ws.patches, ws.predict(Model()), ws.predict(model), ws.masks(), strict=True)
         for patch, plain, full, mask in both:

@@ -75,6 +75,20 @@ class Model:
         laws = effects_for(self.effects, self.own.get(recording, {}))
         return laws if self.curve.is_null else (*laws, self.curve)
 
+    def by_cause(self, recording: int) -> dict[str, tuple[Effect, ...]]:
+        """Laws, and curves beside them or instead of them, by the cause's name."""
+        out: dict[str, tuple[Effect, ...]] = {
+            e.name: (e,) for e in effects_for(self.effects, self.own.get(recording, {}))
+        }
+        for name in dict.fromkeys(p.component.effect for p in self.curve.parts):
+            out[name] = (*out.get(name, ()), self.curve.only(name))
+        return out
+
+    @property
+    def is_nominal(self) -> bool:
+        """Whether nothing is added to the nominal model."""
+        return not self.effects and self.curve.is_null
+
     def refitting(self, name: str) -> "Model":
         """Take out an effect whose law is fitted anew: the curve beside it stays."""
         return replace(self.without(name), curve=self.curve)

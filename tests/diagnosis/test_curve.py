@@ -50,6 +50,11 @@ def test_a_cause_goes_with_its_curve_and_is_fitted_anew_beside_it() -> None:
     assert model.without("line_bow").of(0) == ()
     assert model.without("range_scale").curve == model.curve
     assert model.refitting("line_bow").of(0) == (model.curve,)
+    both = model.by_cause(0)
+    assert list(both) == ["line_bow"]
+    assert both["line_bow"] == model.of(0)
+    assert list(replace(model, effects=()).by_cause(0)) == ["line_bow"]
+    assert not replace(model, effects=()).is_nominal
     assert model.key != replace(model, curve=Curve()).key
 
 
@@ -77,5 +82,6 @@ def test_a_bow_of_another_formula_is_a_bow_and_leaves_nothing_behind() -> None:
     assert result.verdict == "explained"
     assert result.model.curve.parts
     assert "curve" in result.effects[0].doubt
+    assert {e for m in result.maps for r in m.regions for e in [r.effect]} <= {"line_bow", ""}
     assert result.after.rms_um < 0.7 * result.before.rms_um
     assert result.after.rms_um == pytest.approx(1e3 * result.noise.sd_mm, rel=0.3)
