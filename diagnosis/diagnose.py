@@ -13,7 +13,7 @@ from diagnosis.delivery import delivered
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.evidence.next_scan import next_scans
 from diagnosis.evidence.population import population
-from diagnosis.explain import Explanation, explain
+from diagnosis.explain import Explanation, disowned, explain
 from diagnosis.finish import averaged_grain, sunken
 from diagnosis.found import FoundEffect, at_limits, found_effects, sheet_with
 from diagnosis.heldout import Judgement, judge
@@ -78,11 +78,16 @@ def diagnose(
         baseline=ready.baseline, withheld=withheld, notes=notes, progress=progress,
     )  # fmt: skip
     model, beside, plain_noise = _against_claims(ready, explanation, withheld)
-    beside += [f for f in by_form if f.name not in withheld]
-    verdict = _verdict(bool(explanation.causes or beside), bool(explanation.strange))
-    described = residual_structure(explanation.strange, explanation.ws, model)
     progress("judging on held-out readings")
     judged = _judged(ready, explanation, refined(explanation.ws, model), plain_noise, notes)
+    if _refuted(explanation, judged):
+        notes.append(REFUTED)
+        explanation = disowned(explanation, ready.patches, ready.placed, ready.noise)
+        model, beside, plain_noise = _against_claims(ready, explanation, withheld)
+        judged = _judged(ready, explanation, model, plain_noise, notes)
+    beside += [f for f in by_form if f.name not in withheld]
+    verdict = _verdict(bool(explanation.causes or beside), bool(explanation.strange))
+    described = residual_structure(explanation.strange, explanation.ws, judged.model)
     found, beside = averaged_grain(judged.found, beside, withheld)
     found = tuple(sorted([*found, *beside], key=lambda f: -f.heldout_gain))
     notes += at_limits(found)
@@ -118,6 +123,19 @@ def diagnose(
         notes=tuple(notes),
         seed=seed,
     )
+
+
+REFUTED = (
+    "with the laws found the held-out readings are less probable than without, by more than the "
+    "fitted ones are more probable: none of them is named"
+)
+
+
+def _refuted(explanation: Explanation, judged: "_Judged") -> bool:
+    """Whether held-out readings say more against the laws than fitted ones say for them."""
+    worse = judged.after.log_score - judged.before.log_score
+    readings = sum(int(p.scored.sum()) for p in judged.nominal.held)
+    return readings * worse > sum(c.nats for c in explanation.causes) and bool(explanation.causes)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

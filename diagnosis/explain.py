@@ -220,6 +220,32 @@ def _with_rates(
     )
 
 
+def disowned(
+    explanation: Explanation,
+    patches: Sequence[Patch],
+    placed: Mapping[str, Placement],
+    noise: NoiseModel,
+) -> Explanation:
+    """Take all laws back: what their components show has no name.
+
+    Parameters
+    ----------
+    patches, placed : the recordings under the nominal model
+    """
+    nameless = tuple(
+        Strange(
+            component=c.name if c.component is None else c.component.name, channel=c.channel,
+            probability=c.probability, nats=c.nats, size=c.size, repeats=c.repeats,
+            relaxed=None if c.component is None else c.component.relaxed,
+        )
+        for c in explanation.causes
+    )  # fmt: skip
+    return replace(
+        explanation, model=Model(), causes=(), strange=(*nameless, *explanation.strange),
+        patches=tuple(patches), placed=placed, ws=fitted_part(patches, noise),
+    )  # fmt: skip
+
+
 def _good(
     population: Population,
     first: Seen,

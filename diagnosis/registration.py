@@ -5,6 +5,7 @@ edges and creases down-weighted; directions that smooth faces leave open are the
 silhouettes, if there are any. The same columns are projected out of every later test.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from diagnosis.coordinate_search import step_by_step
 from diagnosis.noise import Field, Mask, mad_sd
 from diagnosis.part_unit import unit_hint
-from diagnosis.pose_derivative import pose_columns, travel_columns, turned_ways
+from diagnosis.pose_derivative import pose_columns, travel_columns, travel_vector, turned_ways
 from files.errors import RecipeError
 from sensors.casting.hits import Hits
 from sensors.casting.laser import Laser
@@ -268,10 +269,15 @@ def _settle_by_edges(
 ) -> Field:
     """Let silhouettes, if there are any, settle what smooth faces leave open.
 
-    They do where the readings prefer one place clearly.
+    They do where the readings prefer one place clearly: first where the part lies, then how the
+    sensor travels. At once, both ends of a bar would stretch the travel to make up for a part that
+    lies elsewhere.
     """
-    directions = open_directions(covariance, poses, rays, depth, pitch)
-    if not len(directions):
+    opened = [
+        open_directions(covariance, poses, rays, depth, pitch, travels=travels)
+        for travels in (False, True)
+    ]
+    if not len(opened[1]):
         return start
     hits = scene.cast(rays, moved := move(poses, start, centre))
     if not any_silhouette(hits.depth_mm, pitch):
@@ -286,8 +292,7 @@ def _settle_by_edges(
     # faces that are bent don't tell where they end
     cap = max(10 * sd_mm, STEP * pitch, 2 * mad_sd(away))
 
-    def cost(steps: Field) -> float:
-        shift = start + steps @ directions
+    def cost(shift: Field) -> float:
         hits = scene.cast(rays, move(poses, shift, centre))
         seen = np.isfinite(hits.depth_mm)
         both = known & seen
@@ -296,12 +301,26 @@ def _settle_by_edges(
         prior = float((shift / PRIOR_SD) @ (shift / PRIOR_SD))
         return wrong + 0.5 * prior
 
-    # silhouettes make the cost piecewise
-    best, gained = step_by_step(cost, len(directions), [k * pitch for k in REACHES])
+    for directions in opened:
+        start = _searched(cost, start, directions, pitch)
+    return start
+
+
+def _searched(
+    cost: Callable[[Field], float], start: Field, directions: Field, pitch: float
+) -> Field:
+    """Follow a piecewise cost along directions where that saves enough."""
+    if not len(directions):
+        return start
+
+    def there(steps: Field) -> float:
+        return cost(start + steps @ directions)
+
+    best, gained = step_by_step(there, len(directions), [k * pitch for k in REACHES])
     if gained < LEAST_SETTLED:
         return start
     polished = minimize(
-        cost,
+        there,
         best,
         method="Nelder-Mead",
         options={
@@ -323,18 +342,28 @@ def any_silhouette(depth_mm: Field, pitch_mm: float) -> bool:
 
 
 def open_directions(
-    covariance: Field, poses: Field, rays: Laser, depth_mm: Field, pitch_mm: float
+    covariance: Field,
+    poses: Field,
+    rays: Laser,
+    depth_mm: Field,
+    pitch_mm: float,
+    *,
+    travels: bool = True,
 ) -> Field:
     """Directions (k, 9) in which smooth faces leave a placement open; a unit moves it by 1 mm.
 
-    Of where the part lies, for a travel as it is: silhouettes at both ends of a bar would stretch
-    the travel to make up for a part that lies elsewhere.
+    Parameters
+    ----------
+    travels : whether the travel may be another; else where the part lies, for a travel as it is
     """
-    sizes = np.array([1.0, 1.0, 1.0, *(1 / _reach(poses, rays, depth_mm),) * 3])
-    lies = np.linalg.inv(np.linalg.inv(covariance)[:6, :6])
-    values, vectors = np.linalg.eigh(lies / np.outer(sizes, sizes))
+    sizes = np.array(
+        [1.0, 1.0, 1.0, *(1 / _reach(poses, rays, depth_mm),) * 3, *(1 / _length(poses),) * 3]
+    )
+    if not travels:
+        covariance, sizes = np.linalg.inv(np.linalg.inv(covariance)[:6, :6]), sizes[:6]
+    values, vectors = np.linalg.eigh(covariance / np.outer(sizes, sizes))
     found = (vectors[:, np.sqrt(values) > OPEN * pitch_mm] * sizes[:, None]).T
-    return np.hstack([found, np.zeros((len(found), 3))])
+    return np.hstack([found, np.zeros((len(found), 9 - len(sizes)))])
 
 
 def overlap_fault(scene: Scene, rays: Laser, poses: Field, depth: Field) -> str:
@@ -376,6 +405,10 @@ def _reach(poses: Field, rays: Laser, depth: Field) -> float:
     points = _points(poses, rays, depth)[np.isfinite(depth)]
     spread = points.max(axis=0) - points.min(axis=0)
     return max(0.5 * float(np.sqrt((spread**2).sum())), 1e-3)
+
+
+def _length(poses: Field) -> float:
+    return float(max(np.linalg.norm(travel_vector(poses), axis=1).max(), 1e-3))
 
 
 def _move_all(poses: Field, subset: Field, shift: Field, centre: Field) -> Field:

@@ -138,16 +138,20 @@ def test_a_noisy_face_still_says_where_the_part_lies() -> None:
     assert off() > 0.01
 
 
-def test_silhouettes_say_where_a_part_lies_and_not_how_the_sensor_travels() -> None:
+def test_silhouettes_say_where_a_part_lies_before_how_the_sensor_travels() -> None:
     """A bar that smooth faces leave open along the travel, whose length they leave open, too."""
     laser = Laser.from_datasheet(datasheet(40))
     place = poses(20)
-    unsure = np.diag(np.where(np.isin(np.arange(9), [1, 6]), PRIOR_SD, 1e-6 * PRIOR_SD) ** 2)
-    (found,) = open_directions(unsure, place, laser, np.full((20, 40), 100.0), 0.3)
+    share = np.full(9, 1e-6)
+    share[[1, 6]] = 1.0, 30.0
+    unsure = np.diag((share * PRIOR_SD) ** 2)
+    depth = np.full((20, 40), 100.0)
+    assert len(open_directions(unsure, place, laser, depth, 0.3)) == 2
+    (found,) = open_directions(unsure, place, laser, depth, 0.3, travels=False)
     assert np.abs(found[1]) == pytest.approx(1.0)
     assert found[6:] == pytest.approx([0.0, 0.0, 0.0])
     together = unsure.copy()
     together[1, 6] = together[6, 1] = 0.99999 * np.sqrt(unsure[1, 1] * unsure[6, 6])
     # for a given travel the bar's place is known to a hundredth of what it is otherwise
-    (given,) = open_directions(together, place, laser, np.full((20, 40), 100.0), 0.3)
+    (given,) = open_directions(together, place, laser, depth, 0.3, travels=False)
     assert np.abs(given[1]) == pytest.approx(1.0)
