@@ -26,6 +26,8 @@ Turns = Mapping[str, Floats]
 """For each component's name, how its columns are combined."""
 IMITATED = 1e-6
 """Energy per reading below which a component is what a placement imitates: nothing is left."""
+ROUNDED = 1e-9
+"""Share of a column's energy below which what a placement leaves of it is rounding."""
 AT_ONCE = 16_000
 """Readings whose products are summed at once: memory stays flat."""
 NEAR = 5
@@ -238,13 +240,18 @@ class _Sums:
         )  # fmt: skip
 
     def beyond_placement(self) -> tuple[Floats, Floats, int]:
-        """Project out the placement, whose numbers have a prior of unit variance."""
+        """Project out the placement, whose numbers have a prior of unit variance.
+
+        What is left of a column that the placement imitates is rounding, and becomes zero.
+        """
         solved = np.linalg.solve(
             np.eye(len(self.pp)) + self.pp, np.column_stack([self.px, self.py])
         )
+        left = self.xx - self.px.T @ solved[:, :-1]
+        real = np.diag(left) > ROUNDED * np.diag(self.xx)
         return (
-            self.xx - self.px.T @ solved[:, :-1], self.xy - self.px.T @ solved[:, -1], self.count
-        )  # fmt: skip
+            left * real * real[:, None], (self.xy - self.px.T @ solved[:, -1]) * real, self.count
+        )
 
 
 def turns_of(bulk: Gram, whole: Gram) -> dict[str, Floats]:

@@ -112,9 +112,7 @@ class Posterior:
         ])
         pulls = [s * t.of_rows(found.right) for t, s in active]
         h = np.concatenate([d * right, *pulls])
-        # sums over float32 columns are good to seven digits
-        a[np.diag_indices_from(a)] *= 1 + ROUNDING
-        self._factor = linalg.cho_factor(a, lower=True, overwrite_a=True, check_finite=False)
+        self._factor = _factored(a)
         self._solved = linalg.cho_solve(self._factor, h, check_finite=False)
         self._cavities: dict[bytes, Cavity] = {}
         self._found, self._d, self._changes, self._active = found, d, changes, tuple(active)
@@ -152,3 +150,21 @@ class Posterior:
             information=0.5 * (information + information.T),
             pull=term.of_rows(self._found.right) - u.T @ self._solved,
         )
+
+
+def _factored(precision: Floats) -> tuple[Floats, bool]:
+    """Cholesky factor of a precision whose sums are good to seven digits, or to fewer."""
+    rounding = ROUNDING
+    while True:
+        raised = precision.copy()
+        raised[np.diag_indices_from(raised)] *= 1 + rounding
+        try:
+            factor, lower = linalg.cho_factor(
+                raised, lower=True, overwrite_a=True, check_finite=False
+            )
+        except linalg.LinAlgError:
+            if rounding >= 1:
+                raise
+            rounding *= 10
+        else:
+            return factor, lower

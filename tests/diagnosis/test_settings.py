@@ -15,7 +15,7 @@ from sensors.effects import CATALOGUE
 ROOT = Path(diagnosis.__file__).parent
 FILES = sorted([*(ROOT / "evidence").glob("*.py"), *(ROOT / "components").glob("*.py")])
 FORM = {"COMB", "REACH", "LEFT", "NEAR", "ROUNDING", "IMITATED", "STEPS", "SETTLED", "SPREADS",
-        "AT_ONCE", "SPARSE", "TRAVEL", "BLOCK", "SURROUNDINGS",
+        "AT_ONCE", "ROUNDED", "SPARSE", "TRAVEL", "BLOCK", "SURROUNDINGS",
         "MOST_RAISED"}  # fmt: skip
 """Constants of arithmetic: how a sum is formed, when an iteration ends."""
 
