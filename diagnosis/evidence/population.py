@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 Floats = NDArray[np.float64]
-SPREADS = (0.2, 0.35, 0.5, 0.7, 1.0, 1.4)
+SPREADS = (0.5, 0.7, 1.0)
 """Standard deviations of the logarithm of the size among good instruments that are weighed."""
 
 
@@ -84,44 +84,35 @@ def population() -> Population:
 def learnt(kinds: Sequence[Sequence[Mapping[str, Floats]]]) -> list[dict[str, Floats]]:
     """Probability of each size of each component, by kinds of instruments.
 
-    Sizes are lognormal among the instruments of a kind. Each component has a median of its own,
-    which before any instrument is the less probable the larger it is, as its inverse: what no
-    recording of the population could show isn't taken for usual. How far instruments scatter is one
-    number for all components, told by those that stand clear of the noise. Both are averaged over
-    their posterior.
+    Sizes are lognormal among the instruments of a kind. Median and spread are averaged over their
+    posterior. Before any instrument a median is the less probable the larger it is, as its inverse:
+    what no recording of the population could show isn't taken for usual.
 
     Parameters
     ----------
     kinds : of each kind, each instrument's log factors of sizes, by component
     """
-    by_kind = []
+    out = []
     for instruments in kinds:
         found: dict[str, list[Floats]] = {}
         for factors in instruments:
             for name, own in factors.items():
                 found.setdefault(name, []).append(own)
-        by_kind.append({name: _by_spread(np.stack(own)) for name, own in found.items()})
-    nats = np.sum([n for found in by_kind for n, _ in found.values()], axis=0)
-    spread = np.exp(nats - logsumexp(nats))
-    return [{name: spread @ weights for name, (_, weights) in found.items()} for found in by_kind]
+        out.append({name: _mixed(np.stack(own)) for name, own in found.items()})
+    return out
 
 
-def _by_spread(log: Floats) -> tuple[Floats, Floats]:
-    """Log evidence (spreads,) and weights (spreads, sizes), medians averaged.
-
-    Parameters
-    ----------
-    log : (instruments, sizes) log factors of one component
-    """
+def _mixed(log: Floats) -> Floats:
+    """Probability of each size (sizes,), from log factors (instruments, sizes)."""
     steps = np.arange(log.shape[1], dtype=np.float64)
+    middles = np.arange(-2.0, log.shape[1], 0.5)
     nats, weights = [], []
     for spread in SPREADS:
-        middles = np.arange(-2.0, log.shape[1], 0.5)
         w = np.exp(-0.5 * np.square((steps - middles[:, None]) * np.log(2.0) / spread))
         w = np.maximum(w / np.maximum(w.sum(axis=1, keepdims=True), 1e-300), 1e-300)
         w /= w.sum(axis=1, keepdims=True)
         own = logsumexp(log[None] + np.log(w)[:, None], axis=2).sum(axis=1)
-        own = own - np.log(2.0) * middles
-        nats.append(float(logsumexp(own)))
-        weights.append(np.exp(own - logsumexp(own)) @ w)
-    return np.array(nats), np.stack(weights)
+        nats.append(own - np.log(2.0) * middles)
+        weights.append(w)
+    posterior = np.concatenate(nats)
+    return np.asarray(np.exp(posterior - logsumexp(posterior)) @ np.concatenate(weights))

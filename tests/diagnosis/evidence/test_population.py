@@ -35,15 +35,6 @@ def test_good_instruments_without_a_departure_have_none() -> None:
     assert weights[SIZES > 0.05].sum() < 0.01
 
 
-def test_how_far_instruments_scatter_is_told_by_those_that_show_it() -> None:
-    """What is below the noise scatters as what stands clear of it does."""
-    rng = np.random.default_rng(1)
-    clear = 0.2 * np.exp(0.3 * rng.standard_normal(30))
-    both = [{"clear": seen_as(float(s)), "faint": seen_as(0.004)} for s in clear]
-    alone = learnt([[{"faint": seen_as(0.004)}] * 30])[0]["faint"]
-    assert learnt([both])[0]["faint"][SIZES > 0.03].sum() < alone[SIZES > 0.03].sum()
-
-
 def of_two(names: tuple[str, ...] = ("bow", "lens", "slips")) -> Population:
     """A kind of instruments that are perfect, and one of which each has a tenth of everything."""
     perfect, usual = (learnt([[{"bow": seen_as(s)}] * 20])[0]["bow"] for s in (1e-5, 0.1))
