@@ -22,10 +22,21 @@ LEAST_COUNTS = 20
 
 
 def delivered(
-    recordings: Sequence[Recording], sheet: Datasheet, notes: list[str]
+    recordings: Sequence[Recording],
+    sheet: Datasheet,
+    notes: list[str],
+    baselines: Sequence[Recording] = (),
 ) -> list[FoundEffect]:
-    """Name what the readings' own form shows, and note it."""
-    return [*_repeats(recordings, notes), *_steps(recordings, sheet, notes)]
+    """Name what the readings' own form shows, and note it.
+
+    Parameters
+    ----------
+    baselines : of the instrument when it was good: what they show, too, is no fault
+    """
+    found = [*_repeats(recordings, notes), *_steps(recordings, sheet, notes)]
+    usual = {f.name for f in delivered(baselines, sheet, [])} if baselines else set()
+    notes += [f"{f.name}: the baselines have it, too" for f in found if f.name in usual]
+    return [f for f in found if f.name not in usual]
 
 
 def _repeats(recordings: Sequence[Recording], notes: list[str]) -> list[FoundEffect]:

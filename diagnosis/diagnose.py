@@ -71,7 +71,7 @@ def diagnose(
         ),
         notes, progress,
     )  # fmt: skip
-    by_form = delivered(ready.recorded.recordings, datasheet, notes)
+    by_form = delivered(ready.recorded.recordings, datasheet, notes, baselines)
     usual_sizes = population()
     explanation = explain(
         ready.patches, ready.noise, ready.recorded, ready.placed, usual_sizes,

@@ -53,3 +53,11 @@ def test_a_stray_repeated_profile_is_noted_alone() -> None:
     notes: list[str] = []
     assert delivered([replace(made, depth_mm=depth)], datasheet(60), notes) == []
     assert "1 of 200 profiles" in notes[0]
+
+
+def test_what_a_good_instrument_delivers_is_no_fault(plain: Recording) -> None:
+    coarse = replace(plain, depth_mm=np.round(plain.depth_mm / 0.05) * 0.05)
+    notes: list[str] = []
+    assert delivered([coarse], datasheet(100), notes, [coarse]) == []
+    assert "axis_quantisation: the baselines have it, too" in notes
+    assert len(delivered([coarse], datasheet(100), [], [plain])) == 1
