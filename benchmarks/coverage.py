@@ -59,7 +59,7 @@ def simulate(name: str, entry: Entry, seed: int) -> Iterator[Held]:
     truth = effect_of(dict(entry))
     ws = workspace(case, entry, seed)
     states = ws.states(ws.predict(Model()))
-    fitted = fit_effect(type(truth), ws, Model(), (), states, start=truth)
+    fitted = fit_effect(type(truth), ws, Model(), states, start=truth)
     if fitted is None or fitted.effect.is_null:
         return
     model = refined(ws, ws.levelled(Model().with_effect(fitted.effect, fitted.own)))

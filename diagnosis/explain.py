@@ -136,7 +136,8 @@ def explain(
         if further is None:
             break
         state = further
-    channels = channels_seen(fitted_part(state.patches, noise).patches, noise, state.model, first)
+    ws = fitted_part(state.patches, noise)
+    channels = channels_seen(ws.patches, noise, state.model, first)
     named, odd = reported(assessed_rates(channels, scales, withheld=withheld))
     state = _with_rates(state, without_kin(named, state.names), noise, notes, progress)
     return Explanation(

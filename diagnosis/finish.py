@@ -303,7 +303,7 @@ def sunken(
     if not falls or VolumeScattering.name in {*withheld, *model.names()}:
         return model
     states = ws.states(ws.predict(model))
-    fitted = fit_effect(VolumeScattering, ws, model, (), states, masks=ws.masks())
+    fitted = fit_effect(VolumeScattering, ws, model, states, masks=ws.masks())
     if fitted is None or fitted.effect.is_null or fitted.gain <= 0:
         return model
     return model.with_effect(fitted.effect, fitted.own)

@@ -15,7 +15,7 @@ from scipy.optimize import minimize
 
 from diagnosis.linear import Fitted, has_fields, is_linear, solve_linear
 from diagnosis.noise import Field, Mask
-from diagnosis.prediction import Prediction, starting
+from diagnosis.prediction import starting
 from diagnosis.rangewise import strongest_rows
 from diagnosis.score import Whitened
 from diagnosis.workspace import Model, Workspace
@@ -45,7 +45,6 @@ def fit_effect(
     kind: type[Effect],
     ws: Workspace,
     model: Model,
-    base: Sequence[Prediction],
     states: Sequence[Whitened],
     *,
     masks: Sequence[Mask] | None = None,

@@ -56,8 +56,7 @@ def fit_law(
 ) -> Fitted | None:
     """Fit one law beside a model; None where it can't act on these recordings."""
     kind = CATALOGUE[cause.name]
-    predictions = ws.predict(model)
-    states = ws.states(predictions)
+    states = ws.states(ws.predict(model))
     starts: list[Effect | None] = [None]
     if cause.repeats > 0 and cause.component is not None:
         relaxed = cause.component.relaxed
@@ -70,7 +69,7 @@ def fit_law(
             for p in [base.parameter(name)]
         ] or starts
     found = [
-        fit_effect(kind, ws, model, predictions, states, start=start, polish=polish)
+        fit_effect(kind, ws, model, states, start=start, polish=polish)
         for start in starts
     ]
     return max((f for f in found if f is not None), key=lambda f: f.gain, default=None)
@@ -80,11 +79,9 @@ def refit(ws: Workspace, model: Model) -> Model:
     """Refit each effect in turn with the others in place."""
     for effect in model.effects:
         rest = model.refitting(effect.name)
-        predictions = ws.predict(rest)
         fitted = fit_effect(
-            type(effect), ws, rest, predictions, ws.states(predictions), start=effect.shared(),
-            polish=True,
-        )  # fmt: skip
+            type(effect), ws, rest, ws.states(ws.predict(rest)), start=effect.shared(), polish=True
+        )
         if fitted is not None and not fitted.effect.is_null:
             model = ws.levelled(rest.with_effect(fitted.effect, fitted.own))
     return model
@@ -97,7 +94,7 @@ def refit_linear(ws: Workspace, model: Model) -> Model:
         if not is_linear(effect, ws):
             continue
         fitted = fit_effect(
-            type(effect), ws, rest, (), ws.states(ws.predict(rest)), start=effect, polish=False
+            type(effect), ws, rest, ws.states(ws.predict(rest)), start=effect, polish=False
         )
         if fitted is not None and not fitted.effect.is_null:
             model = rest.with_effect(fitted.effect, fitted.own)

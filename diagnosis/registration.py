@@ -157,7 +157,7 @@ def register(
     RecipeError
         Where the recording and the part don't overlap or are of different units.
     """
-    rows, columns = _subset(recording.depth_mm.shape, valid)
+    rows, columns = _subset(recording.depth_mm.shape)
     pick = np.ix_(rows, columns)
     poses = recording.poses[rows]
     rays = Laser(x_mm=laser.x_mm[columns], slope_x=laser.slope_x[columns])
@@ -187,7 +187,7 @@ def check_meets(scene: Scene, recording: Recording, laser: Laser, *, valid: Mask
     RecipeError
         Where too few of its rays meet the part, or it would fit in another unit.
     """
-    rows, columns = _subset(recording.depth_mm.shape, valid)
+    rows, columns = _subset(recording.depth_mm.shape)
     pick = np.ix_(rows, columns)
     rays = Laser(x_mm=laser.x_mm[columns], slope_x=laser.slope_x[columns])
     depth = np.where(valid[pick], recording.depth_mm[pick], np.nan)
@@ -382,7 +382,7 @@ def overlap_fault(scene: Scene, rays: Laser, poses: Field, depth: Field) -> str:
     )
 
 
-def _subset(shape: tuple[int, ...], valid: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _subset(shape: tuple[int, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     share = np.sqrt(max(shape[0] * shape[1] / SUBSET, 1.0))
     row_step = int(np.clip(np.ceil(share), 1, max(shape[0] // 40, 1)))
     column_step = int(np.clip(np.ceil(shape[0] * shape[1] / SUBSET / row_step), 1, shape[1] // 2))

@@ -15,7 +15,7 @@ BOW = LineBow(sag_um=40.0)
 
 def fitted(ws: Workspace, kind: type[Effect], start: Effect | None = None) -> Effect | None:
     predictions = ws.predict(Model())
-    found = fit_effect(kind, ws, Model(), predictions, ws.states(predictions), start=start)
+    found = fit_effect(kind, ws, Model(), ws.states(predictions), start=start)
     return None if found is None else found.effect
 
 

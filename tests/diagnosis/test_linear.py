@@ -44,11 +44,10 @@ def test_a_form_has_the_waves_that_readings_bear() -> None:
     sizes = {(2, 0): 60.0, (4, 0): 40.0, (5, 0): 40.0}
     true = FormError(coefficients_um=tuple(sizes.get(o, 0.0) for o in orders(20)))
     there = taken_with(bench_workspace("wedge"), "wedge", true)
-    predictions = there.predict(Model())
-    states = there.states(predictions)
+    states = there.states(there.predict(Model()))
     few = FormError(coefficients_um=(0.0,) * 14)
     found, without = (
-        fit_effect(FormError, there, Model(), predictions, states, start=start)
+        fit_effect(FormError, there, Model(), states, start=start)
         for start in (None, few)
     )
     assert found is not None

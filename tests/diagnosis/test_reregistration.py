@@ -145,7 +145,7 @@ def test_a_strong_reflection_is_fitted_beyond_what_is_linear(ws: Workspace) -> N
 
     quick, found = (
         fit_effect(
-            Interreflection, there, model, predictions, there.states(predictions), polish=polish
+            Interreflection, there, model, there.states(predictions), polish=polish
         )
         for polish in (False, True)
     )
