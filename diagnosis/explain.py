@@ -14,7 +14,7 @@ from diagnosis.evidence.population import Population
 from diagnosis.evidence.seen import Seen, channels_seen, seen
 from diagnosis.noise import Field, NoiseModel
 from diagnosis.patch import Patch
-from diagnosis.physics import assumed_sheets, fit_laws, refit, seen_by
+from diagnosis.physics import assumed_sheets, fit_laws, refit, seen_by, strongest_law
 from diagnosis.recorded import Recorded
 from diagnosis.registration import Placement
 from diagnosis.remainder import curves_of, remainder
@@ -159,7 +159,9 @@ def _further(
 
     One law at a time: what it leaves isn't what the others would have to explain.
     """
-    new = without_kin(named, state.names)[:1]
+    new = without_kin(named, state.names)
+    if len(new) > 1:
+        new = [strongest_law(new, fitted_part(state.patches, noise), state.model)]
     rest = remainder(found, set(state.names) - curved(state.model))
     if rest is not None and all(rest.size >= c.size for c in new):
         curve = state.model.curve.beside(curves_of(rest, state.now, noise.sd_mm))

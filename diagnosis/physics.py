@@ -75,6 +75,20 @@ def fit_law(
     return max((f for f in found if f is not None), key=lambda f: f.gain, default=None)
 
 
+def strongest_law(causes: Sequence[Cause], ws: Workspace, model: Model) -> Cause:
+    """Return the cause whose law alone, at a point of its grid, makes the readings most probable.
+
+    Where a signal is many times the noise, free curves share it in ways that no law could.
+    """
+    few = ws.thin(SETTINGS.fitted_readings)
+
+    def gain(cause: Cause) -> float:
+        fitted = fit_law(cause, few, model, polish=False)
+        return -np.inf if fitted is None else fitted.gain - fitted.free
+
+    return max(causes, key=gain)
+
+
 def refit(ws: Workspace, model: Model) -> Model:
     """Refit each effect in turn with the others in place."""
     for effect in model.effects:
