@@ -1,5 +1,6 @@
 """What the maker of an instrument states: its file, with what it always does as effects."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -63,19 +64,28 @@ def noise_on_plane(
     return float(rest.std())
 
 
-def noise_law(device: Instrument, rng: np.random.Generator) -> NoiseLaw:
+def noise_law(measured_mm: Callable[[float, float, int], float], level: float = 0.0) -> NoiseLaw:
     """Fit the noise on plates tilted along the line and along the travel, common slopes first.
 
     Reference plates give the level of flat ones to everybody, so the fit starts from there.
+
+    Parameters
+    ----------
+    measured_mm
+        Noise of a plate of slopes dz/dx and dz/dy in the sensor's frame, over so many profiles.
+    level
+        Slope dz/dy at which reference plates are seen.
     """
-    flat = noise_on_plane(device, 0.0, 0.0, 150, rng)
+    flat = measured_mm(0.0, level, 150)
     slopes = np.array(_SLOPES)
-    along = [noise_on_plane(device, s, 0.0, 30, rng) for s in _SLOPES]
-    across = [noise_on_plane(device, 0.0, s, 30, rng) for s in _SLOPES]
+    along = [measured_mm(s, level, 30) for s in _SLOPES]
+    across = [measured_mm(0.0, level + s, 30) for s in _SLOPES]
     measured = np.log(np.concatenate([along, across]) / flat)
-    # log σ / σ0 = exponent log(1 / cos β) + lean dz/dy
-    steep = np.tile(np.log(np.hypot(1, slopes)), 2)
-    design = np.stack([steep, np.concatenate([0 * slopes, slopes])], 1)
+    # log σ / σ0 = exponent log(1 / cos β) + lean dz/dy, less the same of a level plate
+    leaning = np.concatenate([0 * slopes, slopes])
+    sideways = np.concatenate([slopes, 0 * slopes])
+    steep = 0.5 * np.log((1 + sideways**2 + (level + leaning) ** 2) / (1 + level**2))
+    design = np.stack([steep, leaning], 1)
     weight = 1 / (1 + (np.tile(slopes, 2) / _COMMON) ** 2)
     keep = slice(0, 2)
     found = np.linalg.lstsq(design * weight[:, None], measured * weight, rcond=None)[0]
@@ -103,7 +113,7 @@ def usual_effects(
     """
     camera, sheet = device.camera, device.sheet
     still = replace(device, motion=type(device.motion)())
-    law = noise_law(still, rng)
+    law = noise_law(lambda *plate: noise_on_plane(still, *plate, rng))
     grain = camera.amplitude_spread_mm(sheet.wavelength_mm) / np.sqrt(2)
     footprint = float(np.hypot(camera.column_pitch_mm / np.sqrt(12), grain))
     edges = edge_figures(still, rng, along_um=1e3 * footprint)

@@ -45,6 +45,8 @@ class Score:
         The truth is among what was offered; how many names were offered.
     flagged
         The verdict says that physics outside the catalogue is at work.
+    left
+        What has no name: channel and covariate of each.
     iou, recovered
         Overlap of the located region with the true one; share of the oracle's gain, at most 1.
     """
@@ -58,6 +60,7 @@ class Score:
     covered: float
     set_size: int
     flagged: bool
+    left: tuple[str, ...]
     iou: float
     recovered: float
 
@@ -108,7 +111,7 @@ def judge_case(
     gain
         ln(RMS before / RMS after) that the answer reached there.
     """
-    effects = answer["effects"] if answer else []
+    effects, left = ((answer or {}).get(key, []) for key in ("effects", "left"))
     ranked = sorted(effects, key=lambda e: -float(e.get("heldout_gain") or 0))
     reported = tuple(str(e["name"]) for e in ranked if e["name"] != "empirical")
     also = {str(a["name"]) for e in ranked for a in e.get("alternatives", [])}
@@ -147,6 +150,7 @@ def judge_case(
         covered=float(all(accept & set(offered) for accept in sets)) if known else nan,
         set_size=len(offered),
         flagged=verdict in STRANGE,
+        left=tuple(f"{r['channel']} over {r['covariate']}" for r in left),
         iou=iou,
         recovered=float(np.clip(gain / oracle, -1, 1)) if placed and oracle > 0.02 else nan,
     )

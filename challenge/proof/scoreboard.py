@@ -1,5 +1,6 @@
 """The scoreboard of a judged set: figure, value with its count or interval, aim."""
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -82,6 +83,7 @@ def figures(scored: dict[str, Any]) -> list[Figure]:
     rows = [
         (ALARMS, share(_count(nulls, lambda c: c["score"]["alarm"]), len(nulls))),
         *_alarms_by_file(nulls),
+        ("- nulls with each", _given(nulls)),
         (TOP_1, mean(of("one", medium=True), "top_1")),
         ("- of these where the held-out mean tells the oracle", mean(seen, "top_1")),
         ("top-1, weak", mean(weak, "top_1")),
@@ -135,6 +137,14 @@ def _alarms_by_file(nulls: Sequence[Case]) -> list[tuple[str, str]]:
                 with_it = "with" if given else "without"
                 rows.append((f"- {with_it} {text}", f"{alarms} of {len(group)}"))
     return rows
+
+
+def _given(nulls: Sequence[Case]) -> str:
+    """Count the nulls in which each effect, or each thing without a name, was reported."""
+    count = Counter(
+        what for c in nulls for what in {*c["score"]["reported"], *c["score"]["left"]}
+    )
+    return ", ".join(f"{what} {n}" for what, n in count.most_common()) or "none"
 
 
 def _further(undecidable: Sequence[Case]) -> list[tuple[str, str]]:

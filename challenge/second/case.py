@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from challenge.cases import files
 from challenge.cases.case import PLATES, RECORDINGS, Secret
+from challenge.cases.nominal import NoiseLaw
 from challenge.cases.parts import SHAPES, plate, solid_of
 from challenge.cases.seeds import child, number
 from challenge.second.camera import Camera
@@ -18,6 +19,7 @@ from challenge.second.exposures import Exposures
 from challenge.second.facets import Facets
 from challenge.second.firmware import Firmware
 from challenge.second.meshes import MARK, solid_of_file
+from challenge.second.nominal import measured_noise
 from challenge.second.robot import Robot
 from challenge.second.slit import Slit
 from challenge.second.switches import FAULTS
@@ -40,6 +42,7 @@ class Staged:
     plates: tuple[Travel, ...]
     baselines: tuple[Travel, ...]
     left_out: tuple[str, ...]
+    noise_law: NoiseLaw
 
 
 def draw_device(rng: np.random.Generator, *, slow: bool) -> Device:
@@ -132,9 +135,11 @@ def stage(secret: Secret, meshes: Path | None = None) -> Staged:
         size = SIZES[secret.strength] * 2**secret.doubled
         on = fault.apply(on, size, child(secret.seed, "fault", name))
     dropped = child(secret.seed, "file").permutation(OPTIONAL)[: len(OPTIONAL) // 2]
+    good = _calibrated(off, secret.seed)
     return Staged(
-        on=_calibrated(on, secret.seed), off=_calibrated(off, secret.seed), plates=plates,
+        on=_calibrated(on, secret.seed), off=good, plates=plates,
         baselines=tuple(travels[secret.recordings :]), left_out=tuple(sorted(map(str, dropped))),
+        noise_law=measured_noise(good.device, child(secret.seed, "noise law")),
     )  # fmt: skip
 
 
@@ -187,14 +192,15 @@ def write(secret: Secret, staged: Staged, folder: Path) -> None:
         flat = plate(child(secret.seed, "plate"))
         take(off, flat, Facets(), travel, name, number(secret.seed, "specimen", name), np.eye(4))
     files.write_stl(folder / "part.stl", off.nominal)
-    stated = datasheet(on.device if "coarse chip" in secret.switches else off.device, on.travels[0])
+    device = on.device if "coarse chip" in secret.switches else off.device
+    stated = datasheet(device, on.travels[0], staged.noise_law)
     files.write_yaml(
         folder / "sensor.yaml", {k: v for k, v in stated.items() if k not in staged.left_out}
     )
 
 
-def datasheet(device: Device, travel: Travel) -> dict[str, Any]:
-    """Nominal datasheet, as the maker prints it: shadows and the merging of levels are listed."""
+def datasheet(device: Device, travel: Travel, noise: NoiseLaw) -> dict[str, Any]:
+    """Nominal datasheet, as the maker prints it: shadows, merged levels and the noise of slopes."""
     camera = device.camera
     theta = float(np.degrees(camera.theta_rad))
     side = "+y" if camera.side > 0 else "-y"
@@ -213,6 +219,7 @@ def datasheet(device: Device, travel: Travel) -> dict[str, Any]:
              "camera_side": side, "line_sd_um": spread_um},
             {"name": "finite_spot", "line_sd_um": spread_um},
             {"name": "edge_mixing", "line_sd_um": spread_um},
+            {"name": "incidence_noise", "exponent": noise.exponent, "lean": noise.lean},
         ],
     }  # fmt: skip
 
@@ -224,7 +231,8 @@ def known_of(secret: Secret, staged: Staged) -> dict[str, Any]:
     for name in secret.switches:
         parameters |= FAULTS[name].parameters(world)
     return {
-        "left_out": list(staged.left_out), "parameters": parameters,
+        "left_out": list(staged.left_out), "noise_law": asdict(staged.noise_law),
+        "parameters": parameters,
         "switched": {
             "facets": asdict(world.facets), "robot": asdict(world.device.robot),
             "warmth": asdict(world.device.warmth), "firmware": asdict(world.device.firmware),

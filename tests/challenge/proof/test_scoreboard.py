@@ -15,7 +15,7 @@ def case(kind, *, switches=(), strength=1, alarm=False, top_1=NAN, recovered=NAN
     score = {
         "reported": [], "offered": [], "alarm": alarm, "top_1": top_1, "precision": top_1,
         "recall": top_1, "covered": top_1, "set_size": 1, "flagged": alarm, "iou": NAN,
-        "recovered": recovered,
+        "recovered": recovered, "left": [],
     }  # fmt: skip
     secret = {"kind": kind, "switches": list(switches), "strength": strength, "family": "second"}
     return {
@@ -38,6 +38,16 @@ def test_alarms_are_counted_with_their_interval_and_by_what_was_given():
     assert found["alarms on nulls"].aim == "at most 2 of 60"
     assert found["- with baselines"].value == "0 of 5"
     assert found["- without baselines"].value == "1 of 5"
+
+
+def test_what_was_reported_on_nulls_is_counted_by_null():
+    nulls = [case("null", alarm=True) for _ in range(3)]
+    for null in nulls[:2]:
+        null["score"] |= {"reported": ["line_bow"], "left": ["scale over x"] * 2}
+    assert board(*nulls)["- nulls with each"].value in {
+        "line_bow 2, scale over x 2", "scale over x 2, line_bow 2"
+    }
+    assert board(case("null"))["- nulls with each"].value == "none"
 
 
 def test_weak_cases_are_no_part_of_the_main_figures_and_shares_are_means():

@@ -23,7 +23,8 @@ DRAWS = 8
 def test_the_file_describes_edges_as_far_as_a_nominal_line_can(tmp_path, seed, shape):
     secret = Secret(kind="null", switches=(), strength=1, shape=shape, recordings=1, seed=seed,
                     family="second")  # fmt: skip
-    world = stage(secret).on
+    staged = stage(secret)
+    world = staged.on
     device, travel, place = world.device, world.travels[0], world.misplaced[0]
     shots = np.stack([
         device.scan(world.solid, world.facets, travel, np.random.default_rng(k), specimen=k,
@@ -35,7 +36,7 @@ def test_the_file_describes_edges_as_far_as_a_nominal_line_can(tmp_path, seed, s
     smooth = off_edges(expected(device, world.solid, travel, place))
     sd = 1.4826 * np.nanmedian(np.abs(shots - mean)[:, smooth])
     file = tmp_path / "sensor.yaml"
-    file.write_text(yaml.safe_dump(datasheet(device, travel)))
+    file.write_text(yaml.safe_dump(datasheet(device, travel, staged.noise_law)))
     sheet = Datasheet.load(file)
     poses = np.einsum("ij,njk->nik", place, travel.poses(device.way))
     scene = Scene(world.solid.vertices_mm, world.solid.faces)
