@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -113,7 +114,7 @@ def usual_effects(
     """
     camera, sheet = device.camera, device.sheet
     still = replace(device, motion=type(device.motion)())
-    law = noise_law(lambda *plate: noise_on_plane(still, *plate, rng))
+    law = noise_law(partial(noise_on_plane, still, rng=rng))
     grain = camera.amplitude_spread_mm(sheet.wavelength_mm) / np.sqrt(2)
     footprint = float(np.hypot(camera.column_pitch_mm / np.sqrt(12), grain))
     edges = edge_figures(still, rng, along_um=1e3 * footprint)

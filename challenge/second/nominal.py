@@ -1,6 +1,7 @@
 """What the maker of an instrument of the second family measures of its noise and states."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -42,6 +43,5 @@ def noise_on_plane(
 def measured_noise(device: Device, rng: np.random.Generator) -> NoiseLaw:
     """Fit the noise of a calibrated instrument over the tilts of plates."""
     still = replace(device, exposure_s=min(device.exposure_s, 2e-5))
-    return noise_law(
-        lambda *plate: noise_on_plane(still, *plate, rng), level=device.way[2] / device.way[1]
-    )
+    level = float(device.way[2] / device.way[1])
+    return noise_law(partial(noise_on_plane, still, rng=rng), level)
