@@ -18,10 +18,10 @@ from scipy import stats
 
 from benchmarks.diagnose import OF
 from benchmarks.strength import at_strength
-from diagnosis.curvature import TURN
-from diagnosis.fit import fit_effect
-from diagnosis.uncertainty import intervals, refined
-from diagnosis.workspace import Model, Workspace
+from diagnosis.model.workspace import Model, Workspace
+from diagnosis.physics.curvature import TURN
+from diagnosis.physics.fit import fit_effect
+from diagnosis.physics.uncertainty import intervals, refined
 from sensors.effects import effect_of
 from tests.support.effect_case import Case, Entry
 

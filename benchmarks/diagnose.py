@@ -18,11 +18,11 @@ from scipy import stats
 from benchmarks.strength import at_strength
 from diagnosis.diagnose import diagnose
 from diagnosis.diagnosis import Diagnosis
-from diagnosis.heldout import judge
-from diagnosis.locate import departure_mask
-from diagnosis.maps import RIGID
-from diagnosis.noise import NoiseModel
-from diagnosis.workspace import Model
+from diagnosis.localise.maps import RIGID
+from diagnosis.localise.regions import departure_mask
+from diagnosis.model.workspace import Model
+from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.validate.heldout import judge
 from sensors.effects import effect_of
 from sensors.surface.reflectance import ReflectanceMap, Stripes
 from tests.support.effect_case import POINTS, PROFILES, Case, Entry, plain

@@ -2,7 +2,7 @@ r"""What good instruments depart by: learn it from the calibration population an
 
     flawforge challenge calibrate --out out/calibration --each 0
     python -m benchmarks.discrepancy out/calibration --simulated 15 \
-        --write diagnosis/discrepancy.json
+        --write diagnosis/discrepancy/discrepancy.json
 
 Only good instruments are used: folders whose truth hides nothing. Each gives, for each component
 of the diagnosis, the likelihood of each size; the mixing distribution over sizes is kept. Each
@@ -16,13 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from diagnosis.evidence.good import mean_factors, rate_factors
-from diagnosis.evidence.level import AGAINST_PLATES, level_factors, level_unsure
-from diagnosis.evidence.population import learnt
+from diagnosis.claims.surface_texture import level_change
+from diagnosis.discrepancy.good_instrument import mean_factors, rate_factors
+from diagnosis.discrepancy.population import learnt
+from diagnosis.evidence.noise_level import AGAINST_PLATES, level_factors, level_unsure
 from diagnosis.evidence.seen import channels_seen, seen
-from diagnosis.finish import level_change
+from diagnosis.model.workspace import Model, Workspace
 from diagnosis.prepare import Inputs, Prepared, prepared
-from diagnosis.workspace import Model, Workspace
 from pipeline.parts.part import load_part
 from sensors.datasheet import Datasheet
 from sensors.recording import Recording

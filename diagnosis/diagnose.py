@@ -6,24 +6,24 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.candidates import Candidates, Placed, candidates_of
-from diagnosis.cause import Cause
-from diagnosis.claims import blurs, mounted, texture
-from diagnosis.delivery import delivered
+from diagnosis.claims.claims import blurs, mounted, texture
+from diagnosis.claims.delivery import delivered
+from diagnosis.claims.surface_texture import averaged_grain, sunken
 from diagnosis.diagnosis import Diagnosis
+from diagnosis.discrepancy.population import population
 from diagnosis.evidence.next_scan import next_scans
-from diagnosis.evidence.population import population
+from diagnosis.evidence.reported_causes import Cause
 from diagnosis.explain import Explanation, disowned, explain
-from diagnosis.finish import averaged_grain, sunken
-from diagnosis.found import FoundEffect, at_limits, found_effects, sheet_with
-from diagnosis.heldout import Judgement, judge
-from diagnosis.maps import RecordingMaps, map_recording
-from diagnosis.noise import NoiseModel
+from diagnosis.localise.maps import RecordingMaps, map_recording
+from diagnosis.localise.residual_structure import residual_structure
+from diagnosis.model.edge_shrinkage import shrunk_at_edges
+from diagnosis.model.workspace import Model
+from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.physics.uncertainty import refined
 from diagnosis.prepare import Inputs, Prepared, prepared
-from diagnosis.residual_structure import residual_structure
-from diagnosis.shrinkage import shrunk_at_edges
-from diagnosis.uncertainty import refined
-from diagnosis.workspace import Model
+from diagnosis.validate.found_effects import FoundEffect, at_limits, found_effects, sheet_with
+from diagnosis.validate.heldout import Judgement, judge
+from diagnosis.validate.placement_candidates import Candidates, Placed, candidates_of
 from sensors.datasheet import Datasheet
 from sensors.effects.form_error import FormError
 from sensors.recording import Recording

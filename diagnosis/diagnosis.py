@@ -3,15 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from diagnosis.data.patch import Patch
 from diagnosis.evidence.next_scan import NextScan
-from diagnosis.found import FoundEffect
-from diagnosis.heldout import Judgement
-from diagnosis.locate import Region
-from diagnosis.maps import RecordingMaps
-from diagnosis.noise import NoiseModel
-from diagnosis.patch import Patch
-from diagnosis.residual_structure import Residual
-from diagnosis.workspace import Model
+from diagnosis.localise.maps import RecordingMaps
+from diagnosis.localise.regions import Region
+from diagnosis.localise.residual_structure import Residual
+from diagnosis.model.workspace import Model
+from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.validate.found_effects import FoundEffect
+from diagnosis.validate.heldout import Judgement
 from sensors.datasheet import Datasheet
 
 

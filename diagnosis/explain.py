@@ -5,22 +5,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.cause import Cause, Strange, reported, without_kin
-from diagnosis.edges import BESIDE_EDGES, EDGE_COVARIATES
+from diagnosis.data.patch import Patch
+from diagnosis.data.recorded import Recorded
+from diagnosis.discrepancy.good_instrument import informed, kinds_of, mean_factors, rate_factors
+from diagnosis.discrepancy.population import Population
 from diagnosis.evidence.assess import Assessment, assessed_mean, assessed_rates
-from diagnosis.evidence.causes import Member
-from diagnosis.evidence.good import informed, kinds_of, mean_factors, rate_factors
-from diagnosis.evidence.population import Population
+from diagnosis.evidence.cause_search import Member
+from diagnosis.evidence.reported_causes import Cause, Strange, reported, without_kin
 from diagnosis.evidence.seen import Seen, channels_seen, seen
-from diagnosis.noise import Field, NoiseModel
-from diagnosis.patch import Patch
-from diagnosis.physics import assumed_sheets, fit_laws, refit, seen_by, strongest_law
-from diagnosis.recorded import Recorded
-from diagnosis.registration import Placement
-from diagnosis.remainder import curves_of, remainder
-from diagnosis.reregistration import log_density, placed_anew
+from diagnosis.model.edges import BESIDE_EDGES, EDGE_COVARIATES
+from diagnosis.model.workspace import Model, Workspace
+from diagnosis.noise.noise_model import Field, NoiseModel
+from diagnosis.physics.laws import assumed_sheets, fit_laws, refit, seen_by, strongest_law
+from diagnosis.physics.remainder import curves_of, remainder
+from diagnosis.register.registration import Placement
+from diagnosis.register.reregistration import log_density, placed_anew
 from diagnosis.settings import SETTINGS
-from diagnosis.workspace import Model, Workspace
 
 Progress = Callable[[str], None]
 SETTLED = EDGE_COVARIATES | BESIDE_EDGES | {"wall_distance"}

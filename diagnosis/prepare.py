@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.calibration import calibrated_noise
-from diagnosis.inputs import check_overlap, checked, lateral_mm, tiles, with_brightness
-from diagnosis.noise import NoiseModel
-from diagnosis.patch import Patch, in_range
-from diagnosis.recorded import Recorded
-from diagnosis.registration import Placement, register
+from diagnosis.data.inputs import check_overlap, checked, lateral_mm, tiles, with_brightness
+from diagnosis.data.patch import Patch, in_range
+from diagnosis.data.recorded import Recorded
+from diagnosis.noise.calibration import calibrated_noise
+from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.register.registration import Placement, register
 from files.errors import RecipeError
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene

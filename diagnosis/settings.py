@@ -1,7 +1,7 @@
 """Every number of the evidence that nothing determines: value, unit, and where it comes from.
 
 What a good instrument departs by is none of them: it is learnt from a named population
-(`evidence/population.py`), or from the user's baselines.
+(`discrepancy/population.py`), or from the user's baselines.
 """
 
 from dataclasses import asdict, dataclass

@@ -150,7 +150,7 @@ def diagnose(
 
     one_thread_each()
     from diagnosis.diagnose import diagnose as explain
-    from diagnosis.outputs import write_outputs
+    from diagnosis.report.outputs import write_outputs
     from pipeline.parts.part import load_part
     from sensors.datasheet import Datasheet
     from sensors.recording import Recording

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnosis.components.row_periods import image_row, strongest_rows
 from diagnosis.components.smooth import Ranges, periodic_columns, products, smooth_columns
-from diagnosis.noise import NoiseModel
-from diagnosis.patch import Patch
-from diagnosis.prediction import law_of
-from diagnosis.rangewise import image_row, strongest_rows
-from diagnosis.score import Whitened
+from diagnosis.data.patch import Patch
+from diagnosis.model.log_density import Whitened
+from diagnosis.model.prediction import law_of
+from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.settings import SETTINGS
 from files.errors import RecipeError
 from sensors.datasheet import Datasheet

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, label, uniform_filter
 
-from diagnosis.calibration import USUAL_SHARE
 from diagnosis.components.component import (
     Component,
     cell_of,
@@ -20,12 +19,13 @@ from diagnosis.components.component import (
     seen_by_cameras,
 )
 from diagnosis.components.smooth import Ranges
-from diagnosis.evidence.columns import column_groups
+from diagnosis.components.whitened_columns import column_groups
+from diagnosis.data.patch import Patch
 from diagnosis.evidence.glm import Owners, Responses
-from diagnosis.noise import Mask, NoiseModel
-from diagnosis.patch import Patch
-from diagnosis.prediction import Prediction
-from diagnosis.score import Whitened
+from diagnosis.model.log_density import Whitened
+from diagnosis.model.prediction import Prediction
+from diagnosis.noise.calibration import USUAL_SHARE
+from diagnosis.noise.noise_model import Mask, NoiseModel
 from diagnosis.settings import SETTINGS
 
 Floats = NDArray[np.float64]

@@ -14,11 +14,11 @@ from scipy.ndimage import uniform_filter
 
 from diagnosis.components.component import TRAVEL, Component, count_of
 from diagnosis.components.smooth import Ranges
-from diagnosis.evidence.columns import Columns, Layout, column_groups, columns_on
+from diagnosis.components.whitened_columns import Columns, Layout, column_groups, columns_on
+from diagnosis.data.patch import Patch
 from diagnosis.evidence.posterior import Equations
-from diagnosis.noise import NoiseModel
-from diagnosis.patch import Patch
-from diagnosis.score import Whitened
+from diagnosis.model.log_density import Whitened
+from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.settings import SETTINGS
 
 Floats = NDArray[np.float64]

@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from diagnosis.evidence.causes import Member
+from diagnosis.data.recorded import Recorded
+from diagnosis.evidence.cause_search import Member
 from diagnosis.evidence.gram import Gram, grams_of, turned
 from diagnosis.evidence.seen import Seen
-from diagnosis.noise import NoiseModel
-from diagnosis.recorded import Recorded
-from diagnosis.registration import Placement
+from diagnosis.model.workspace import Model, Workspace
+from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.register.registration import Placement
 from diagnosis.settings import SETTINGS
-from diagnosis.workspace import Model, Workspace
 
 Floats = NDArray[np.float64]
 

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.components.component import Component, components_of, ranges_of, with_pitches
+from diagnosis.data.patch import Patch
 from diagnosis.evidence.candidates import Candidate, candidates_of
 from diagnosis.evidence.channel import Channel, channel_of
 from diagnosis.evidence.gram import Gram, Turns, grams_of, turned, turns_of
-from diagnosis.noise import NoiseModel
-from diagnosis.patch import Patch
-from diagnosis.workspace import Model, Workspace
+from diagnosis.model.workspace import Model, Workspace
+from diagnosis.noise.noise_model import NoiseModel
 
 Floats = NDArray[np.float64]
 RATES = ("scale", "missing", "outliers")

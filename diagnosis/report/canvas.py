@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diagnosis.noise import Field
+from diagnosis.noise.noise_model import Field
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -6,11 +6,11 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from diagnosis.diagnosis import Diagnosis
+from diagnosis.localise.residual_structure import Residual
+from diagnosis.physics.uncertainty import Estimate
 from diagnosis.report.covariate_picture import covariate_picture
 from diagnosis.report.map_pictures import mismatch_map, residual_maps
 from diagnosis.report.profile_picture import profile_picture
-from diagnosis.residual_structure import Residual
-from diagnosis.uncertainty import Estimate
 from files.whole_file import write_whole
 
 VERDICTS = {

@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
 
     one_thread_each()  # many small sums: threads would wait for each other, and round otherwise
     from diagnosis.diagnose import diagnose
-    from diagnosis.outputs import write_outputs
+    from diagnosis.report.outputs import write_outputs
     from pipeline.parts.part import load_part
     from sensors.datasheet import Datasheet
     from sensors.recording import Recording

@@ -10,8 +10,8 @@ from scipy.interpolate import CloughTocher2DInterpolator, NearestNDInterpolator
 from defects.flaw_bank import Relief
 from defects.kinds.banked import spread
 from defects.surface.surface import Site, SiteError, Surface, tangent_axes
-from diagnosis.noise import NoiseModel, calibrate
-from diagnosis.registration import register, smooth_weight
+from diagnosis.noise.noise_model import NoiseModel, calibrate
+from diagnosis.register.registration import register, smooth_weight
 from files.errors import RecipeError
 from flawforge.flaw.relief_denoising import Denoised, denoise
 from pipeline.parts.part import Part

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.diagnose import CASES, NOT_SEARCHED, OF
 from benchmarks.strength import finish_nats, strength
-from diagnosis.noise import calibrate
+from diagnosis.noise.noise_model import calibrate
 from sensors.effects import CATALOGUE
 from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.effects.roughness_level import RoughnessLevel

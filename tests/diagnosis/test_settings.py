@@ -13,10 +13,11 @@ from quantity import quantities
 from sensors.effects import CATALOGUE
 
 ROOT = Path(diagnosis.__file__).parent
-FILES = sorted([*(ROOT / "evidence").glob("*.py"), *(ROOT / "components").glob("*.py")])
+ROOMS = ("components", "discrepancy", "evidence")
+FILES = sorted(file for room in ROOMS for file in (ROOT / room).glob("*.py"))
 FORM = {"COMB", "REACH", "LEFT", "NEAR", "ROUNDING", "IMITATED", "STEPS", "SETTLED", "SPREADS",
         "AT_ONCE", "ROUNDED", "SPARSE", "TRAVEL", "BLOCK", "SURROUNDINGS",
-        "MOST_RAISED"}  # fmt: skip
+        "MOST_RAISED", "BINS", "LEAST_CYCLES", "FEWEST"}  # fmt: skip
 """Constants of arithmetic: how a sum is formed, when an iteration ends."""
 
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.noise import calibrate
-from diagnosis.patch import cut
-from diagnosis.registration import register
-from diagnosis.workspace import Workspace
+from diagnosis.data.patch import cut
+from diagnosis.model.workspace import Workspace
+from diagnosis.noise.noise_model import calibrate
+from diagnosis.register.registration import register
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from diagnosis.components.component import components_of, count_of, mean_columns, ranges_of
+from diagnosis.discrepancy.good_instrument import informed, kinds_of, mean_factors
+from diagnosis.discrepancy.population import population
 from diagnosis.evidence.assess import assessed_mean
-from diagnosis.evidence.good import informed, kinds_of, mean_factors
 from diagnosis.evidence.gram import grams_of, turned, weights_of
 from diagnosis.evidence.next_scan import Scan, next_scans
-from diagnosis.evidence.population import population
 from diagnosis.evidence.seen import seen
+from diagnosis.model.workspace import Model, Workspace
 from diagnosis.prepare import Inputs, Prepared, prepared
-from diagnosis.workspace import Model, Workspace
 from tests.support.small_parts import VIEWS, datasheet, part, record
 
 BOW = [{"name": "line_bow", "sag_um": 4.0}]

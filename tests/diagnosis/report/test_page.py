@@ -9,7 +9,7 @@ import pytest
 
 from diagnosis.diagnose import diagnose
 from diagnosis.diagnosis import Diagnosis
-from diagnosis.outputs import write_outputs
+from diagnosis.report.outputs import write_outputs
 from tests.support.small_parts import VIEWS, datasheet, part, record
 
 

@@ -1,0 +1,1 @@
+"""Recordings against claims: surface texture, firmware, mounting of the sensor, delivery."""

@@ -1,0 +1,1 @@
+"""Checked inputs, recordings and patches of them, reference plates, brightness, albedo."""

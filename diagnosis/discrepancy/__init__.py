@@ -1,0 +1,1 @@
+"""What good instruments have of each component, by kinds of instruments."""

@@ -1,0 +1,134 @@
+"""What this instrument has of each component when it is good.
+
+Told by the population of good instruments, by the kind that its recordings show it to be of, and by
+baselines.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from diagnosis.discrepancy.population import Population
+from diagnosis.evidence.candidates import Candidate
+from diagnosis.evidence.cause_search import Scales
+from diagnosis.evidence.channel import Channel
+from diagnosis.evidence.posterior import Posterior, Term
+from diagnosis.evidence.rate_search import RateSearch
+from diagnosis.evidence.seen import Seen
+from diagnosis.settings import SETTINGS
+
+Floats = NDArray[np.float64]
+
+
+def mean_factors(one: Seen) -> dict[str, Floats]:
+    """Log Bayes factor of each size of each component, by its key, in recordings of one kind.
+
+    Where the recordings are of a good instrument this is the likelihood of its discrepancy. Each
+    component is weighed beside the others at their likeliest sizes, so that what several could
+    explain is counted once; what is each recording's own comes after what recordings share.
+    """
+    sizes = SETTINGS.mean_sizes()
+    quiet = np.full(len(one.bulk.right), sizes[0])
+
+    def factors(c: Candidate, posteriors: Mapping[bool, Posterior]) -> Floats:
+        return c.log_factors(posteriors[c.at_edges].cavity(Term(at=c.at)), sizes)[1]
+
+    def posteriors() -> dict[bool, Posterior]:
+        return {
+            edges: Posterior(g.equations, quiet)
+            for edges, g in ((False, one.bulk), (True, one.whole))
+        }
+
+    for own in (False, True):
+        # the likeliest first: what it explains no other needs to
+        waiting = [c for c in one.candidates if c.of_recordings is own and c.shapes[0] is None]
+        while waiting:
+            now = posteriors()
+            found = {c.name: factors(c, now) for c in waiting}
+            best = max(waiting, key=lambda c: float(found[c.name].max()))
+            if found[best.name].max() < 1.0:
+                break
+            quiet[best.at] = sizes[int(found[best.name].argmax())]
+            waiting = [c for c in waiting if not np.array_equal(c.at, best.at)]
+    out = {}
+    now = posteriors()
+    for c in one.candidates:
+        if (quiet[c.at] > sizes[0]).any():
+            kept, quiet[c.at] = quiet[c.at].copy(), sizes[0]
+            out[c.key] = factors(c, posteriors())
+            quiet[c.at] = kept
+        else:
+            out[c.key] = factors(c, now)
+    return out
+
+
+def rate_factors(channels: Sequence[Channel]) -> dict[str, Floats]:
+    """Return the same of the scale, the losses and the outliers."""
+    out: dict[str, Floats] = {}
+    for channel in channels:
+        search = RateSearch(channel, Scales(sizes=SETTINGS.rate_sizes(), weights={}))
+        responses, waiting = channel.responses, list(channel.candidates)
+        while waiting:
+            found = {c.key: search.sizes(responses, c) for c in waiting}
+            best = max(waiting, key=lambda c: float(found[c.key].factors.max()))
+            out |= {key: w.factors for key, w in found.items()}
+            if out[best.key].max() < 1.0:
+                break
+            responses = responses.moved(found[best.key].change)
+            waiting.remove(best)
+    return out
+
+
+def kinds_of(
+    population: Population, factors: Mapping[str, Floats], *, good: bool
+) -> Floats:
+    """Probability of each kind of instruments (K,), given the mean of one instrument's recordings.
+
+    How its noise and its losses go with profiles and columns depends on the size of a recording,
+    too: they don't tell a kind.
+
+    Parameters
+    ----------
+    factors : of the mean's components
+    good : whether the instrument was good then; else each component may have changed
+    """
+    nats = np.zeros(len(population.kinds))
+    changes = 0.0 if good else SETTINGS.prior_cause
+    for name, likelihood in factors.items():
+        weights = population.weights(name)
+        if weights is None:
+            continue
+        for k, own in enumerate(weights):
+            changed = Scales(sizes=_sizes(name), weights={name: own}).changed(name)
+            mixed = (1 - changes) * own + changes * changed
+            nats[k] += logsumexp(likelihood + np.log(np.maximum(mixed, 1e-300)))
+    return np.asarray(np.exp(nats - logsumexp(nats)))
+
+
+def informed(
+    population: Population, mean: Mapping[str, Floats], rates: Mapping[str, Floats]
+) -> dict[str, Floats]:
+    """Probability of each component's sizes in an instrument, given its baselines.
+
+    Parameters
+    ----------
+    mean, rates : factors of the baselines
+    """
+    kinds = kinds_of(population, mean, good=True)
+    out = population.of_kinds(kinds)
+    for name, likelihood in {**mean, **rates}.items():
+        weights = population.weights(name)
+        if weights is None:
+            flat = Scales(sizes=_sizes(name), weights={}).of(name)
+            weights = np.broadcast_to(flat, (len(kinds), len(flat)))
+        log = np.log(np.maximum(weights, 1e-300)) + likelihood
+        own = np.exp(log - logsumexp(log, axis=1, keepdims=True))
+        out[name] = kinds @ own
+    return out
+
+
+def _sizes(name: str) -> Floats:
+    """Grid of a component's sizes."""
+    return SETTINGS.rate_sizes() if ": " in name else SETTINGS.mean_sizes()

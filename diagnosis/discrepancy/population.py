@@ -1,0 +1,118 @@
+"""What good instruments have of each component: learnt from a named calibration population.
+
+`discrepancy.json` holds kinds of instruments and, for each component of each kind, the probability
+of each size of a grid: a lognormal distribution over instruments, fitted to the likelihood of the
+sizes in each one's recordings. `python -m benchmarks.discrepancy` makes it.
+
+Which kind an instrument is of, its own recordings tell: where one has none of the locking, bow and
+slips that all of a kind have, it isn't of that kind (a mixture; Gelman et al., Bayesian Data
+Analysis, 2013, ch. 22).
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+Floats = NDArray[np.float64]
+SPREADS = (0.5, 0.7, 1.0)
+"""Standard deviations of the logarithm of the size among good instruments that are weighed."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Kind:
+    """A kind of instruments.
+
+    Attributes
+    ----------
+    name : of the recordings that it was learnt from
+    weights : for each component's name, probability of each size
+    """
+
+    name: str
+    weights: Mapping[str, Floats]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Population:
+    """A named population, by kinds of instruments."""
+
+    kinds: tuple[Kind, ...]
+
+    @property
+    def name(self) -> str:
+        """Names of its kinds."""
+        return "; ".join(k.name for k in self.kinds)
+
+    def weights(self, component: str) -> Floats | None:
+        """Probabilities (kinds, sizes) of a component's sizes; None where no kind has it.
+
+        A kind that was never seen to have it may have what the others have.
+        """
+        known = {k.name: k.weights[component] for k in self.kinds if component in k.weights}
+        if not known:
+            return None
+        usual: Floats = np.mean(list(known.values()), axis=0)
+        return np.stack([known.get(k.name, usual) for k in self.kinds])
+
+    def of_kinds(self, shares: Floats) -> dict[str, Floats]:
+        """Probabilities of each component's sizes where kinds have these probabilities (K,)."""
+        names = {n for k in self.kinds for n in k.weights}
+        return {n: shares @ w for n in sorted(names) if (w := self.weights(n)) is not None}
+
+
+@cache
+def population() -> Population:
+    """Read the population that the project was calibrated on."""
+    text = (files("diagnosis.discrepancy") / "discrepancy.json").read_text(encoding="utf-8")
+    return Population(
+        kinds=tuple(
+            Kind(
+                name=kind["name"],
+                weights={n: np.array(w) for n, w in kind["components"].items()},
+            )
+            for kind in json.loads(text)["kinds"]
+        )
+    )
+
+
+def learnt(kinds: Sequence[Sequence[Mapping[str, Floats]]]) -> list[dict[str, Floats]]:
+    """Probability of each size of each component, by kinds of instruments.
+
+    Sizes are lognormal among the instruments of a kind. Median and spread are averaged over their
+    posterior. Before any instrument a median is the less probable the larger it is, as its inverse:
+    what no recording of the population could show isn't taken for usual.
+
+    Parameters
+    ----------
+    kinds : of each kind, each instrument's log factors of sizes, by component
+    """
+    out = []
+    for instruments in kinds:
+        found: dict[str, list[Floats]] = {}
+        for factors in instruments:
+            for name, own in factors.items():
+                found.setdefault(name, []).append(own)
+        out.append({name: _mixed(np.stack(own)) for name, own in found.items()})
+    return out
+
+
+def _mixed(log: Floats) -> Floats:
+    """Probability of each size (sizes,), from log factors (instruments, sizes)."""
+    steps = np.arange(log.shape[1], dtype=np.float64)
+    middles = np.arange(-2.0, log.shape[1], 0.5)
+    nats, weights = [], []
+    for spread in SPREADS:
+        w = np.exp(-0.5 * np.square((steps - middles[:, None]) * np.log(2.0) / spread))
+        w = np.maximum(w / np.maximum(w.sum(axis=1, keepdims=True), 1e-300), 1e-300)
+        w /= w.sum(axis=1, keepdims=True)
+        own = logsumexp(log[None] + np.log(w)[:, None], axis=2).sum(axis=1)
+        nats.append(own - np.log(2.0) * middles)
+        weights.append(w)
+    posterior = np.concatenate(nats)
+    return np.asarray(np.exp(posterior - logsumexp(posterior)) @ np.concatenate(weights))

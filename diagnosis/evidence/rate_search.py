@@ -1,0 +1,166 @@
+"""Search over causes of the scale, the losses and the outliers, weighed by Laplace."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr, logsumexp
+
+from diagnosis.evidence.cause_search import Scales
+from diagnosis.evidence.channel import Channel, RateCandidate
+from diagnosis.evidence.glm import Mode, Responses, mode
+from diagnosis.settings import SETTINGS
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class RateMember:
+    """A cause found in a channel.
+
+    Attributes
+    ----------
+    change : (N,) of the predictor at the mode, for the readings that take part
+    """
+
+    candidate: RateCandidate
+    channel: str
+    variant: int
+    size: float
+    nats: float
+    shares: Mapping[str, float]
+    change: Floats
+
+
+def _one_sided(factor: float, found: Mode, size: float, fall: float) -> float:
+    """Log Bayes factor where the last coefficient can only be positive.
+
+    Its prior is the positive half, twice as dense. Where the likelihood falls from zero on, it
+    does so exponentially, and the integral is that of the fall.
+
+    Parameters
+    ----------
+    factor : of both signs
+    fall : minus the slope of the log likelihood at zero
+    """
+    if fall <= 0:
+        return float(factor + np.log(2.0) + log_ndtr(found.coefficients[-1] / found.sd[-1]))
+    return float(min(0.0, np.log(2.0 / (np.sqrt(2 * np.pi) * size * fall))))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Sized:
+    """Log Bayes factors of a candidate's sizes, over its variants, and its likeliest form.
+
+    Attributes
+    ----------
+    factors : (S,)
+    change : (N,) of the predictor at the mode
+    """
+
+    factors: Floats
+    variant: int
+    size: float
+    change: Floats
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class _Weighed:
+    nats: float
+    variant: int
+    size: float
+    change: Floats
+
+
+class RateSearch:
+    """Search over causes of one channel, one after the other."""
+
+    def __init__(
+        self, channel: Channel, scales: Scales, withheld: frozenset[str] = frozenset()
+    ) -> None:
+        self.channel, self.scales, self.withheld = channel, scales, withheld
+
+    def factors(
+        self, responses: Responses, candidate: RateCandidate
+    ) -> tuple[Floats, list[Floats]]:
+        """Log Bayes factors (variants, sizes), and the changes at the modes."""
+        sizes = SETTINGS.rate_sizes()
+        factors, changes = np.zeros((len(candidate.variants), len(sizes))), []
+        for i, variant in enumerate(candidate.variants):
+            cells = responses.in_cells(variant.owner, variant.count)
+            free = self.channel.level_sd
+            base = mode(cells, variant.level, free)
+            x = np.concatenate([variant.level, variant.columns], axis=1)
+            start = np.concatenate([base.coefficients, np.zeros(variant.columns.shape[1])])
+            for k, size in enumerate(sizes):
+                sd = np.concatenate([free, np.full(variant.columns.shape[1], size)])
+                found = mode(cells, x, sd, start)
+                factors[i, k] = found.log_evidence - base.log_evidence
+                start = found.coefficients
+                if candidate.component.relaxed.grows:
+                    _, slope, _ = cells.likelihood(variant.level @ base.coefficients)
+                    fall = -float(variant.columns[:, -1] @ slope)
+                    factors[i, k] = _one_sided(factors[i, k], found, size, fall)
+                changes.append(found.coefficients[len(free) :])
+        return factors, changes
+
+    def sizes(self, responses: Responses, candidate: RateCandidate) -> Sized:
+        """Weigh each size of a candidate against none."""
+        factors, changes = self.factors(responses, candidate)
+        v, k = (int(i) for i in np.unravel_index(int(np.argmax(factors)), factors.shape))
+        variant = candidate.variants[v]
+        change = variant.columns @ changes[v * factors.shape[1] + k]
+        return Sized(
+            factors=np.asarray(logsumexp(factors - np.log(len(factors)), axis=0)), variant=v,
+            size=float(SETTINGS.rate_sizes()[k]), change=change[variant.owner],
+        )  # fmt: skip
+
+    def weigh(
+        self, responses: Responses, candidates: Sequence[RateCandidate]
+    ) -> dict[str, _Weighed]:
+        """Weigh candidates, each against a good instrument, by name."""
+        found: dict[str, _Weighed] = {}
+        nothing = 0.0
+        for c in candidates:
+            one = self.sizes(responses, c)
+            quiet = np.log(np.maximum(self.scales.of(c.key), 1e-300))
+            nothing = max(nothing, float(logsumexp(one.factors + quiet)))
+            found[c.name] = _Weighed(
+                nats=float(logsumexp(one.factors + np.log(self.scales.changed(c.key)))),
+                variant=one.variant, size=one.size, change=one.change,
+            )  # fmt: skip
+        best = max(found.values(), key=lambda w: w.nats, default=None)
+        if best is None:
+            return {}
+        # what follows nearly the same curve is as good: no law is exact
+        alike = responses.information() * (SETTINGS.doubt_of_rates * best.size) ** 2 / 2
+        return {
+            n: replace(w, nats=min(w.nats + alike, best.nats) - nothing) for n, w in found.items()
+        }
+
+    def search(self) -> list[RateMember]:
+        """Find causes until none has odds above one."""
+        responses = self.channel.responses
+        found: list[RateMember] = []
+        for _ in range(SETTINGS.most_causes):
+            free = [
+                c for c in self.channel.candidates
+                if c.name not in {f.candidate.name for f in found}
+            ]  # fmt: skip
+            free = [c.unclaimed() if c.component.effect in self.withheld else c for c in free]
+            weighed = self.weigh(responses, free)
+            odds = {c.name: weighed[c.name].nats + SETTINGS.log_odds(c.component.effect)
+                    for c in free}  # fmt: skip
+            best = max(free, key=lambda c: odds[c.name], default=None)
+            if best is None or odds[best.name] <= 0:
+                break
+            total = logsumexp([0.0, *odds.values()])
+            shares = {n: float(np.exp(x - total)) for n, x in odds.items()}
+            w = weighed[best.name]
+            found.append(RateMember(
+                candidate=best, channel=self.channel.name, variant=w.variant, size=w.size,
+                nats=w.nats, shares={**shares, "": float(np.exp(-total))}, change=w.change,
+            ))  # fmt: skip
+            responses = responses.moved(w.change)
+        return found

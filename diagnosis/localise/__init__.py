@@ -1,0 +1,1 @@
+"""Where recordings depart: maps, regions, residual structure."""

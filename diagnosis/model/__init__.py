@@ -1,0 +1,1 @@
+"""Readings under a model: prediction, expectation at depth edges, log density."""

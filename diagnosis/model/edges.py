@@ -1,0 +1,108 @@
+"""Depth edges: where the plain law is least sure, and by how much.
+
+No mesh and no pose places an edge exactly, and a law's own correction there (a rounded ridge, a
+half-covered line) is an approximation. What an edge reads is therefore trusted less, and bulk
+physics is judged away from edges; only what lives on edges is looked for there.
+"""
+
+import numpy as np
+from scipy.ndimage import binary_dilation
+
+from diagnosis.noise.noise_model import Field, Mask
+from sensors.effects.base import Effect
+from sensors.effects.form_error import FormError
+from sensors.view.view import View
+
+EDGE_COVARIATES = {"curvature_y", "edge_y", "hidden"}
+"""Covariates of effects that live on depth edges alone."""
+BESIDE_EDGES = {"half_vector"}
+"""Covariates of effects that are chosen by bulk readings and show beside edges, too.
+
+How dark a facet is tells how much of the line must lie beside it to be read.
+"""
+TRUST = 1.0
+"""Share of the plain law's own correction at an edge by which it may be wrong."""
+UNSURE = 0.3
+"""Chance that a point beside the outline of what is seen belongs to its other side."""
+BEND = 0.2
+"""Change of slope from one point to the next that makes a crease."""
+LINE_SD_MM = 0.03
+"""Standard deviation of a laser line across its width where the sensor's file says nothing."""
+
+
+def on_edges(effect: Effect | type[Effect]) -> bool:
+    """Whether an effect lives on depth edges and creases alone; a small fillet does."""
+    if isinstance(effect, FormError) and effect.fillet_mm > 0:
+        return not any(effect.coefficients_um)
+    return effect.covariate in EDGE_COVARIATES
+
+
+def edge_softness(
+    view: View, plain_mm: Field, edge: Mask, lateral_mm: float
+) -> tuple[Field, Field]:
+    """Tell by how much the plain law may be off at edges for no reason of physics.
+
+    Parameters
+    ----------
+    plain_mm : (n, m)
+        Mean of the plain model, NaN where it expects no return.
+    edge : (n, m) bool
+        From `near_edges`.
+    lateral_mm : float
+        How far an edge may be off sideways.
+
+    Returns
+    -------
+    sd_mm, chance : (n, m)
+        Further standard deviation, and probability that the point is on the other side of an
+        outline.
+    """
+    sd = np.zeros(view.shape)
+    chance = np.zeros(view.shape)
+    middle = view.depth_mm
+    for move in ({"dx_mm": lateral_mm}, {"dy_mm": lateral_mm}):
+        ahead = view.shifted(**move).depth_mm
+        back = view.shifted(**{k: -v for k, v in move.items()}).depth_mm
+        slope = view.slope_x if "dx_mm" in move else view.slope_y
+        linear = np.clip(slope, -5, 5) * lateral_mm
+        for side, sign in ((ahead, 1.0), (back, -1.0)):
+            bend = np.abs(side - middle - sign * linear)
+            sd = np.fmax(sd, np.where(np.isfinite(bend), bend, 0.0))
+            chance[np.isfinite(side) != np.isfinite(middle)] = UNSURE
+    chance[sd > 1.0] = 0.1
+    own = np.where(edge, np.nan_to_num(np.abs(plain_mm - middle)), 0.0)
+    seen = np.isfinite(plain_mm)
+    outline = binary_dilation(seen, np.ones((3, 3))) & binary_dilation(~seen, np.ones((3, 3)))
+    chance[outline] = UNSURE
+    return np.hypot(sd, TRUST * own), chance
+
+
+def near_edges(view: View, plain_mm: Field) -> Mask:
+    """Within reach of a depth edge, a crease or the outline of what is seen, (n, m).
+
+    The reach is three standard deviations of the laser line, two points at least.
+    """
+    seen = np.isfinite(plain_mm)
+    depth = view.depth_mm
+    width_um = view.datasheet.line_width_um
+    line_sd_mm = LINE_SD_MM if width_um is None else 1e-3 * width_um / 4
+    rough = np.zeros(view.shape, dtype=bool)
+    reach = []
+    steps = np.abs(view.travel_step_mm), np.abs(np.diff(view.column_x_mm))
+    for axis, step in enumerate(steps):
+        pitch = max(float(np.median(step)), 1e-6) if step.size else 1.0
+        reach.append(int(np.clip(np.ceil(3 * line_sd_mm / pitch), 2, 12)))
+        second = np.abs(np.diff(depth, n=2, axis=axis))
+        typical = float(np.nanmedian(second)) if np.isfinite(second).any() else 0.0
+        bent = np.zeros(view.shape, dtype=bool)
+        inner = (slice(1, -1), slice(None)) if axis == 0 else (slice(None), slice(1, -1))
+        with np.errstate(invalid="ignore"):
+            bent[inner] = second > max(BEND * pitch, 6 * typical)
+        rough |= bent
+        flip = np.diff(seen.astype(np.int8), axis=axis) != 0
+        ahead = (slice(0, -1), slice(None)) if axis == 0 else (slice(None), slice(0, -1))
+        behind = (slice(1, None), slice(None)) if axis == 0 else (slice(None), slice(1, None))
+        rough[ahead] |= flip
+        rough[behind] |= flip
+    window = np.ones((2 * reach[0] + 1, 2 * reach[1] + 1), dtype=bool)
+    return np.asarray(binary_dilation(rough, window))

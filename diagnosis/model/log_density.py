@@ -1,0 +1,199 @@
+"""The log predictive density of a patch, with the pose as a nuisance.
+
+Each reading scores given its neighbours (noise/whitening.py); spikes come from a second, wide
+Gaussian; a missing return scores the log probability of missing. The placement is profiled out by
+generalised least squares on the readings that may be fitted, the same for every model.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numba import njit
+
+from diagnosis.data.patch import SPIKE_SD, Patch, spikes
+from diagnosis.model.prediction import Prediction
+from diagnosis.noise.noise_model import Field, Mask, NoiseModel
+from diagnosis.noise.whitening import Whitener
+from sensors.view.view_cache import ViewCache
+
+LOG_ROOT_2PI = 0.5 * np.log(2 * np.pi)
+CLIP = 4.0
+LOG_STRAY = float(np.log(1e-4))
+_WHITENERS: ViewCache[Whitener] = ViewCache(3)
+_COLUMNS: ViewCache[Field] = ViewCache(3)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Whitened:
+    """A patch's residual under one prediction, whitened; the pose's columns with it.
+
+    Attributes
+    ----------
+    used : (n, m) bool
+        Readings that take part: seen by both, no spike.
+    whitener : Whitener
+    residual_mm : (n, m)
+        Reading minus mean, 0 where not used.
+    sd_mm : (n, m)
+    innovations : (n, m)
+        Whitened residual; 0 where not used.
+    columns : (n, m, 9) float32
+        Whitened derivative by the placement (in prior deviations).
+    moved : (9,)
+        By how much the placement differs from the patch's, in prior deviations.
+    """
+
+    used: Mask
+    whitener: Whitener
+    residual_mm: Field
+    sd_mm: Field
+    innovations: Field
+    columns: Field
+    moved: Field
+
+    def whiten(self, field_mm: Field) -> Field:
+        """Whiten a change of the mean (n, m), mm."""
+        return self.whitener.apply(np.where(self.used, np.nan_to_num(field_mm) / self.sd_mm, 0.0))
+
+
+def whitened(patch: Patch, prediction: Prediction, noise: NoiseModel) -> Whitened:
+    """Whiten a patch's residual under a prediction; expensive parts are kept for the next call."""
+    seen = prediction.seen & patch.observed & patch.counted
+    residual = np.where(seen, patch.depth_mm - np.nan_to_num(prediction.mean_mm), 0.0)
+    used = seen & ~spikes(residual, seen, prediction.sd_mm)
+    whitener = _whitener(patch, used, noise)
+    columns = _columns(patch, whitener, prediction.sd_mm, noise)
+    innovations = whitener.apply(np.where(used, residual / prediction.sd_mm, 0.0))
+    return Whitened(
+        used=used,
+        whitener=whitener,
+        residual_mm=np.where(used, residual, 0.0),
+        sd_mm=prediction.sd_mm,
+        innovations=innovations,
+        columns=columns,
+        moved=np.zeros(columns.shape[-1]),
+    )
+
+
+def _whitener(patch: Patch, used: Mask, noise: NoiseModel) -> Whitener:
+    key = noise, hash(np.packbits(used).tobytes())
+    return _WHITENERS.get(patch, key, lambda: Whitener.build(noise, used))
+
+
+def _columns(patch: Patch, whitener: Whitener, sd_mm: Field, noise: NoiseModel) -> Field:
+    key = noise, hash(np.packbits(whitener.used).tobytes()), hash(sd_mm.tobytes())
+    return _COLUMNS.get(patch, key, lambda: whitener.stacked(patch.columns, sd_mm))
+
+
+def placements(
+    patches: Sequence[Patch],
+    states: Sequence[Whitened],
+    masks: Sequence[Mask],
+) -> dict[int, Field]:
+    """Best placement (9,) of each recording given whitened residuals, in prior deviations.
+
+    Least squares, then again without the readings that are far off under it.
+    """
+    found: dict[int, Field] = {}
+    picks = [mask & state.used for state, mask in zip(states, masks, strict=True)]
+    for _ in range(3):
+        normal: dict[int, Field] = {}
+        right: dict[int, Field] = {}
+        for patch, state, pick in zip(patches, states, picks, strict=True):
+            r, k = patch.recording, state.columns.shape[-1]
+            there = found.get(r, np.zeros(k))
+            matrix, vector = _normal(
+                state.columns, state.innovations, pick, there, CLIP if r in found else np.inf
+            )
+            normal[r] = normal.get(r, np.eye(k)) + matrix
+            right[r] = right.get(r, np.zeros(k)) + vector
+        found = {r: np.linalg.solve(normal[r], right[r]) for r in normal}
+    return found
+
+
+@njit(cache=True)
+def _normal(
+    columns: Field, values: Field, pick: Mask, there: Field, clip: float
+) -> tuple[Field, Field]:
+    """Products of columns (n, m, k) and values (n, m) over readings near a placement `there`."""
+    n, m, k = columns.shape
+    matrix, vector = np.zeros((k, k)), np.zeros(k)
+    for i in range(n):
+        for j in range(m):
+            if not pick[i, j]:
+                continue
+            x = columns[i, j]
+            left = values[i, j]
+            for a in range(k):
+                left -= x[a] * there[a]
+            if not abs(left) < clip:
+                continue
+            for a in range(k):
+                one = np.float64(x[a])
+                vector[a] += one * values[i, j]
+                for b in range(a + 1):
+                    matrix[a, b] += one * x[b]
+    for a in range(k):
+        for b in range(a):
+            matrix[b, a] = matrix[a, b]
+    return matrix, vector
+
+
+def placed(patch: Patch, state: Whitened, placement: Field) -> Whitened:
+    """Return the same with the residual at a placement."""
+    moved = np.where(state.used, patch.columns @ placement, 0.0)
+    return replace(
+        state,
+        residual_mm=state.residual_mm - moved,
+        innovations=state.innovations - np.where(state.used, state.columns @ placement, 0.0),
+        moved=state.moved + placement,
+    )
+
+
+def innovations_at(
+    patch: Patch, prediction: Prediction, noise: NoiseModel, placement: Field
+) -> tuple[Field, Mask]:
+    """Whitened residuals (n, m) at a placement, and which readings take part."""
+    _, residual, used, whitener = _taken(patch, prediction, noise, placement)
+    return whitener.apply(np.where(used, residual / prediction.sd_mm, 0.0)), used
+
+
+def _taken(
+    patch: Patch, prediction: Prediction, noise: NoiseModel, placement: Field
+) -> tuple[Mask, Field, Mask, Whitener]:
+    """Tell readings seen by both, their residuals, which are no spikes, and the whitener."""
+    seen = prediction.seen & patch.observed & patch.counted
+    mean = np.nan_to_num(prediction.mean_mm) + patch.columns @ placement
+    residual = np.where(seen, patch.depth_mm - mean, 0.0)
+    used = seen & (np.abs(residual) < SPIKE_SD * prediction.sd_mm)
+    return seen, residual, used, _whitener(patch, used, noise)
+
+
+def log_density(
+    patch: Patch,
+    prediction: Prediction,
+    noise: NoiseModel,
+    placement: Field,
+) -> Field:
+    """Log predictive density of each reading, or of its absence, (n, m) nats; depth in mm.
+
+    0 in profiles that aren't measurements.
+    """
+    missing = prediction.p_missing
+    seen, residual, used, whitener = _taken(patch, prediction, noise, placement)
+    innovation = whitener.apply(np.where(used, residual / prediction.sd_mm, 0.0))
+    spread = np.where(used, whitener.conditional_sd(), 1.0) * prediction.sd_mm
+    standard = np.where(used, innovation, residual / prediction.sd_mm)
+    inner = np.log1p(-prediction.p_outlier) - 0.5 * standard**2 - np.log(spread)
+    wide = prediction.outlier_sd_mm
+    outer = np.log(prediction.p_outlier) - 0.5 * (residual / wide) ** 2 - np.log(wide)
+    nowhere = -np.log(patch.view.datasheet.z_range_mm)
+    # a reading may come from anywhere, once in ten thousand: no single one decides
+    found = np.logaddexp(np.logaddexp(inner, outer) - LOG_ROOT_2PI, LOG_STRAY + nowhere)
+    value = np.where(
+        patch.observed,
+        np.log1p(-missing) + np.where(seen, found, nowhere),
+        np.log(missing),
+    )
+    return np.where(patch.counted, value, 0.0)

@@ -1,0 +1,1 @@
+"""The noise of the readings: size, correlation and tails, and whitening."""

@@ -1,0 +1,1 @@
+"""The laws of named causes: fit, remainder beside it, intervals of its numbers."""

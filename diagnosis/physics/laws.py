@@ -1,0 +1,138 @@
+"""The full laws of named causes, fitted on the readings from where their components point."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from diagnosis.components.component import with_sheet
+from diagnosis.data.patch import Patch
+from diagnosis.evidence.reported_causes import Cause
+from diagnosis.model.prediction import starting
+from diagnosis.model.workspace import Model, Workspace
+from diagnosis.physics.fit import fit_effect
+from diagnosis.physics.linear_fit import Fitted, is_linear
+from diagnosis.settings import SETTINGS
+from sensors.datasheet import Datasheet
+from sensors.effects import CATALOGUE
+from sensors.effects.base import Effect
+
+
+def fit_laws(
+    causes: Sequence[Cause], ws: Workspace, model: Model, *, polish: bool = True
+) -> tuple[Model, list[Cause]]:
+    """Add the law of each cause to a model, strongest first, then refit all together.
+
+    Parameters
+    ----------
+    polish : search beyond the laws' grids; otherwise the best points of the grids stand
+
+    Returns
+    -------
+    model, and the causes with a doubt about laws that don't fit
+    """
+    few = ws.thin(SETTINGS.fitted_readings)
+    out = []
+    for cause in causes:
+        fitted = fit_law(cause, few, model, polish=polish)
+        if fitted is None or fitted.effect.is_null:
+            out.append(cause.doubted("Its law doesn't fit these recordings."))
+            continue
+        if fitted.gain < SETTINGS.explained_share * cause.nats:
+            cause = cause.doubted(
+                f"Its law gains {max(fitted.gain, 0.0):.0f} nats where a free curve gains "
+                f"{cause.nats:.0f}: the formula may be another."
+            )
+        model = few.levelled(model.with_effect(fitted.effect, fitted.own))
+        out.append(cause)
+    if polish and len(model.effects) > 1:
+        model = refit(few, model)
+    return refit_linear(ws, model), out
+
+
+def fit_law(
+    cause: Cause, ws: Workspace, model: Model, *, polish: bool = True
+) -> Fitted | None:
+    """Fit one law beside a model; None where it can't act on these recordings."""
+    kind = CATALOGUE[cause.name]
+    states = ws.states(ws.predict(model))
+    starts: list[Effect | None] = [None]
+    if cause.repeats > 0 and cause.component is not None:
+        relaxed = cause.component.relaxed
+        value = {relaxed.frequency: cause.repeats, relaxed.period: 1 / cause.repeats}
+        value.pop("", None)
+        base = starting(kind, ws.patches[0].view)
+        starts = [
+            base.with_parameters({name: float(np.clip(v, p.low, p.high))})
+            for name, v in value.items()
+            for p in [base.parameter(name)]
+        ] or starts
+    found = [
+        fit_effect(kind, ws, model, states, start=start, polish=polish)
+        for start in starts
+    ]
+    return max((f for f in found if f is not None), key=lambda f: f.gain, default=None)
+
+
+def strongest_law(causes: Sequence[Cause], ws: Workspace, model: Model) -> Cause:
+    """Return the cause whose law alone, at a point of its grid, makes the readings most probable.
+
+    Where a signal is many times the noise, free curves share it in ways that no law could.
+    """
+    few = ws.thin(SETTINGS.fitted_readings)
+
+    def gain(cause: Cause) -> float:
+        fitted = fit_law(cause, few, model, polish=False)
+        return -np.inf if fitted is None else fitted.gain - fitted.free
+
+    return max(causes, key=gain)
+
+
+def refit(ws: Workspace, model: Model) -> Model:
+    """Refit each effect in turn with the others in place."""
+    for effect in model.effects:
+        rest = model.refitting(effect.name)
+        fitted = fit_effect(
+            type(effect), ws, rest, ws.states(ws.predict(rest)), start=effect.shared(), polish=True
+        )
+        if fitted is not None and not fitted.effect.is_null:
+            model = ws.levelled(rest.with_effect(fitted.effect, fitted.own))
+    return model
+
+
+def refit_linear(ws: Workspace, model: Model) -> Model:
+    """Solve each effect's linear part on all readings, the others in place."""
+    for effect in model.effects:
+        rest = model.refitting(effect.name)
+        if not is_linear(effect, ws):
+            continue
+        fitted = fit_effect(
+            type(effect), ws, rest, ws.states(ws.predict(rest)), start=effect, polish=False
+        )
+        if fitted is not None and not fitted.effect.is_null:
+            model = rest.with_effect(fitted.effect, fitted.own)
+    return ws.levelled(model)
+
+
+def assumed_sheets(sheet: Datasheet, causes: Sequence[Cause]) -> list[Datasheet]:
+    """Return the sensor's file, or its completions where a named cause needs what it leaves out.
+
+    A file that leaves the camera's side out has "+y" by default: "-y" was stated.
+    """
+    needed = {key for c in causes for key in CATALOGUE[c.name].needs}
+    if all(getattr(sheet, key) is not None for key in needed):
+        return [sheet]
+    sides: tuple[Literal["+y", "-y"], ...] = ("+y", "-y")
+    return [
+        replace(sheet, triangulation_angle_deg=angle, camera_side=side)
+        for angle in SETTINGS.assumed_angles_deg
+        for side in (sides if sheet.camera_side == "+y" else ("-y",))
+    ]
+
+
+def seen_by(patches: Sequence[Patch], sheet: Datasheet) -> list[Patch]:
+    """Look at patches with another sensor's file."""
+    if not patches or patches[0].view.datasheet is sheet:
+        return list(patches)
+    return [replace(p, view=with_sheet(p.view, sheet)) for p in patches]

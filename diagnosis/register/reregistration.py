@@ -1,0 +1,94 @@
+"""Registration again under a model: where the recordings lie if its effects are there."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from diagnosis.data.patch import Patch
+from diagnosis.data.recorded import Recorded
+from diagnosis.model.workspace import Model, Workspace
+from diagnosis.noise.noise_model import Field, NoiseModel
+from diagnosis.register.law_placement import placed_by_law
+from diagnosis.register.registration import PRIOR_SD, Placement
+
+NEAR_MM, NEAR_SD = 0.03, 3.0
+"""A placement changes no further than this, sideways and in units of the noise, for nothing."""
+
+
+def placed_anew(
+    model: Model,
+    patches: Sequence[Patch],
+    recorded: Recorded,
+    placed: Mapping[str, Placement],
+    noise: NoiseModel,
+    *,
+    by_law: bool,
+) -> tuple[list[Patch], dict[str, Placement]]:
+    """Place each recording anew with the effects in the model; patches, and placements by name.
+
+    Under the nominal model a placement takes up part of what that lacks, by tenths of a millimetre
+    where the part is smooth: far enough for curvature to bend what was linear. Recordings that
+    hardly move, or are looked at in strips, stay where they are.
+
+    Parameters
+    ----------
+    placed : each recording's placement so far
+    by_law : whether the model's law at edges counts, or silhouettes as if they were sharp
+    """
+    out: list[Patch] = []
+    found = dict(placed)
+    moved = {} if by_law else by_all_readings(patches, noise, model)
+    for number, recording in enumerate(recorded.recordings):
+        own = [p for p in patches if p.recording == number]
+        before = placed[recording.name]
+        if not is_whole(own, recorded, number):
+            placement = before
+        elif by_law:
+            placement = placed_by_law(own[0], before, model, noise)
+        elif _stays(own[0], moved[number], noise):
+            placement = before
+        else:
+            placement = registered_under(model, own[0], recorded, noise)
+        if placement is not before:
+            again = recorded.cut(number, placement)
+            if log_density(again, noise, model) > log_density(own, noise, model):
+                found[recording.name], own = placement, again
+        out += own
+    return out, found
+
+
+def is_whole(own: Sequence[Patch], recorded: Recorded, number: int) -> bool:
+    """Whether a recording is looked at as a whole, and not in strips."""
+    return len(own) == 1 and own[0].shape == recorded.recordings[number].depth_mm.shape
+
+
+def registered_under(
+    model: Model, patch: Patch, recorded: Recorded, noise: NoiseModel
+) -> Placement:
+    """Register a recording, one patch, with what a model expects beyond the geometric depth."""
+    law = Workspace.build([patch], noise).predict(model)[0]
+    return recorded.register(
+        patch.recording, patch.observed, law.mean_mm - patch.view.depth_mm, noise.sd_mm,
+        law.sd_mm / noise.sd_mm,
+    )  # fmt: skip
+
+
+def log_density(own: Sequence[Patch], noise: NoiseModel, model: Model) -> float:
+    """Log density of a recording where it lies, nats, the placement refitted to first order."""
+    ws = Workspace.build(own, noise)
+    still = ws.placements(model, [p.counted for p in own])
+    return float(sum(d.sum() for d in ws.log_densities(model, placements=still)))
+
+
+def by_all_readings(
+    patches: Sequence[Patch], noise: NoiseModel, model: Model
+) -> dict[int, Field]:
+    """Place each recording to first order by all its readings, held out or not."""
+    return Workspace.build(patches, noise).placements(model, [p.counted for p in patches])
+
+
+def _stays(patch: Patch, shift: Field, noise: NoiseModel) -> bool:
+    """Whether a placement is so near that what is linear in it is all there is."""
+    far = np.abs(shift * PRIOR_SD)[:3].max() > NEAR_MM
+    deep = np.abs(patch.columns @ shift).max() > NEAR_SD * noise.sd_mm
+    return not (far or deep)

@@ -1,0 +1,83 @@
+"""What is learnt of good instruments' discrepancy, and what baselines add."""
+
+import numpy as np
+import pytest
+
+from diagnosis.discrepancy.good_instrument import informed, kinds_of
+from diagnosis.discrepancy.population import Kind, Population, learnt, population
+from diagnosis.settings import SETTINGS
+
+SIZES = SETTINGS.mean_sizes()
+
+
+def seen_as(size: float, k: int = 6, information: float = 4e4) -> np.ndarray:
+    """Log factors of each size where the true coefficients are of one size."""
+    pull = information * size * np.random.default_rng(round(1e6 * size)).standard_normal(k)
+    v = SIZES**2 * information
+    return np.array(
+        [0.5 * (s**2 * pull @ pull / (1 + w)) - 0.5 * k * np.log1p(w)
+         for s, w in zip(SIZES, v, strict=True)]
+    )  # fmt: skip
+
+
+def test_sizes_are_those_that_the_instruments_show() -> None:
+    rng = np.random.default_rng(0)
+    sizes = 0.03 * np.exp(0.5 * rng.standard_normal(40))
+    weights = learnt([[{"bow": seen_as(float(s))} for s in sizes]])[0]["bow"]
+    assert weights.sum() == pytest.approx(1.0)
+    typical = SIZES[np.searchsorted(np.cumsum(weights), 0.5)]
+    assert 0.015 < typical < 0.06
+    assert weights[SIZES > 0.5].sum() < 1e-3
+
+
+def test_good_instruments_without_a_departure_have_none() -> None:
+    weights = learnt([[{"bow": seen_as(1e-5)}] * 30])[0]["bow"]
+    assert weights[SIZES > 0.05].sum() < 0.01
+
+
+def of_two(names: tuple[str, ...] = ("bow", "lens", "slips")) -> Population:
+    """A kind of instruments that are perfect, and one of which each has a tenth of everything."""
+    perfect, usual = (learnt([[{"bow": seen_as(s)}] * 20])[0]["bow"] for s in (1e-5, 0.1))
+    return Population(
+        kinds=(
+            Kind(name="perfect", weights=dict.fromkeys(names, perfect)),
+            Kind(name="usual", weights=dict.fromkeys(names, usual)),
+        )
+    )
+
+
+def test_a_baseline_narrows_what_an_instrument_may_have() -> None:
+    flat = Kind(name="any", weights={"bow": np.full(SIZES.size, 1 / SIZES.size)})
+    after = informed(Population(kinds=(flat,)), {"bow": seen_as(1e-5)}, {})
+    assert after["bow"].sum() == pytest.approx(1.0)
+    assert after["bow"][SIZES > 0.1].sum() < 1e-3
+
+
+def test_recordings_show_their_kind() -> None:
+    here = of_two()
+    nothing = {n: seen_as(1e-5) for n in ("bow", "lens", "slips")}
+    everything = {n: seen_as(0.1) for n in ("bow", "lens", "slips")}
+    assert kinds_of(here, nothing, good=False)[0] > 0.99
+    assert kinds_of(here, everything, good=False)[1] > 0.99
+    # one that has nothing else of the kind has changed
+    assert kinds_of(here, nothing | {"bow": seen_as(0.1)}, good=False)[0] > 0.9
+
+
+def test_what_no_kind_was_seen_to_have_is_as_in_the_others() -> None:
+    one = Kind(name="a", weights={"bow": np.full(3, 1 / 3)})
+    both = Population(kinds=(one, Kind(name="b", weights={})))
+    weights = both.weights("bow")
+    assert weights is not None
+    assert weights[1] == pytest.approx(weights[0])
+    assert both.weights("slips") is None
+
+
+def test_the_population_is_named_and_its_probabilities_add_up() -> None:
+    found = population()
+    assert "calibration" in found.name
+    for kind in found.kinds:
+        assert kind.weights
+        for name, weights in kind.weights.items():
+            grid = SETTINGS.rate_sizes() if ": " in name else SIZES
+            assert weights.shape == grid.shape, name
+            assert weights.sum() == pytest.approx(1.0, abs=1e-4), name

@@ -1,0 +1,38 @@
+"""Causes: probabilities of components add up by effect; what is known already is no news."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from diagnosis.evidence.reported_causes import Cause, shares_by_effect, without_kin
+
+EFFECTS = {"bow, even": "line_bow", "bow, any": "line_bow", "form": "form_error", "other": ""}
+
+
+def cause(name: str) -> Cause:
+    return Cause(
+        name=name, channel="mean", probability=0.9, alternatives=(), none_of_these=0.1, nats=50.0
+    )
+
+
+def test_components_of_an_effect_add_up() -> None:
+    shares = {"bow, even": 0.5, "bow, any": 0.2, "form": 0.1, "other": 0.05, "": 0.15}
+    named, rest = shares_by_effect(shares, EFFECTS)
+    assert named == pytest.approx({"line_bow": 0.7, "form_error": 0.1})
+    assert rest == pytest.approx(0.2)
+
+
+@given(values=st.lists(st.floats(0, 1), min_size=5, max_size=5))
+def test_no_probability_is_lost(values: list[float]) -> None:
+    named, rest = shares_by_effect(dict(zip([*EFFECTS, ""], values, strict=True)), EFFECTS)
+    assert sum(named.values()) + rest == pytest.approx(sum(values))
+
+
+def test_doubts_are_kept_one_after_the_other() -> None:
+    assert cause("line_bow").doubted("One.").doubted("Two.").doubt == "One. Two."
+
+
+def test_known_names_are_left_out() -> None:
+    causes = [cause("line_bow"), cause("form_error")]
+    assert [c.name for c in without_kin(causes, ["line_bow"])] == ["form_error"]
+    assert without_kin(causes, []) == causes

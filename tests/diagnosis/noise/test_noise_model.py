@@ -1,0 +1,45 @@
+"""The calibrated noise reproduces itself."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from diagnosis.noise.noise_model import calibrate
+
+
+def correlated(rng: np.random.Generator, shape: tuple[int, int] = (160, 200)) -> np.ndarray:
+    field = gaussian_filter(rng.standard_normal(shape), (0.8, 1.6), mode="wrap")
+    return 0.01 * field / field.std() + 0.003 * rng.standard_normal(shape)
+
+
+def test_calibration_of_correlated_noise_under_a_smooth_misfit() -> None:
+    rng = np.random.default_rng(5)
+    misfit = (
+        0.05 * np.sin(np.linspace(0, 3, 200))[None, :] + 0.02 * np.linspace(-1, 1, 160)[:, None]
+    )
+    field = correlated(rng) + misfit
+    field[40, 50] = 3.0  # a spike
+    model = calibrate(
+        [field], [np.ones(field.shape, bool)], pitch_mm=(0.1, 0.1), missing_share=0.0,
+        from_reference=False,
+    )  # fmt: skip
+    assert model.sd_mm == pytest.approx(np.hypot(0.01, 0.003), rel=0.05)
+    ly, lx = model.lags
+    # a Gaussian of standard deviation s convolved with white noise has acf exp(-lag² / 4 s²)
+    share = 0.01**2 / (0.01**2 + 0.003**2)
+    assert model.acf[ly, lx + 2] == pytest.approx(share * np.exp(-4 / (4 * 1.6**2)), abs=0.05)
+    assert model.acf[ly + 1, lx] == pytest.approx(share * np.exp(-1 / (4 * 0.8**2)), abs=0.05)
+
+
+def test_drawn_fields_have_the_autocorrelation() -> None:
+    rng = np.random.default_rng(6)
+    model = calibrate(
+        [correlated(rng)], [np.ones((160, 200), bool)], pitch_mm=(0.1, 0.1), missing_share=0.0,
+        from_reference=True,
+    )  # fmt: skip
+    drawn = model.draw((300, 400), rng)
+    ly, lx = model.lags
+    assert drawn.std() == pytest.approx(1.0, rel=0.02)
+    for row, column in ((0, 1), (1, 0), (1, 2), (0, 5)):
+        product = np.mean(drawn[row:, column:] * drawn[: 300 - row, : 400 - column])
+        assert product == pytest.approx(model.acf[ly + row, lx + column], abs=0.03)
