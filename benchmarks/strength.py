@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from diagnosis.model.edges import EDGE_COVARIATES
 from diagnosis.model.log_density import CLIP, placements, whitened
-from diagnosis.model.prediction import predict
 from diagnosis.model.workspace import Model, Workspace
 from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.predict.edges import EDGE_COVARIATES
+from diagnosis.predict.prediction import predict
 from files.errors import RecipeError
 from sensors.effects import effect_of
 from sensors.effects.anisotropic_lay import AnisotropicLay

@@ -13,13 +13,14 @@ from diagnosis.evidence.assess import Assessment, assessed_mean, assessed_rates
 from diagnosis.evidence.cause_search import Member
 from diagnosis.evidence.reported_causes import Cause, Strange, reported, without_kin
 from diagnosis.evidence.seen import Seen, channels_seen, seen
-from diagnosis.model.edges import BESIDE_EDGES, EDGE_COVARIATES
+from diagnosis.fields import Field
 from diagnosis.model.workspace import Model, Workspace
-from diagnosis.noise.noise_model import Field, NoiseModel
+from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.laws import assumed_sheets, fit_laws, refit, seen_by, strongest_law
 from diagnosis.physics.remainder import curves_of, remainder
+from diagnosis.predict.edges import BESIDE_EDGES, EDGE_COVARIATES
 from diagnosis.register.registration import Placement
-from diagnosis.register.reregistration import log_density, placed_anew
+from diagnosis.reregister.reregistration import log_density, placed_anew
 from diagnosis.settings import SETTINGS
 
 Progress = Callable[[str], None]

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.noise.noise_model import Field, NoiseModel, calibrate
+from diagnosis.fields import Field
+from diagnosis.noise.noise_model import NoiseModel, calibrate
 from sensors.effects.base import Effect
 from sensors.effects.onboard_filter import OnboardFilter
 from sensors.effects.roughness_level import RoughnessLevel

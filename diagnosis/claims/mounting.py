@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 from scipy.special import fdtrc, stdtrit
 
-from diagnosis.noise.noise_model import Field
+from diagnosis.fields import Field
 from diagnosis.physics.uncertainty import Estimate
 from diagnosis.register.pose_derivative import travel_columns
 from diagnosis.register.registration import PRIOR_SD, Placement

@@ -14,8 +14,9 @@ import numpy as np
 
 from diagnosis.data.patch import Patch
 from diagnosis.evidence.noise_level import claimed_sizes, level_odds, level_unsure
+from diagnosis.fields import Field, Mask
 from diagnosis.model.workspace import Model, Workspace
-from diagnosis.noise.noise_model import Field, Mask, NoiseModel, calibrate, mad_sd
+from diagnosis.noise.noise_model import NoiseModel, calibrate, mad_sd
 from diagnosis.physics.fit import fit_effect
 from diagnosis.physics.uncertainty import Estimate, plain_values
 from diagnosis.validate.found_effects import FoundEffect

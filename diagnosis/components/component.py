@@ -11,8 +11,8 @@ from diagnosis.components.row_periods import image_row, strongest_rows
 from diagnosis.components.smooth import Ranges, periodic_columns, products, smooth_columns
 from diagnosis.data.patch import Patch
 from diagnosis.model.log_density import Whitened
-from diagnosis.model.prediction import law_of
 from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.predict.prediction import law_of
 from diagnosis.settings import SETTINGS
 from files.errors import RecipeError
 from sensors.datasheet import Datasheet

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from diagnosis.data.patch import Patch
+from diagnosis.fields import Field, Mask
 from diagnosis.model.log_density import CLIP, Whitened
-from diagnosis.noise.noise_model import Field, Mask
 from diagnosis.noise.whitening import transposed
 from diagnosis.settings import SETTINGS
 from sensors.datasheet import Datasheet

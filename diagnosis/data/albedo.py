@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.fft import dctn, idctn, next_fast_len
 
 from diagnosis.data.brightness import by_direction
-from diagnosis.noise.noise_model import Field
+from diagnosis.fields import Field
 from files.yaml_document import dump_yaml
 from sensors.view.view import View
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, distance_transform_edt, median_filter
 
-from diagnosis.noise.noise_model import Field, Mask
+from diagnosis.fields import Field, Mask
 from sensors.view.view import View
 
 NARROW, WIDE = 5, 15

@@ -9,8 +9,9 @@ from diagnosis.data.albedo import MOST_READINGS, find_albedo
 from diagnosis.data.brightness import surface_brightness
 from diagnosis.data.patch import Patch, in_range
 from diagnosis.data.plates import Plate, plate_residual
-from diagnosis.model.prediction import law_of
-from diagnosis.noise.noise_model import LAG_PART, Mask
+from diagnosis.fields import Mask
+from diagnosis.noise.noise_model import LAG_PART
+from diagnosis.predict.prediction import law_of
 from diagnosis.register.registration import Placement, check_meets
 from files.errors import RecipeError
 from sensors.casting.laser import Laser

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 
-from diagnosis.model.edges import edge_softness, near_edges
-from diagnosis.model.prediction import law_of
-from diagnosis.noise.noise_model import Field, Mask
+from diagnosis.fields import Field, Mask
+from diagnosis.predict.edges import edge_softness, near_edges
+from diagnosis.predict.prediction import law_of
 from diagnosis.register.pose_derivative import pose_columns, travel_columns
 from diagnosis.register.registration import PRIOR_SD, Placement, hits_normal
 from sensors.casting.laser import Laser

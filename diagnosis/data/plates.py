@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.data.patch import in_range
-from diagnosis.noise.noise_model import Field
+from diagnosis.fields import Field
 from files.errors import RecipeError
 from sensors.casting.laser import Laser
 from sensors.datasheet import Datasheet

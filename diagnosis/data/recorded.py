@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.data.patch import Patch, cut
-from diagnosis.noise.noise_model import Field, Mask
+from diagnosis.fields import Field, Mask
 from diagnosis.register.registration import Placement, register
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene

@@ -22,10 +22,11 @@ from diagnosis.components.smooth import Ranges
 from diagnosis.components.whitened_columns import column_groups
 from diagnosis.data.patch import Patch
 from diagnosis.evidence.glm import Owners, Responses
+from diagnosis.fields import Mask
 from diagnosis.model.log_density import Whitened
-from diagnosis.model.prediction import Prediction
 from diagnosis.noise.calibration import USUAL_SHARE
-from diagnosis.noise.noise_model import Mask, NoiseModel
+from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.predict.prediction import Prediction
 from diagnosis.settings import SETTINGS
 
 Floats = NDArray[np.float64]

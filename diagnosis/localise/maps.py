@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 
 from diagnosis.data.patch import in_range
 from diagnosis.data.recorded import Recorded
+from diagnosis.fields import Field, Mask
 from diagnosis.localise.regions import Region, departure_mask, free_mask, regions_of, smoothed_score
-from diagnosis.model.edges import edge_softness, near_edges
-from diagnosis.model.expectation import expect
-from diagnosis.model.prediction import Prediction, law_of, predict
 from diagnosis.model.workspace import Model
-from diagnosis.noise.noise_model import Field, Mask, NoiseModel
+from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.predict.edges import edge_softness, near_edges
+from diagnosis.predict.expectation import expect
+from diagnosis.predict.prediction import Prediction, law_of, predict
 from diagnosis.register.pose_derivative import pose_columns, travel_columns
 from diagnosis.register.registration import PRIOR_SD, Placement, hits_normal
 from diagnosis.validate.placement_candidates import Placed

@@ -13,7 +13,8 @@ from scipy.ndimage import (
     uniform_filter,
 )
 
-from diagnosis.noise.noise_model import Field, Mask, NoiseModel
+from diagnosis.fields import Field, Mask
+from diagnosis.noise.noise_model import NoiseModel
 
 MOST_REGIONS = 12
 NEIGHBOURS = 5

@@ -12,9 +12,9 @@ from scipy.ndimage import uniform_filter
 
 from diagnosis.components.row_periods import image_row
 from diagnosis.evidence.reported_causes import Strange
+from diagnosis.fields import Field
 from diagnosis.localise.regions import NEIGHBOURS, Region, departure_mask, regions_of
 from diagnosis.model.workspace import Model, Workspace
-from diagnosis.noise.noise_model import Field
 from diagnosis.settings import SETTINGS
 from sensors.view.covariates import COVARIATES
 from sensors.view.view import View

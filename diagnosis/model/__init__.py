@@ -1,1 +1,1 @@
-"""Readings under a model: prediction, expectation at depth edges, log density."""
+"""A model of the recordings with its readings: log density, shrinkage at depth edges."""

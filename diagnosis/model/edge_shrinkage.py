@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.model.expectation import STEPS, EdgeShares, bending_effects
 from diagnosis.model.workspace import Model, Workspace
+from diagnosis.predict.expectation import STEPS, EdgeShares, bending_effects
 
 FARTHEST = 10.0
 """A reading that is farther off, in units of the noise, counts as this far."""

@@ -12,9 +12,10 @@ import numpy as np
 from numba import njit
 
 from diagnosis.data.patch import SPIKE_SD, Patch, spikes
-from diagnosis.model.prediction import Prediction
-from diagnosis.noise.noise_model import Field, Mask, NoiseModel
+from diagnosis.fields import Field, Mask
+from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.noise.whitening import Whitener
+from diagnosis.predict.prediction import Prediction
 from sensors.view.view_cache import ViewCache
 
 LOG_ROOT_2PI = 0.5 * np.log(2 * np.pi)

@@ -8,8 +8,7 @@ import numpy as np
 
 from diagnosis.components.free_curve import Curve
 from diagnosis.data.patch import WHOLE, Patch, thinned
-from diagnosis.model.edges import on_edges
-from diagnosis.model.expectation import EdgeShares, expect
+from diagnosis.fields import Field, Mask
 from diagnosis.model.log_density import (
     Whitened,
     innovations_at,
@@ -18,8 +17,10 @@ from diagnosis.model.log_density import (
     placements,
     whitened,
 )
-from diagnosis.model.prediction import Prediction, effects_for
-from diagnosis.noise.noise_model import Field, Mask, NoiseModel
+from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.predict.edges import on_edges
+from diagnosis.predict.expectation import EdgeShares, expect
+from diagnosis.predict.prediction import Prediction, effects_for
 from sensors.effects.base import Effect
 
 OwnParameters = Mapping[int, Mapping[str, Mapping[str, float]]]

@@ -8,8 +8,8 @@ import numpy as np
 from diagnosis.data.brightness import borders
 from diagnosis.data.patch import Patch
 from diagnosis.data.plates import Plate
-from diagnosis.model.prediction import plain_gain
 from diagnosis.noise.noise_model import NoiseModel, calibrate
+from diagnosis.predict.prediction import plain_gain
 from sensors.effects.delivery import DeliveryEffect
 from sensors.law import geometric_law
 from sensors.noise.uncertainty import sigma_mm

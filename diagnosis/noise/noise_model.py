@@ -7,14 +7,11 @@ from the recordings' own residuals; its Fourier transform draws the null fields 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
-Field = NDArray[Any]
-Mask = NDArray[np.bool_]
+from diagnosis.fields import Field, Mask
 
 CLIP_SD = 4.5
 MAX_LAG = 24

@@ -13,7 +13,8 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 
-from diagnosis.noise.noise_model import Field, Mask, NoiseModel
+from diagnosis.fields import Field, Mask
+from diagnosis.noise.noise_model import NoiseModel
 from sensors.view.view_cache import ViewCache
 
 Groups = NDArray[np.int64]

@@ -9,8 +9,8 @@ from scipy.optimize import minimize, minimize_scalar
 from scipy.sparse import csr_matrix
 
 from diagnosis.data.patch import Patch
+from diagnosis.fields import Field, Mask
 from diagnosis.model.log_density import CLIP, Whitened
-from diagnosis.noise.noise_model import Field, Mask
 
 COMB = 6
 """An innovation sees columns from three before to two after: columns six apart never meet."""

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.model.edges import on_edges
+from diagnosis.fields import Field, Mask
 from diagnosis.model.workspace import Model, Workspace
-from diagnosis.noise.noise_model import Field, Mask
+from diagnosis.predict.edges import on_edges
 from files.errors import RecipeError
 from sensors.effects.base import Effect
 

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from diagnosis.components.row_periods import strongest_rows
+from diagnosis.fields import Field, Mask
 from diagnosis.model.log_density import Whitened
-from diagnosis.model.prediction import starting
 from diagnosis.model.workspace import Model, Workspace
-from diagnosis.noise.noise_model import Field, Mask
 from diagnosis.physics.linear_fit import Fitted, has_fields, is_linear, solve_linear
+from diagnosis.predict.prediction import starting
 from files.errors import RecipeError
 from sensors.effects.base import Effect
 from sensors.effects.form_error import FormError

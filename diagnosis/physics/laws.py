@@ -9,10 +9,10 @@ import numpy as np
 from diagnosis.components.component import with_sheet
 from diagnosis.data.patch import Patch
 from diagnosis.evidence.reported_causes import Cause
-from diagnosis.model.prediction import starting
 from diagnosis.model.workspace import Model, Workspace
 from diagnosis.physics.fit import fit_effect
 from diagnosis.physics.linear_fit import Fitted, is_linear
+from diagnosis.predict.prediction import starting
 from diagnosis.settings import SETTINGS
 from sensors.datasheet import Datasheet
 from sensors.effects import CATALOGUE

@@ -10,9 +10,9 @@ from functools import cached_property
 
 import numpy as np
 
+from diagnosis.fields import Field, Mask
 from diagnosis.model.log_density import CLIP, Whitened
 from diagnosis.model.workspace import Workspace
-from diagnosis.noise.noise_model import Field, Mask
 from diagnosis.physics.column_offsets import column_equations, likely_variance
 from files.errors import RecipeError
 from sensors.effects.base import Effect

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
+from diagnosis.fields import Field
 from diagnosis.model.workspace import Model, Workspace
-from diagnosis.noise.noise_model import Field
 from diagnosis.physics.curvature import fitted_numbers, quadratic
 
 LEVEL = 0.95

@@ -1,1 +1,1 @@
-"""Registration: where the part lay and how the travel went, before and under a model."""
+"""Registration under the nominal model: where the part lay, how the travel went."""

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from diagnosis.noise.noise_model import Field
+from diagnosis.fields import Field
 
 
 def step_by_step(

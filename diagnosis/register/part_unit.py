@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from diagnosis.noise.noise_model import Field
+from diagnosis.fields import Field
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 

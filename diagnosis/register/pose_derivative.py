@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from diagnosis.noise.noise_model import Field
+from diagnosis.fields import Field
 from sensors.casting.laser import Laser
 
 EDGE_ON = 1e-3

@@ -14,7 +14,8 @@ from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from diagnosis.noise.noise_model import Field, Mask, mad_sd
+from diagnosis.fields import Field, Mask
+from diagnosis.noise.noise_model import mad_sd
 from diagnosis.register.coordinate_search import step_by_step
 from diagnosis.register.part_unit import unit_hint
 from diagnosis.register.pose_derivative import (

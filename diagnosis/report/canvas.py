@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diagnosis.noise.noise_model import Field
+from diagnosis.fields import Field
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from diagnosis.diagnosis import Diagnosis
+from diagnosis.fields import Field, Mask
 from diagnosis.model.workspace import Workspace
-from diagnosis.noise.noise_model import Field, Mask
 from diagnosis.report.canvas import BEFORE, INK, PALE, binned, figure_of, png
 from diagnosis.validate.found_effects import FoundEffect
 from files.errors import RecipeError

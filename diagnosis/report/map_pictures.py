@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from diagnosis.diagnosis import Diagnosis
+from diagnosis.fields import Mask
 from diagnosis.localise.maps import RecordingMaps
-from diagnosis.noise.noise_model import Mask
 from diagnosis.report.canvas import figure_of, png
 
 

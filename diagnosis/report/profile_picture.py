@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from diagnosis.diagnosis import Diagnosis
-from diagnosis.noise.noise_model import Field
+from diagnosis.fields import Field
 from diagnosis.report.canvas import AFTER, BEFORE, PALE, figure_of, png
 
 WORDS = ("nominal model", "with the effects found")

@@ -8,10 +8,10 @@ from scipy.special import expit
 
 from diagnosis.evidence.reported_causes import Cause
 from diagnosis.model.edge_shrinkage import shrunk_at_edges
-from diagnosis.model.edges import on_edges
 from diagnosis.model.workspace import Model, Workspace
 from diagnosis.physics.laws import refit_linear
 from diagnosis.physics.uncertainty import Estimate, intervals
+from diagnosis.predict.edges import on_edges
 from diagnosis.settings import SETTINGS
 from diagnosis.validate.heldout import Judgement, judge
 from diagnosis.validate.placement_candidates import Candidates

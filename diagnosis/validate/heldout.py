@@ -11,9 +11,10 @@ import numpy as np
 from scipy.special import ndtr
 
 from diagnosis.data.patch import Patch
+from diagnosis.fields import Field, Mask
 from diagnosis.model.log_density import log_density, placed, placements, whitened
 from diagnosis.model.workspace import Model, Workspace, bootstrap_interval
-from diagnosis.noise.noise_model import Field, Mask, NoiseModel
+from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.linear_fit import phase_is_own, solve_linear
 
 OWN_SHARE = 5

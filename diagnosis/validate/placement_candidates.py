@@ -10,11 +10,12 @@ from dataclasses import dataclass
 
 from diagnosis.data.patch import Patch
 from diagnosis.data.recorded import Recorded
+from diagnosis.fields import Field
 from diagnosis.model.workspace import Model
-from diagnosis.noise.noise_model import Field, NoiseModel
+from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.laws import seen_by
 from diagnosis.register.registration import Placement
-from diagnosis.register.reregistration import (
+from diagnosis.reregister.reregistration import (
     by_all_readings,
     is_whole,
     log_density,

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from diagnosis.claims.mounting import _scatter, _Seen, mounting_error
-from diagnosis.noise.noise_model import Field
+from diagnosis.fields import Field
 from diagnosis.register.registration import PRIOR_SD, Placement
 
 TURNS_DEG = (0.0, 90.0, 180.0)

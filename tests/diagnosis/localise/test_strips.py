@@ -4,8 +4,8 @@ import numpy as np
 
 from diagnosis.data.patch import WHOLE, cut
 from diagnosis.data.recorded import Recorded
+from diagnosis.fields import Field
 from diagnosis.localise.maps import Pieces
-from diagnosis.noise.noise_model import Field
 from diagnosis.register.registration import PRIOR_SD, Placement
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene

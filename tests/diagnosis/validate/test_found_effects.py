@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.model.prediction import law_of
 from diagnosis.model.workspace import Model
 from diagnosis.physics.uncertainty import Estimate
+from diagnosis.predict.prediction import law_of
 from diagnosis.validate.found_effects import at_limits, heldout_gains, plainly_found, sheet_with
 from diagnosis.validate.heldout import judge
 from sensors.effects import effects_of

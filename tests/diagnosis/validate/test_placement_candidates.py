@@ -9,7 +9,7 @@ from diagnosis.data.recorded import Recorded
 from diagnosis.localise.maps import expected
 from diagnosis.model.workspace import Model
 from diagnosis.register.registration import register
-from diagnosis.register.reregistration import log_density
+from diagnosis.reregister.reregistration import log_density
 from diagnosis.validate.heldout import judge
 from diagnosis.validate.placement_candidates import Candidates, candidates_of, place_at
 from sensors.casting.laser import Laser

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from diagnosis.data.patch import Patch
-from diagnosis.model.expectation import STEPS, EdgeShares, expect
-from diagnosis.model.prediction import predict
 from diagnosis.model.workspace import Workspace
+from diagnosis.predict.expectation import STEPS, EdgeShares, expect
+from diagnosis.predict.prediction import predict
 from sensors.effects.finite_spot import FiniteSpot
 from sensors.effects.pose_error import PoseError
 from tests.support.effect_case import bench_workspace

@@ -11,9 +11,10 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.data.patch import Patch
-from diagnosis.model.prediction import predict
+from diagnosis.fields import Field
 from diagnosis.model.workspace import Model
-from diagnosis.noise.noise_model import Field, NoiseModel
+from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.predict.prediction import predict
 from diagnosis.register.coordinate_search import step_by_step
 from diagnosis.register.registration import (
     LEAST_SETTLED,

@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.model.prediction import Prediction, law_of, predict
-from diagnosis.noise.noise_model import Field, Mask, NoiseModel
+from diagnosis.fields import Field, Mask
+from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.predict.prediction import Prediction, law_of, predict
 from sensors.effects.base import Effect, MotionEffect
 from sensors.view.view import View
 

@@ -8,7 +8,7 @@ physics is judged away from edges; only what lives on edges is looked for there.
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from diagnosis.noise.noise_model import Field, Mask
+from diagnosis.fields import Field, Mask
 from sensors.effects.base import Effect
 from sensors.effects.form_error import FormError
 from sensors.view.view import View

@@ -6,10 +6,11 @@ import numpy as np
 
 from diagnosis.data.patch import Patch
 from diagnosis.data.recorded import Recorded
+from diagnosis.fields import Field
 from diagnosis.model.workspace import Model, Workspace
-from diagnosis.noise.noise_model import Field, NoiseModel
-from diagnosis.register.law_placement import placed_by_law
+from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.register.registration import PRIOR_SD, Placement
+from diagnosis.reregister.law_placement import placed_by_law
 
 NEAR_MM, NEAR_SD = 0.03, 3.0
 """A placement changes no further than this, sideways and in units of the noise, for nothing."""

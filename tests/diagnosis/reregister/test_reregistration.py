@@ -12,7 +12,7 @@ from diagnosis.data.recorded import Recorded
 from diagnosis.model.workspace import Model, Workspace
 from diagnosis.physics.fit import fit_effect
 from diagnosis.register.registration import PRIOR_SD, Placement
-from diagnosis.register.reregistration import placed_anew
+from diagnosis.reregister.reregistration import placed_anew
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtr
 
-from diagnosis.noise.noise_model import Field, Mask, NoiseModel
+from diagnosis.fields import Field, Mask
+from diagnosis.noise.noise_model import NoiseModel
 from sensors.datasheet import Datasheet
 from sensors.effects.base import Effect
 from sensors.effects.delivery import DeliveryEffect

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from diagnosis.data.patch import in_range
-from diagnosis.model.prediction import law_of, predict
+from diagnosis.predict.prediction import law_of, predict
 from sensors.effects.outlier_spikes import OutlierSpikes
 from tests.support.effect_case import bench_workspace
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from diagnosis.model.edges import edge_softness, near_edges
-from diagnosis.model.prediction import law_of
+from diagnosis.predict.edges import edge_softness, near_edges
+from diagnosis.predict.prediction import law_of
 from sensors.model import SensorModel
 from sensors.view.view import View
 from tests.support.small_parts import datasheet, part, poses
