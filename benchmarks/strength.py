@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from diagnosis.model.log_density import CLIP, placements, whitened
+from diagnosis.model.log_density import placements, whitened
 from diagnosis.model.workspace import Model, Workspace
 from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.noise.whitening import CLIP
 from diagnosis.predict.edges import EDGE_COVARIATES
 from diagnosis.predict.prediction import predict
 from files.errors import RecipeError

@@ -20,6 +20,12 @@ MAY_IMPORT = {
     "files": {"files", "quantity"},
     "quantity": {"quantity"},
 }
+ROOMS_OF_THE_DIAGNOSIS = (
+    "settings.py", "fields.py", "predict", "noise", "register", "data", "components", "model",
+    "reregister", "evidence", "discrepancy", "physics", "validate", "localise", "claims",
+    "diagnosis.py", "report", "prepare.py", "explain.py", "diagnose.py",
+)  # fmt: skip
+"""Each room imports from the rooms before it, never from one behind; types alone aside."""
 ONE_PLACE = {
     "joblib": {"pipeline/batch/backend.py"},
     "embreex": {"sensors/casting/embree.py"},
@@ -96,6 +102,19 @@ def test_no_circles_between_files():
     files = [path for package in MAY_IMPORT for path in sources(package)]
     found = circles({path: needed(path) for path in files})
     assert not found, [[str(path.relative_to(ROOT)) for path in group] for group in found]
+
+
+def test_the_rooms_of_the_diagnosis_build_on_each_other():
+    def place(path: Path) -> int:
+        return ROOMS_OF_THE_DIAGNOSIS.index(path.relative_to(ROOT / "diagnosis").parts[0])
+
+    files = [p for p in sources("diagnosis") if p != ROOT / "diagnosis" / "__init__.py"]
+    assert {place(path) for path in files} == set(range(len(ROOMS_OF_THE_DIAGNOSIS)))
+    for path in files:
+        for other in needed(path):
+            if other in files:
+                names = [str(p.relative_to(ROOT)) for p in (path, other)]
+                assert place(other) <= place(path), f"{names[0]} imports {names[1]}"
 
 
 def test_a_circle_is_seen():

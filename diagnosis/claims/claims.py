@@ -6,6 +6,7 @@ commanded poses.
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,7 +14,6 @@ from diagnosis.claims.firmware import filtered_instead
 from diagnosis.claims.mounting import LEAST_NATS, mounting_error
 from diagnosis.claims.surface_texture import finish_effects, finish_estimates
 from diagnosis.data.patch import Patch
-from diagnosis.explain import Explanation
 from diagnosis.model.workspace import Model, Workspace
 from diagnosis.noise.calibration import nominal_noise, nominal_sd_mm
 from diagnosis.noise.noise_model import NoiseModel
@@ -26,9 +26,12 @@ from sensors.effects.onboard_filter import OnboardFilter
 from sensors.recording import Recording
 from sensors.surface.surface import Surface
 
+if TYPE_CHECKING:
+    from diagnosis.explain import Explanation
+
 
 def texture(
-    explanation: Explanation,
+    explanation: "Explanation",
     noise: NoiseModel,
     nominal: NoiseModel | None,
     surface: Surface | None,

@@ -151,8 +151,8 @@ def _agreed(seen: Sequence[_Seen], lies: Field) -> tuple[Field, Field, int]:
 def _weighed(seen: Sequence[_Seen], lies: Field) -> tuple[Field, Field, Field, Field]:
     """Errors (k, 6), their weights (k, 6, 6), the mean (6,) by these and its covariance (6, 6)."""
     errors = np.stack([s.error for s in seen])
-    weights = np.linalg.inv([s.covariance(lies) for s in seen])
-    shared = np.linalg.inv(weights.sum(axis=0))
+    weights = np.asarray(np.linalg.inv([s.covariance(lies) for s in seen]), np.float64)
+    shared = np.asarray(np.linalg.inv(weights.sum(axis=0)), np.float64)
     return errors, weights, shared @ np.einsum("kij,kj->i", weights, errors), shared
 
 

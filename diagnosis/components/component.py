@@ -2,15 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.components.row_periods import image_row, strongest_rows
 from diagnosis.components.smooth import Ranges, periodic_columns, products, smooth_columns
-from diagnosis.data.patch import Patch
-from diagnosis.model.log_density import Whitened
+from diagnosis.fields import Field, Single
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.predict.prediction import law_of
 from diagnosis.settings import SETTINGS
@@ -24,8 +23,12 @@ from sensors.view.covariates import COVARIATES
 from sensors.view.view import View
 from sensors.view.view_cache import ViewCache
 
-Floats = NDArray[Any]
-_CHANGES: ViewCache[list[Floats] | None] = ViewCache(16)
+if TYPE_CHECKING:
+    from diagnosis.data.patch import Patch
+    from diagnosis.model.log_density import Whitened
+
+Floats = Field | Single
+_CHANGES: ViewCache[Sequence[Floats] | None] = ViewCache(16)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -91,7 +94,7 @@ def components_of(channel: str) -> tuple[Component, ...]:
 
 
 def with_pitches(
-    components: Sequence[Component], patches: Sequence[Patch], states: Sequence[Whitened]
+    components: Sequence[Component], patches: Sequence["Patch"], states: Sequence["Whitened"]
 ) -> tuple[Component, ...]:
     """Give periodic components the pitches at which the readings ripple most."""
     masks = [~p.edge for p in patches]
@@ -105,7 +108,7 @@ def with_pitches(
     return tuple(out)
 
 
-def ranges_of(patches: Sequence[Patch], names: Sequence[str]) -> Ranges:
+def ranges_of(patches: Sequence["Patch"], names: Sequence[str]) -> Ranges:
     """Range of each covariate over the readings off edges, without its rare extremes.
 
     A few readings on a steep wall would leave one wave for all others.
@@ -129,8 +132,8 @@ def ranges_of(patches: Sequence[Patch], names: Sequence[str]) -> Ranges:
 
 
 def mean_columns(
-    component: Component, patch: Patch, ranges: Ranges, noise: NoiseModel | None = None
-) -> list[Floats] | None:
+    component: Component, patch: "Patch", ranges: Ranges, noise: NoiseModel | None = None
+) -> Sequence[Floats] | None:
     """Columns of a component on a patch, mm, (n, m) when broadcast; None where it can't act."""
     if component.placement:
         return [patch.columns[..., k] for k in component.placement]
@@ -139,7 +142,7 @@ def mean_columns(
     return curve_columns(component, patch.view, ranges)
 
 
-def curve_columns(component: Component, view: View, ranges: Ranges) -> list[Floats] | None:
+def curve_columns(component: Component, view: View, ranges: Ranges) -> Sequence[Floats] | None:
     """Columns of a component that is a curve of covariates, mm; None where it can't act."""
     relaxed = component.relaxed
     if relaxed.periodic and not relaxed.each:
@@ -156,7 +159,7 @@ def curve_columns(component: Component, view: View, ranges: Ranges) -> list[Floa
     return columns
 
 
-def count_of(component: Component, patch: Patch, ranges: Ranges, noise: NoiseModel) -> int:
+def count_of(component: Component, patch: "Patch", ranges: Ranges, noise: NoiseModel) -> int:
     """Count the mean's columns of a component on a patch; 0 where it can't act there."""
     relaxed = component.relaxed
     if component.placement:
@@ -169,7 +172,7 @@ def count_of(component: Component, patch: Patch, ranges: Ranges, noise: NoiseMod
     return (len(products(len(axes), even=relaxed.even)) + bool(relaxed.times)) if axes else 0
 
 
-def plain_columns(component: Component, patch: Patch, ranges: Ranges) -> list[Floats] | None:
+def plain_columns(component: Component, patch: "Patch", ranges: Ranges) -> Sequence[Floats] | None:
     """Columns (n, m) of a component of scale, missing or outliers; None where it can't act."""
     relaxed, view = component.relaxed, patch.view
     if not relaxed.along:
@@ -181,7 +184,7 @@ def plain_columns(component: Component, patch: Patch, ranges: Ranges) -> list[Fl
     return smooth_columns(values, [ranges[a] for a in axes], even=relaxed.even)
 
 
-def cell_of(component: Component, patch: Patch, ranges: Ranges) -> NDArray[np.int64]:
+def cell_of(component: Component, patch: "Patch", ranges: Ranges) -> NDArray[np.int64]:
     """Cell of each reading (n, m) in a grid over the component's covariates."""
     out = np.zeros(patch.shape, dtype=np.int64)
     for axis in _axes(component.relaxed, ranges):
@@ -193,7 +196,7 @@ def cell_of(component: Component, patch: Patch, ranges: Ranges) -> NDArray[np.in
     return out
 
 
-def missing_columns(component: Component, patch: Patch) -> list[Floats]:
+def missing_columns(component: Component, patch: "Patch") -> Sequence[Floats]:
     """Share of readings that the law loses at each point of its grid, 0 to 1."""
     kind, view = CATALOGUE[component.effect], patch.view
     before = law_of(view, (), None)
@@ -219,16 +222,16 @@ def _axes(relaxed: Relaxed, ranges: Ranges) -> list[str]:
 
 
 def _spanned(
-    kind: type[Effect], patch: Patch, noise: NoiseModel | None
-) -> list[Floats] | None:
+    kind: type[Effect], patch: "Patch", noise: NoiseModel | None
+) -> Sequence[Floats] | None:
     """Change of the mean by the law at points of its grid, in all cameras; kept with the view."""
     key = kind.name, None if noise is None else noise.sd_mm
     return _CHANGES.get(patch.view, key, lambda: _changes(kind, patch, noise))
 
 
 def _changes(
-    kind: type[Effect], patch: Patch, noise: NoiseModel | None
-) -> list[Floats] | None:
+    kind: type[Effect], patch: "Patch", noise: NoiseModel | None
+) -> Sequence[Floats] | None:
     out = []
     for view in _possible(patch.view, kind.needs):
         try:
@@ -253,7 +256,7 @@ def _possible(view: View, needs: Sequence[str]) -> list[View]:
             for a in SETTINGS.assumed_angles_deg[1:2] for side in ("+y", "-y")]  # fmt: skip
 
 
-def seen_by_cameras(component: Component, patches: Sequence[Patch]) -> list[list[Patch]]:
+def seen_by_cameras(component: Component, patches: Sequence["Patch"]) -> list[list["Patch"]]:
     """Look at patches by each camera that a component's covariates may be seen by."""
     needs = [key for a in component.relaxed.along for key in COVARIATES[a].needs]
     views = [_possible(p.view, needs) for p in patches]

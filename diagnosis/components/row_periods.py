@@ -6,17 +6,20 @@ every period.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import median_filter
 
-from diagnosis.data.patch import Patch
 from diagnosis.fields import Field, Mask
-from diagnosis.model.log_density import CLIP, Whitened
-from diagnosis.noise.whitening import transposed
+from diagnosis.noise.whitening import CLIP, transposed
 from diagnosis.settings import SETTINGS
 from sensors.datasheet import Datasheet
 from sensors.view.camera import row_of_depth
+
+if TYPE_CHECKING:
+    from diagnosis.data.patch import Patch
+    from diagnosis.model.log_density import Whitened
 
 BINS = 4096
 LEAST_CYCLES = 8
@@ -36,7 +39,7 @@ def image_row(depth_mm: Field, sheet: Datasheet) -> Field:
 
 
 def strongest_rows(
-    patches: Sequence[Patch], states: Sequence[Whitened], masks: Sequence[Mask], count: int
+    patches: Sequence["Patch"], states: Sequence["Whitened"], masks: Sequence[Mask], count: int
 ) -> list[float]:
     """Numbers of camera rows over the working range with which the readings ripple most."""
     picked = [m & s.used for m, s in zip(masks, states, strict=True)]
@@ -60,7 +63,7 @@ def strongest_rows(
 
 
 def _binned(
-    patches: Sequence[Patch], states: Sequence[Whitened], picked: Sequence[Mask]
+    patches: Sequence["Patch"], states: Sequence["Whitened"], picked: Sequence[Mask]
 ) -> tuple[Field, float] | None:
     """Sum the scores (BINS,) over the image's rows; the rows' span, 1 the whole range."""
     rows = [image_row(p.view.depth_mm, p.view.datasheet) for p in patches]

@@ -6,6 +6,7 @@ is whitened given a few neighbours.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +14,13 @@ from scipy import sparse
 
 from diagnosis.components.component import Component, mean_columns
 from diagnosis.components.smooth import Ranges
-from diagnosis.data.patch import Patch
-from diagnosis.model.log_density import Whitened
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.settings import SETTINGS
 from sensors.view.covariates import COVARIATES
+
+if TYPE_CHECKING:
+    from diagnosis.data.patch import Patch
+    from diagnosis.model.log_density import Whitened
 
 Floats = NDArray[np.float64]
 Places = NDArray[np.int64]
@@ -71,8 +74,8 @@ class Layout:
 
 
 def columns_on(
-    patch: Patch,
-    state: Whitened,
+    patch: "Patch",
+    state: "Whitened",
     layout: Layout,
     ranges: Ranges,
     noise: NoiseModel,

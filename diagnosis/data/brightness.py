@@ -26,8 +26,6 @@ BIN_DEG = 3.0
 SIDE = int(180 / BIN_DEG) + 1
 CHUNK = 450_000
 """Points that are looked at together."""
-REACH = 2
-"""Profiles to each side of a border that a line reaches over, as beside depth edges."""
 FEWEST = 50
 """Readings that the brightness of a direction needs at least."""
 
@@ -107,23 +105,6 @@ def _speckle(log: Field, known: Mask, lag: int) -> float:
         np.abs(log[:, lag:] - log[:, :-lag])[known[:, lag:] & known[:, :-lag]],
     ]
     return 1.4826 * float(np.median(np.concatenate(apart))) / math.sqrt(2)
-
-
-def borders(view: View) -> Mask:
-    """Mark readings within reach of a border between bright and dark, (n, m).
-
-    What a line reads there depends on how wide it is: no place to measure noise.
-    """
-    bright = view.intensity
-    if bright is None:
-        return np.zeros(view.shape, dtype=bool)
-    known = np.isfinite(bright) & (bright > 0)
-    log = np.log(np.where(known, bright, 1.0))
-    step = np.zeros(view.shape, dtype=bool)
-    jump = (np.abs(np.diff(log, axis=0)) > EVEN) & known[1:] & known[:-1]
-    step[1:] |= jump
-    step[:-1] |= jump
-    return np.asarray(binary_dilation(step, np.ones((2 * REACH + 1, 1), dtype=bool)))
 
 
 def _median(field: Field, width: int) -> Field:

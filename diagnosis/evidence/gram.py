@@ -17,6 +17,7 @@ from diagnosis.components.smooth import Ranges
 from diagnosis.components.whitened_columns import Columns, Layout, column_groups, columns_on
 from diagnosis.data.patch import Patch
 from diagnosis.evidence.posterior import Equations
+from diagnosis.fields import Single
 from diagnosis.model.log_density import Whitened
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.settings import SETTINGS
@@ -207,7 +208,7 @@ class _Sums:
     def of(
         cls,
         columns: Columns,
-        pose: Floats,
+        pose: Single,
         values: Floats,
         weight: Floats,
         rows: NDArray[np.int64],

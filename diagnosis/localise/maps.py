@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from diagnosis.data.patch import in_range
 from diagnosis.data.recorded import Recorded
-from diagnosis.fields import Field, Mask
+from diagnosis.fields import Field, Mask, Single
 from diagnosis.localise.regions import Region, departure_mask, free_mask, regions_of, smoothed_score
 from diagnosis.model.workspace import Model
 from diagnosis.noise.noise_model import NoiseModel
@@ -162,7 +162,7 @@ def map_recording(
     wrong = (np.isfinite(depth) != np.isfinite(plain)) & (changes.soft < SURE)
     wrong[repeated] = False
     if not found.model.is_nominal:
-        mask = departure_mask(changes.departure_mm, changes.lost, usual * changes.noise_mm)
+        mask = departure_mask(changes.departure_mm, changes.lost, changes.noise_mm * usual)
         mask |= _random_losses(found.model, wrong)
     else:
         mask = free_mask(score, wrong)
@@ -173,7 +173,7 @@ def map_recording(
         name=recording.name,
         depth_mm=depth.astype(np.float32),
         mask=mask,
-        score=score.astype(np.float32),
+        score=score,
         simulated=plain.astype(np.float32),
         explained=np.where(changes.gone, np.nan, final).astype(np.float32),
         regions=tuple(regions_of(recording.name, mask, shown, changes.alone)),
@@ -194,12 +194,12 @@ class _Changes:
     alone : where each effect alone departs
     """
 
-    departure_mm: Field
-    lost: Field
-    sd_mm: Field
-    noise_mm: Field
+    departure_mm: Field | Single
+    lost: Single
+    sd_mm: Single
+    noise_mm: Single
     gone: Mask
-    soft: Field
+    soft: Single
     alone: tuple[tuple[str, Mask], ...]
 
 
@@ -210,13 +210,13 @@ def _changes(recorded: Recorded, number: int, found: Placed, noise: NoiseModel) 
     )  # fmt: skip
     model, effects = found.model, found.model.of(number)
     few = max(1, recorded.recordings[number].depth_mm.size // LEVELLED_BY)
-    out: dict[str, list[Field]] = {
-        k: [] for k in ("change", "lost", "sd", "noise", "gone", "soft", "edge")
-    }
+    out: dict[str, list[Single]] = {k: [] for k in ("change", "lost", "sd", "noise", "soft")}
+    edges: list[Mask] = []
+    gone: list[Mask] = []
     causes = model.by_cause(number)
     alone: dict[str, list[Mask]] = {name: [] for name in causes}
     rigid: list[Field] = []
-    samples: list[Field] = []
+    samples: list[Single] = []
     for part, view in pieces.views():
         edge, soft = pieces.edges(view, noise)
         before = predict(view, (), noise, softness=soft)
@@ -228,25 +228,25 @@ def _changes(recorded: Recorded, number: int, found: Placed, noise: NoiseModel) 
         out["lost"].append((after.p_missing - before.p_missing).astype(np.float32))
         out["sd"].append(before.sd_mm.astype(np.float32))
         out["noise"].append(predict(view, (), noise).sd_mm.astype(np.float32))
-        out["gone"].append(after.p_missing > 0.5)
+        gone.append(after.p_missing > 0.5)
         out["soft"].append(soft[1].astype(np.float32))
-        out["edge"].append(edge)
+        edges.append(edge)
         for name, own in causes.items():
             by_itself = predict(view, own, noise, softness=soft)
             alone[name].append(_one(before, by_itself))
     whole = {k: np.concatenate(v) for k, v in out.items()}
-    departure = whole["change"]
+    departure: Field | Single = whole["change"]
     if effects:
         # what the effects do beyond what any placement takes up; not the two placements found,
         # which disagree at every edge, however near they are
         taken = _taken_up(np.concatenate(samples), np.concatenate(rigid))
         moved = np.concatenate([pieces.columns(*p)[..., :RIGID] @ taken for p in pieces.views()])
         # a wall beside an edge would move by any amount
-        most = np.abs(moved[~whole["edge"]]).max(initial=0.0)
+        most = np.abs(moved[~np.concatenate(edges)]).max(initial=0.0)
         departure = departure - np.clip(moved, -most, most)
     return _Changes(
         departure_mm=departure, lost=whole["lost"], sd_mm=whole["sd"], noise_mm=whole["noise"],
-        gone=whole["gone"], soft=whole["soft"],
+        gone=np.concatenate(gone), soft=whole["soft"],
         alone=tuple((name, np.concatenate(parts)) for name, parts in alone.items()),
     )  # fmt: skip
 

@@ -13,7 +13,7 @@ from scipy.ndimage import (
     uniform_filter,
 )
 
-from diagnosis.fields import Field, Mask
+from diagnosis.fields import Field, Mask, Single
 from diagnosis.noise.noise_model import NoiseModel
 
 MOST_REGIONS = 12
@@ -50,8 +50,8 @@ class Region:
 
 
 def smoothed_score(
-    residual_mm: Field, sd_mm: Field, noise: NoiseModel, width: float = 2.0
-) -> Field:
+    residual_mm: Field, sd_mm: Field | Single, noise: NoiseModel, width: float = 2.0
+) -> Single:
     """Signed strength: residuals averaged over a few neighbours, in deviations of that average."""
     known = np.isfinite(residual_mm)
     standard = np.where(known, np.clip(np.nan_to_num(residual_mm / sd_mm), -8, 8), 0.0)
@@ -64,7 +64,9 @@ def smoothed_score(
     return np.where(known, mean / inflation, 0.0).astype(np.float32)
 
 
-def departure_mask(departure_mm: Field, missing_change: Field, sd_mm: Field) -> Mask:
+def departure_mask(
+    departure_mm: Field | Single, missing_change: Field | Single, sd_mm: Field | Single
+) -> Mask:
     """Where an explained departure, averaged over neighbours, is large against the noise.
 
     A departure that is small everywhere is marked where it comes near its own peak.
@@ -77,7 +79,7 @@ def departure_mask(departure_mm: Field, missing_change: Field, sd_mm: Field) -> 
     return np.asarray(mask | (np.abs(lost) > MARKED_LOST))
 
 
-def free_mask(score: Field, wrong: Mask) -> Mask:
+def free_mask(score: Single, wrong: Mask) -> Mask:
     """Where residuals without explanation stand out, and points whose absence is unexplained."""
     strong = binary_opening(np.abs(score) > 3.5, iterations=1)
     lost = binary_closing(wrong, iterations=2)

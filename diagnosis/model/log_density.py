@@ -12,17 +12,16 @@ import numpy as np
 from numba import njit
 
 from diagnosis.data.patch import SPIKE_SD, Patch, spikes
-from diagnosis.fields import Field, Mask
+from diagnosis.fields import Field, Mask, Single
 from diagnosis.noise.noise_model import NoiseModel
-from diagnosis.noise.whitening import Whitener
+from diagnosis.noise.whitening import CLIP, Whitener
 from diagnosis.predict.prediction import Prediction
 from sensors.view.view_cache import ViewCache
 
 LOG_ROOT_2PI = 0.5 * np.log(2 * np.pi)
-CLIP = 4.0
 LOG_STRAY = float(np.log(1e-4))
 _WHITENERS: ViewCache[Whitener] = ViewCache(3)
-_COLUMNS: ViewCache[Field] = ViewCache(3)
+_COLUMNS: ViewCache[Single] = ViewCache(3)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -50,7 +49,7 @@ class Whitened:
     residual_mm: Field
     sd_mm: Field
     innovations: Field
-    columns: Field
+    columns: Single
     moved: Field
 
     def whiten(self, field_mm: Field) -> Field:
@@ -82,7 +81,7 @@ def _whitener(patch: Patch, used: Mask, noise: NoiseModel) -> Whitener:
     return _WHITENERS.get(patch, key, lambda: Whitener.build(noise, used))
 
 
-def _columns(patch: Patch, whitener: Whitener, sd_mm: Field, noise: NoiseModel) -> Field:
+def _columns(patch: Patch, whitener: Whitener, sd_mm: Field, noise: NoiseModel) -> Single:
     key = noise, hash(np.packbits(whitener.used).tobytes()), hash(sd_mm.tobytes())
     return _COLUMNS.get(patch, key, lambda: whitener.stacked(patch.columns, sd_mm))
 
@@ -109,13 +108,13 @@ def placements(
             )
             normal[r] = normal.get(r, np.eye(k)) + matrix
             right[r] = right.get(r, np.zeros(k)) + vector
-        found = {r: np.linalg.solve(normal[r], right[r]) for r in normal}
+        found = {r: np.asarray(np.linalg.solve(normal[r], right[r]), np.float64) for r in normal}
     return found
 
 
 @njit(cache=True)
 def _normal(
-    columns: Field, values: Field, pick: Mask, there: Field, clip: float
+    columns: Single, values: Field, pick: Mask, there: Field, clip: float
 ) -> tuple[Field, Field]:
     """Products of columns (n, m, k) and values (n, m) over readings near a placement `there`."""
     n, m, k = columns.shape

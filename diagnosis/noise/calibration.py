@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
-from diagnosis.data.brightness import borders
-from diagnosis.data.patch import Patch
-from diagnosis.data.plates import Plate
+from diagnosis.fields import Mask
 from diagnosis.noise.noise_model import NoiseModel, calibrate
 from diagnosis.predict.prediction import plain_gain
 from sensors.effects.delivery import DeliveryEffect
@@ -16,15 +16,24 @@ from sensors.noise.uncertainty import sigma_mm
 from sensors.surface.surface import Surface
 from sensors.view.view import View
 
+if TYPE_CHECKING:
+    from diagnosis.data.patch import Patch
+    from diagnosis.data.plates import Plate
+
 EVEN_SHARE = 0.1
 """Share of a recording's readings off depth edges that must lie off borders of the albedo, too."""
 USUAL_SHARE = 5e-4
 """Most spikes and losses on a plate that pass for noise; more is for the sensor's file to state."""
 
+BORDER = 0.15
+"""Step of the brightness's logarithm between profiles that is a border of the albedo."""
+BORDER_REACH = 2
+"""Profiles to each side of a border that a line reaches over, as beside depth edges."""
+
 
 def calibrated_noise(
-    patches: Sequence[Patch],
-    plates: Sequence[Plate],
+    patches: Sequence["Patch"],
+    plates: Sequence["Plate"],
     notes: list[str],
 ) -> tuple[NoiseModel, NoiseModel | None]:
     """Correlation and size from the recordings' own residuals, losses and tails from plates.
@@ -36,7 +45,7 @@ def calibrated_noise(
         mask = (
             patch.fit & patch.observed & np.isfinite(patch.plain_mm) & ~patch.edge & patch.counted
         )
-        even = mask & ~borders(patch.view)
+        even = mask & ~albedo_borders(patch.view)
         if even.sum() > EVEN_SHARE * mask.sum():
             mask = even
         if mask.any():
@@ -72,6 +81,23 @@ def calibrated_noise(
     return own, reference.at_pitch(*pitch)
 
 
+def albedo_borders(view: View) -> Mask:
+    """Mark readings within reach of a border between bright and dark, (n, m).
+
+    What a line reads there depends on how wide it is: no place to measure noise.
+    """
+    bright = view.intensity
+    if bright is None:
+        return np.zeros(view.shape, dtype=bool)
+    known = np.isfinite(bright) & (bright > 0)
+    log = np.log(np.where(known, bright, 1.0))
+    step = np.zeros(view.shape, dtype=bool)
+    jump = (np.abs(np.diff(log, axis=0)) > BORDER) & known[1:] & known[:-1]
+    step[1:] |= jump
+    step[:-1] |= jump
+    return np.asarray(binary_dilation(step, np.ones((2 * BORDER_REACH + 1, 1), dtype=bool)))
+
+
 def nominal_sd_mm(nominal: NoiseModel | None, surface: Surface | None, view: View) -> float:
     """Size of the noise that plates or the surface's file claim; 0 where neither does."""
     if nominal is not None:
@@ -96,7 +122,7 @@ def nominal_noise(
     return replace(noise, sd_mm=nominal_sd_mm(nominal, surface, view))
 
 
-def _pitch(patch: Patch) -> tuple[float, float]:
+def _pitch(patch: "Patch") -> tuple[float, float]:
     x = patch.view.column_x_mm
     travel = np.abs(np.diff(patch.view.travel_mm))
     return float(np.median(np.abs(np.diff(x)))), float(np.median(travel)) if travel.size else 1.0

@@ -13,10 +13,12 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 
-from diagnosis.fields import Field, Mask
+from diagnosis.fields import Field, Mask, Single
 from diagnosis.noise.noise_model import NoiseModel
 from sensors.view.view_cache import ViewCache
 
+CLIP = 4.0
+"""Deviations up to which a whitened reading counts in a robust sum."""
 Groups = NDArray[np.int64]
 # earlier neighbours as (rows up, columns): the current profile's last three, then profiles before
 NEIGHBOURS = np.array(
@@ -70,7 +72,7 @@ class Whitener:
             NEIGHBOURS,
         )
 
-    def columns(self, fields: Sequence[Field], sd_mm: Field) -> NDArray[np.float32]:
+    def columns(self, fields: Sequence[Field | Single], sd_mm: Field) -> NDArray[np.float32]:
         """Innovations (k, N) of fields in mm, where used; each broadcasts to (n, m)."""
         out = np.empty((len(fields), int(self.used.sum())), dtype=np.float32)
         scaled = np.empty(self.used.shape)

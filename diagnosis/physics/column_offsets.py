@@ -10,7 +10,8 @@ from scipy.sparse import csr_matrix
 
 from diagnosis.data.patch import Patch
 from diagnosis.fields import Field, Mask
-from diagnosis.model.log_density import CLIP, Whitened
+from diagnosis.model.log_density import Whitened
+from diagnosis.noise.whitening import CLIP
 
 COMB = 6
 """An innovation sees columns from three before to two after: columns six apart never meet."""
@@ -60,7 +61,9 @@ class Columns:
             found = minimize(cost, start, method="Nelder-Mead", options=SEARCHED)
             least, variances = float(found.fun), np.asarray(found.x)
         inverse = np.repeat(np.exp(-variances), len(blocks[0]))
-        values = np.linalg.solve(self.gram + np.diag(inverse), self.right)
+        values = np.asarray(
+            np.linalg.solve(self.gram + np.diag(inverse), self.right), np.float64
+        )
         gain = float(values @ self.right - 0.5 * values @ self.gram @ values)
         return values, gain, -least
 

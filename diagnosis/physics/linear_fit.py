@@ -10,9 +10,10 @@ from functools import cached_property
 
 import numpy as np
 
-from diagnosis.fields import Field, Mask
-from diagnosis.model.log_density import CLIP, Whitened
+from diagnosis.fields import Field, Mask, Single
+from diagnosis.model.log_density import Whitened
 from diagnosis.model.workspace import Workspace
+from diagnosis.noise.whitening import CLIP
 from diagnosis.physics.column_offsets import column_equations, likely_variance
 from files.errors import RecipeError
 from sensors.effects.base import Effect
@@ -146,11 +147,11 @@ class _Rows:
     values : (N,), the residual
     """
 
-    white: Field
-    columns: Field
-    values: Field
+    white: Single
+    columns: Single
+    values: Single
 
-    def normal(self, weight: Field) -> tuple[Field, Field, Field]:
+    def normal(self, weight: Single) -> tuple[Field, Field, Field]:
         """Return normal matrix and right side beyond the placement, and squares before that."""
         white, columns = weight[:, None] * self.white, weight[:, None] * self.columns
         gram = (white.T @ self.white).astype(np.float64)
@@ -165,11 +166,11 @@ class _Rows:
         )
 
     @cached_property
-    def unfitted(self) -> Field:
+    def unfitted(self) -> Single:
         """Residual (N,) without the fields."""
         return self.left(np.zeros(self.white.shape[1]))
 
-    def left(self, beta: Field) -> Field:
+    def left(self, beta: Field) -> Single:
         """Residual (N,) once the fields are taken off and the placement is fitted anew.
 
         Nine numbers need no more than some of the readings.
@@ -194,7 +195,7 @@ class _Rows:
         return _cost(self.unfitted) - _cost(self.left(beta))
 
 
-def _cost(left: Field) -> float:
+def _cost(left: Single) -> float:
     """Nats that residuals cost, each one CLIP deviations at most."""
     return 0.5 * float(np.minimum(np.square(left), CLIP**2).sum(dtype=np.float64))
 
@@ -203,7 +204,7 @@ def _rows(
     effect: Effect, ws: Workspace, states: Sequence[Whitened], masks: Sequence[Mask]
 ) -> dict[int, _Rows] | None:
     """Whiten an effect's fields on every recording; None where it has none."""
-    parts: dict[int, list[tuple[Field, Field, Field]]] = {}
+    parts: dict[int, list[tuple[Single, Single, Single]]] = {}
     for k, (patch, state, mask) in enumerate(zip(ws.patches, states, masks, strict=True)):
         fields = _basis(effect, ws, k)
         if fields is None:
@@ -226,10 +227,10 @@ def _rows(
 
 
 def _coefficients(
-    effect: Effect, rows: Mapping[int, _Rows], weights: Mapping[int, Field]
+    effect: Effect, rows: Mapping[int, _Rows], near: Mapping[int, Mask]
 ) -> dict[int, Field]:
     """Coefficients for each recording: the same for all but where a wave's phase is its own."""
-    normals = {r: row.normal(weights[r].astype(np.float32)) for r, row in rows.items()}
+    normals = {r: row.normal(near[r].astype(np.float32)) for r, row in rows.items()}
     if phase_is_own(effect):
         return {r: _solve(*normal) for r, normal in normals.items()}
     gram, right, raw = (np.asarray(sum(n[k] for n in normals.values())) for k in range(3))

@@ -8,14 +8,17 @@ whole.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from diagnosis.fields import Field, Mask
-from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.predict.prediction import Prediction, law_of, predict
 from sensors.effects.base import Effect, MotionEffect
 from sensors.view.view import View
+
+if TYPE_CHECKING:
+    from diagnosis.noise.noise_model import NoiseModel
 
 STEPS = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
 """Where classes of changes begin, in units of the noise."""
@@ -41,7 +44,7 @@ def bending_effects(effects: Sequence[Effect]) -> list[Effect]:
 def expect(
     view: View,
     effects: Sequence[Effect],
-    noise: NoiseModel,
+    noise: "NoiseModel",
     edge: Mask,
     *,
     softness: tuple[Field, Field] | None = None,

@@ -7,12 +7,12 @@ one, split into what is white and what is speckle so that effects act on either.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import ndtr
 
 from diagnosis.fields import Field, Mask
-from diagnosis.noise.noise_model import NoiseModel
 from sensors.datasheet import Datasheet
 from sensors.effects.base import Effect
 from sensors.effects.delivery import DeliveryEffect
@@ -23,6 +23,9 @@ from sensors.noise.perlin import PerlinField
 from sensors.noise.uncertainty import sigma_mm
 from sensors.view.view import KEPT_POINTS, View
 from sensors.view.view_cache import ViewCache
+
+if TYPE_CHECKING:
+    from diagnosis.noise.noise_model import NoiseModel
 
 FLOOR_MISSING = 2e-4
 """Least probability that any reading is lost, or that one comes where none can."""
@@ -66,7 +69,7 @@ class Prediction:
         return np.asarray(np.isfinite(self.mean_mm))
 
 
-def law_of(view: View, effects: Sequence[Effect], noise: NoiseModel | None) -> Law:
+def law_of(view: View, effects: Sequence[Effect], noise: "NoiseModel | None") -> Law:
     """Law under the sensor's own effects, each replaced by that of its name in `effects`.
 
     What moves the sensor comes first: the others act where it really is.
@@ -160,7 +163,7 @@ def _bare(view: View, noise_mm: float | None) -> Law:
 def predict(
     view: View,
     effects: Sequence[Effect],
-    noise: NoiseModel,
+    noise: "NoiseModel",
     *,
     softness: tuple[Field, Field] | None = None,
     level: float = 1.0,

@@ -3,7 +3,6 @@
 import numpy as np
 
 from diagnosis.data.brightness import (
-    borders,
     by_direction,
     smoothed_brightness,
     surface_brightness,
@@ -83,14 +82,3 @@ def test_strokes_narrower_than_a_median_keep_their_contrast() -> None:
     left = smoothed_brightness(raw)
     assert np.median(left[10:80:9, 15:75]) > 0.8
     assert np.median(left[14:80:9, 15:75]) < 0.4
-
-
-def test_noise_is_not_measured_at_borders() -> None:
-    view = View(
-        part("domes"), SensorModel(datasheet(100)), poses(60, pitch_mm=0.3), np.arange(60) / 200.0,
-        intensity=np.where(np.arange(60)[:, None] < 30, 0.2, 0.8) * np.ones((60, 100)),
-    )
-    rows = np.flatnonzero(borders(view).any(axis=1))
-    assert rows.tolist() == list(range(27, 33))
-    dark = View(view.scene, view.sensor, view.poses, view.time_s)
-    assert not borders(dark).any()
