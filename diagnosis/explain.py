@@ -19,7 +19,7 @@ from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.laws import assumed_sheets, fit_laws, refit, seen_by, strongest_law
 from diagnosis.physics.remainder import curves_of, remainder
 from diagnosis.predict.edges import BESIDE_EDGES, EDGE_COVARIATES
-from diagnosis.register.registration import Placement
+from diagnosis.register.placement import Placement
 from diagnosis.reregister.reregistration import log_density, placed_anew
 from diagnosis.settings import SETTINGS
 

@@ -10,7 +10,8 @@ from diagnosis.data.patch import Patch, in_range
 from diagnosis.data.recorded import Recorded
 from diagnosis.noise.calibration import calibrated_noise
 from diagnosis.noise.noise_model import NoiseModel
-from diagnosis.register.registration import Placement, register
+from diagnosis.register.placement import Placement
+from diagnosis.register.registration import register
 from files.errors import RecipeError
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene

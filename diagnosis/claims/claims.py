@@ -17,7 +17,7 @@ from diagnosis.data.patch import Patch
 from diagnosis.model.workspace import Model, Workspace
 from diagnosis.noise.calibration import nominal_noise, nominal_sd_mm
 from diagnosis.noise.noise_model import NoiseModel
-from diagnosis.register.registration import Placement
+from diagnosis.register.placement import Placement
 from diagnosis.settings import SETTINGS
 from diagnosis.validate.found_effects import FoundEffect, plainly_found, probability
 from diagnosis.validate.heldout import judge

@@ -20,8 +20,8 @@ from scipy.special import fdtrc, stdtrit
 
 from diagnosis.fields import Field
 from diagnosis.physics.uncertainty import Estimate
+from diagnosis.register.placement import PRIOR_SD, Placement
 from diagnosis.register.pose_derivative import travel_columns
-from diagnosis.register.registration import PRIOR_SD, Placement
 from sensors.effects.pose_error import PoseError
 
 NAMES = ("yaw_deg", "roll_deg", "pitch_deg", "x_mm", "y_mm", "z_mm")

@@ -12,7 +12,8 @@ from diagnosis.data.plates import Plate, plate_residual
 from diagnosis.fields import Mask
 from diagnosis.noise.noise_model import LAG_PART
 from diagnosis.predict.prediction import law_of
-from diagnosis.register.registration import Placement, check_meets
+from diagnosis.register.placement import Placement
+from diagnosis.register.sample import check_meets
 from files.errors import RecipeError
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene

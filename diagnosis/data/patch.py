@@ -13,8 +13,9 @@ from numba import njit
 from diagnosis.fields import Field, Mask
 from diagnosis.predict.edges import edge_softness, near_edges
 from diagnosis.predict.prediction import law_of
+from diagnosis.register.placement import PRIOR_SD, Placement
 from diagnosis.register.pose_derivative import pose_columns, travel_columns
-from diagnosis.register.registration import PRIOR_SD, Placement, hits_normal
+from diagnosis.register.registration import hits_normal
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet

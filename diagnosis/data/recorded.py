@@ -7,7 +7,8 @@ import numpy as np
 
 from diagnosis.data.patch import Patch, cut
 from diagnosis.fields import Field, Mask
-from diagnosis.register.registration import Placement, register
+from diagnosis.register.placement import Placement
+from diagnosis.register.registration import register
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet

@@ -22,7 +22,7 @@ from diagnosis.evidence.gram import Gram, grams_of, turned
 from diagnosis.evidence.seen import Seen
 from diagnosis.model.workspace import Model, Workspace
 from diagnosis.noise.noise_model import NoiseModel
-from diagnosis.register.registration import Placement
+from diagnosis.register.placement import Placement
 from diagnosis.settings import SETTINGS
 
 Floats = NDArray[np.float64]

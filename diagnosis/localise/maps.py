@@ -15,8 +15,9 @@ from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.predict.edges import edge_softness, near_edges
 from diagnosis.predict.expectation import expect
 from diagnosis.predict.prediction import Prediction, law_of, predict
+from diagnosis.register.placement import PRIOR_SD, Placement
 from diagnosis.register.pose_derivative import pose_columns, travel_columns
-from diagnosis.register.registration import PRIOR_SD, Placement, hits_normal
+from diagnosis.register.registration import hits_normal
 from diagnosis.validate.placement_candidates import Placed
 from sensors.model import SensorModel
 from sensors.recording import Recording, repeated_rows

@@ -16,14 +16,9 @@ from diagnosis.model.workspace import Model
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.predict.prediction import predict
 from diagnosis.register.coordinate_search import step_by_step
-from diagnosis.register.registration import (
-    LEAST_SETTLED,
-    PRIOR_SD,
-    Placement,
-    move,
-    open_directions,
-    pitch_of,
-)
+from diagnosis.register.placement import PRIOR_SD, Placement, move
+from diagnosis.register.sample import pitch_of
+from diagnosis.register.silhouettes import LEAST_SETTLED, open_directions
 from sensors.casting.laser import Laser
 from sensors.view.view import View
 

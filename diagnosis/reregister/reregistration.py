@@ -9,7 +9,7 @@ from diagnosis.data.recorded import Recorded
 from diagnosis.fields import Field
 from diagnosis.model.workspace import Model, Workspace
 from diagnosis.noise.noise_model import NoiseModel
-from diagnosis.register.registration import PRIOR_SD, Placement
+from diagnosis.register.placement import PRIOR_SD, Placement
 from diagnosis.reregister.law_placement import placed_by_law
 
 NEAR_MM, NEAR_SD = 0.03, 3.0

@@ -14,7 +14,7 @@ from diagnosis.fields import Field
 from diagnosis.model.workspace import Model
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.laws import seen_by
-from diagnosis.register.registration import Placement
+from diagnosis.register.placement import Placement
 from diagnosis.reregister.reregistration import (
     by_all_readings,
     is_whole,

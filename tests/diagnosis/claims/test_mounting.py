@@ -5,7 +5,7 @@ from scipy.spatial.transform import Rotation
 
 from diagnosis.claims.mounting import _scatter, _Seen, mounting_error
 from diagnosis.fields import Field
-from diagnosis.register.registration import PRIOR_SD, Placement
+from diagnosis.register.placement import PRIOR_SD, Placement
 
 TURNS_DEG = (0.0, 90.0, 180.0)
 KNOWN = np.array([2e-3] * 3 + [1e-5] * 3 + [1e-4] * 3)

@@ -7,7 +7,7 @@ import pytest
 
 from diagnosis.data.albedo import find_albedo
 from diagnosis.data.inputs import with_brightness
-from diagnosis.register.registration import Placement
+from diagnosis.register.placement import Placement
 from files.yaml_document import load_yaml
 from sensors.casting.scene import Scene
 from sensors.line.line_operator import centroid_bias_mm

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from diagnosis.data.recorded import Recorded
-from diagnosis.register.registration import PRIOR_SD, Placement
+from diagnosis.register.placement import PRIOR_SD, Placement
 from sensors.casting.laser import Laser
 from tests.support.small_parts import datasheet, part, record
 

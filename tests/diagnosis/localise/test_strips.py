@@ -6,7 +6,7 @@ from diagnosis.data.patch import WHOLE, cut
 from diagnosis.data.recorded import Recorded
 from diagnosis.fields import Field
 from diagnosis.localise.maps import Pieces
-from diagnosis.register.registration import PRIOR_SD, Placement
+from diagnosis.register.placement import PRIOR_SD, Placement
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet

@@ -6,34 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagnosis.register.pose_derivative import pose_columns, travel_columns
-from diagnosis.register.registration import PRIOR_SD, hits_normal, move, open_directions, register
-from files.errors import RecipeError
+from diagnosis.register.placement import move
+from diagnosis.register.registration import register
 from sensors.casting.laser import Laser
-from sensors.casting.scene import Scene
 from sensors.model import SensorModel
 from sensors.view.view import View
-from tests.support.small_parts import VIEWS, datasheet, part, poses, record
-
-
-def test_pose_columns_are_the_derivative_of_depth() -> None:
-    # inside one flank of the roof depth is linear, so that differences are exact to second order
-    scene, sheet = part("wedge"), datasheet(20)
-    laser, scan = Laser.from_datasheet(sheet), poses(12, **VIEWS[1])
-    hits = scene.cast(laser, scan)
-    centre = np.array([1.0, -2.0, 3.0])
-    normal, travel = hits_normal(scene, hits), travel_columns(scan)
-    columns = pose_columns(scan, laser, hits.depth_mm, normal, centre, travel)
-    for k, size in enumerate([1e-3] * 3 + [1e-5] * 3 + [1e-4] * 3):
-        step = np.zeros(9)
-        step[k] = size
-        ahead = scene.cast(laser, move(scan, step, centre))
-        back = scene.cast(laser, move(scan, -step, centre))
-        same = (ahead.triangle == hits.triangle) & (back.triangle == hits.triangle)
-        same &= np.isfinite(hits.depth_mm)
-        slope = (ahead.depth_mm - back.depth_mm) / (2 * size)
-        assert same.sum() > 100
-        np.testing.assert_allclose(columns[..., k][same], slope[same], rtol=1e-3, atol=1e-3)
+from tests.support.small_parts import VIEWS, datasheet, part, record
 
 
 @pytest.mark.parametrize("name", ["domes", "steps"])
@@ -50,38 +28,6 @@ def test_a_misplaced_part_is_found_again(name: str) -> None:
     assert np.median(np.abs(residual[known])) < 0.008
     assert np.sqrt(np.nanmean(np.clip(commanded, -1, 1) ** 2)) > 0.05
     assert (np.abs(residual[known]) > 0.3).mean() < 0.01  # silhouettes fall into place too
-
-
-def test_silhouettes_are_searched_where_there_are_some(monkeypatch: pytest.MonkeyPatch) -> None:
-    searched = []
-
-    def search(cost: Any, count: int, reaches: Any) -> Any:
-        searched.append(count)
-        return np.zeros(count), 0.0
-
-    monkeypatch.setattr("diagnosis.register.registration.step_by_step", search)
-    monkeypatch.setattr("diagnosis.register.registration.OPEN", 0.0)
-    sheet = datasheet(60)
-    laser = Laser.from_datasheet(sheet)
-    for name in ("domes", "steps"):
-        scene = part(name)
-        made = record(scene, sheet, [], name="r", seed=4, profiles=40, pitch_mm=0.5)
-        valid = np.isfinite(made.depth_mm)
-        register(scene, made, laser, datasheet=sheet, valid=valid, sd_mm=0.003)
-        assert bool(searched) == (name == "steps")
-
-
-@pytest.mark.parametrize(
-    ("scale", "offset", "words"),
-    [(1e-3, 0.0, "--part-unit m"), (1 / 25.4, 0.0, "--part-unit inch"), (1.0, 400.0, "overlap")],
-)
-def test_units_and_places_that_cannot_be(scale: float, offset: float, words: str) -> None:
-    scene, sheet = part("domes"), datasheet(60)
-    made = record(scene, sheet, [], name="r", seed=4, profiles=40, pitch_mm=1.0)
-    wrong = Scene(scene.vertices_mm * scale + offset, scene.faces)
-    laser, valid = Laser.from_datasheet(sheet), np.isfinite(made.depth_mm)
-    with pytest.raises(RecipeError, match=words):
-        register(wrong, made, laser, datasheet=sheet, valid=valid, sd_mm=0.003)
 
 
 def test_a_sensor_that_sits_askew_is_registered_with_its_shear() -> None:
@@ -136,22 +82,3 @@ def test_a_noisy_face_still_says_where_the_part_lies() -> None:
     # 0.27 mm a reading, 3800 of them
     assert off(spread=spread) < 0.005
     assert off() > 0.01
-
-
-def test_silhouettes_say_where_a_part_lies_before_how_the_sensor_travels() -> None:
-    """A bar that smooth faces leave open along the travel, whose length they leave open, too."""
-    laser = Laser.from_datasheet(datasheet(40))
-    place = poses(20)
-    share = np.full(9, 1e-6)
-    share[[1, 6]] = 1.0, 30.0
-    unsure = np.diag((share * PRIOR_SD) ** 2)
-    depth = np.full((20, 40), 100.0)
-    assert len(open_directions(unsure, place, laser, depth, 0.3)) == 2
-    (found,) = open_directions(unsure, place, laser, depth, 0.3, travels=False)
-    assert np.abs(found[1]) == pytest.approx(1.0)
-    assert found[6:] == pytest.approx([0.0, 0.0, 0.0])
-    together = unsure.copy()
-    together[1, 6] = together[6, 1] = 0.99999 * np.sqrt(unsure[1, 1] * unsure[6, 6])
-    # for a given travel the bar's place is known to a hundredth of what it is otherwise
-    (given,) = open_directions(together, place, laser, depth, 0.3, travels=False)
-    assert np.abs(given[1]) == pytest.approx(1.0)

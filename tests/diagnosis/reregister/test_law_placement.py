@@ -5,7 +5,7 @@ import pytest
 
 from diagnosis.data.patch import cut
 from diagnosis.model.workspace import Model
-from diagnosis.register.registration import PRIOR_SD, Placement, move
+from diagnosis.register.placement import PRIOR_SD, Placement, move
 from diagnosis.reregister.law_placement import placed_by_law
 from sensors.casting.laser import Laser
 from sensors.effects.motion_blur import MotionBlur

@@ -11,7 +11,7 @@ from diagnosis.data.patch import cut
 from diagnosis.data.recorded import Recorded
 from diagnosis.model.workspace import Model, Workspace
 from diagnosis.physics.fit import fit_effect
-from diagnosis.register.registration import PRIOR_SD, Placement
+from diagnosis.register.placement import PRIOR_SD, Placement
 from diagnosis.reregister.reregistration import placed_anew
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
