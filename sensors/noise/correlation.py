@@ -106,10 +106,11 @@ def _measured(
     x: Floats = np.arange(max(16 * half_x, 1), dtype=np.float64) * np.float64(pitch_x_mm)
     y: Floats = np.arange(max(16 * half_y, 1), dtype=np.float64) * np.float64(pitch_y_mm)
     rng = np.random.default_rng(0)
-    fields = [
-        field.sample(x, y, rng) if ratio == 1.0 else sample_lay(field, x, y, ratio, angle_rad, rng)
-        for _ in range(math.ceil(POINTS / (x.size * y.size)))
-    ]
+    count = math.ceil(POINTS / (x.size * y.size))
+    if ratio == 1.0:
+        fields = field.samples(x, y, rng, count)
+    else:
+        fields = np.stack([sample_lay(field, x, y, ratio, angle_rad, rng) for _ in range(count)])
     mean = float(np.mean(fields))
     padded = (y.size + half_y, x.size + half_x)  # so that no lag in reach wraps around
     power = np.zeros((padded[0], padded[1] // 2 + 1))

@@ -1,5 +1,6 @@
 """A monotone map of heights: what turns a standardised noise into a surface's own distribution."""
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,14 +39,20 @@ class HeightMap:
 
     def apply(self, u: Floats, amplitude: float) -> None:
         """Replace u by amplitude times its height, in place."""
-        knots = np.asarray(self.knots, dtype=np.float64)
-        values = np.asarray(self.values, dtype=np.float64)
-        values, slopes = amplitude * values, amplitude * _slopes(knots, values)
-        step, rise = np.diff(knots), np.diff(values)
-        first = step * slopes[:-1]
-        cubic = np.stack([first, 3 * rise - 2 * first - step * slopes[1:],
-                          first + step * slopes[1:] - 2 * rise])  # fmt: skip
-        _apply(u.reshape(-1), knots, values, slopes, cubic)
+        _apply(u.reshape(-1), *_coefficients(self, amplitude))
+
+
+@functools.lru_cache(maxsize=64)
+def _coefficients(heights: HeightMap, amplitude: float) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return knots, values and slopes there, and the cubics between them (3, k - 1)."""
+    knots = np.asarray(heights.knots, dtype=np.float64)
+    values = np.asarray(heights.values, dtype=np.float64)
+    values, slopes = amplitude * values, amplitude * _slopes(knots, values)
+    step, rise = np.diff(knots), np.diff(values)
+    first = step * slopes[:-1]
+    cubic = np.stack([first, 3 * rise - 2 * first - step * slopes[1:],
+                      first + step * slopes[1:] - 2 * rise])  # fmt: skip
+    return knots, values, slopes, cubic
 
 
 def _slopes(knots: Floats, values: Floats) -> Floats:

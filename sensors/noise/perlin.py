@@ -136,10 +136,22 @@ class PerlinField:
         (n, m) array
             Heights in mm.
         """
+        return self.samples(x_mm, y_mm, rng, 1)[0]
+
+    def samples(
+        self, x_mm: Floats, y_mm: Floats, rng: np.random.Generator, count: int
+    ) -> Floats:
+        """Draw `count` fields one after another; (count, n, m), the same as of `sample`.
+
+        Parameters are those of `sample`.
+        """
         x_mm = np.ascontiguousarray(x_mm, dtype=np.float64)
         y_mm = np.ascontiguousarray(y_mm, dtype=np.float64)
-        keys = rng.integers(0, 2**64, size=self.octaves, dtype=np.uint64)
-        shifts = rng.random((self.octaves, 2))
+        keys = np.empty((count, self.octaves), dtype=np.uint64)
+        shifts = np.empty((count, self.octaves, 2))
+        for k in range(count):
+            keys[k] = rng.integers(0, 2**64, size=self.octaves, dtype=np.uint64)
+            shifts[k] = rng.random((self.octaves, 2))
         if self.aligned:
             shifts[:] = 0.0
         pitch_x_mm, pitch_y_mm = grid_pitch(x_mm), grid_pitch(y_mm)
@@ -147,17 +159,19 @@ class PerlinField:
         scale = self.amplitude_mm
         if self.heights is not None:
             scale = 1.0 / self.sd(pitch_x_mm, pitch_y_mm)
-        out = np.zeros((y_mm.size, x_mm.size))
+        out = np.zeros((count, y_mm.size, x_mm.size))
         for m, (gain, cell_x_mm, cell_y_mm) in enumerate(octaves):
-            column, x = _lattice(x_mm / cell_x_mm + shifts[m, 0])
-            row, y = _lattice(y_mm / cell_y_mm + shifts[m, 1])
-            columns = np.unique(np.concatenate((column, column + 1)))
-            left = np.searchsorted(columns, column)
+            column, x = _lattice(x_mm / cell_x_mm + shifts[:, m, :1])
+            row, y = _lattice(y_mm / cell_y_mm + shifts[:, m, 1:])
             gain_x = _even(x, cell_x_mm > self.cell_x_mm / 2**m)
             gain_y = scale * gain * _even(y, cell_y_mm > self.cell_y_mm / 2**m)
-            _add_octave(
-                out, gain_x, gain_y, keys[m], columns, left, x, smoothstep(x), row, y, smoothstep(y)
-            )
+            fade_x, fade_y = smoothstep(x), smoothstep(y)
+            for k in range(count):
+                columns, left = _control_points(column[k])
+                _add_octave(
+                    out[k], gain_x[k], gain_y[k], keys[k, m], columns, left,
+                    x[k], fade_x[k], row[k], y[k], fade_y[k],
+                )  # fmt: skip
         if self.heights is not None:
             self.heights.apply(out, self.amplitude_mm)
         return out
@@ -174,6 +188,15 @@ def _lattice(cells: Floats) -> tuple[NDArray[np.int64], Floats]:
     """Split positions in cells into the control point below and the rest."""
     below = np.floor(cells)
     return below.astype(np.int64), cells - below
+
+
+def _control_points(column: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """List the columns of control points on both sides of each place, and each place's left one."""
+    first, last = int(column.min()), int(column.max())
+    if last - first < 2 * column.size:
+        return np.arange(first, last + 2), column - first
+    columns = np.unique(np.concatenate((column, column + 1)))
+    return columns, np.searchsorted(columns, column)
 
 
 def _even(place: Floats, limited: bool) -> Floats:
