@@ -16,7 +16,7 @@ _AXES = np.linalg.qr(
 """The ray's direction is the last row: one that no drawing uses, so that rays miss edges."""
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _side(px: float, py: float, plane: Floats, a: int, b: int) -> bool:
     """Return on which side of the edge a-b the point is.
 
@@ -30,15 +30,14 @@ def _side(px: float, py: float, plane: Floats, a: int, b: int) -> bool:
     return bool((turn >= 0.0) == (a < b))
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def face_bins(plane: Floats, faces: Ints, low: Floats, cell: float, nx: int, ny: int) -> tuple[
     Ints, Ints
 ]:
     """List for each cell of a grid in the projection the faces whose boxes touch it."""
-    start = np.zeros(nx * ny + 1, np.int32)
+    start, fill = np.zeros(nx * ny + 1, np.int32), np.zeros(nx * ny + 1, np.int32)
     members = np.empty(0, np.int32)
     for sweep in range(2):
-        fill = start[:-1].copy()
         for f in range(len(faces)):
             x0, y0, x1, y1 = np.inf, np.inf, -np.inf, -np.inf
             for v in range(3):
@@ -56,12 +55,14 @@ def face_bins(plane: Floats, faces: Ints, low: Floats, cell: float, nx: int, ny:
                         members[fill[i * ny + j]] = f
                         fill[i * ny + j] += 1
         if sweep == 0:
-            start = np.cumsum(start).astype(np.int32)
+            for at in range(1, len(start)):
+                start[at] += start[at - 1]
+                fill[at] = start[at]
             members = np.empty(start[-1], np.int32)
     return start, members
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _contains(
     points: Floats,
     plane: Floats,
@@ -101,7 +102,7 @@ def _contains(
     return inside
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def in_boxes(points_mm: Floats, boxes_mm: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """List which points lie in which boxes, in one pass over the points.
 

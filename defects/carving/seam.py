@@ -186,7 +186,7 @@ def _frame(cross: Floats) -> Floats:
     return np.stack([side, np.cross(up, side), up])
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _between(one: Floats, other: Floats, x: float, y: float, z: float) -> bool:
     """Return whether two triangles lie apart along a direction."""
     size = np.sqrt(x * x + y * y + z * z)
@@ -199,34 +199,35 @@ def _between(one: Floats, other: Floats, x: float, y: float, z: float) -> bool:
     return bool(max(low - most, least - high) > FLAT * size)
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _across(
-    a: Floats, b: Floats, c: Floats, d: Floats
+    one: Floats, a: int, b: int, other: Floats, c: int, d: int
 ) -> tuple[float, float, float]:
-    """Return the direction across two edges, a to b and c to d."""
-    x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    u, v, w = d[0] - c[0], d[1] - c[1], d[2] - c[2]
+    """Return the direction across two edges, a to b of one triangle and c to d of another."""
+    x, y, z = one[b, 0] - one[a, 0], one[b, 1] - one[a, 1], one[b, 2] - one[a, 2]
+    u, v, w = other[d, 0] - other[c, 0], other[d, 1] - other[c, 1], other[d, 2] - other[c, 2]
     return y * w - z * v, z * u - x * w, x * v - y * u
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _apart(one: Floats, other: Floats) -> bool:
     """Return whether a plane parallel to a face, or to an edge of each, parts two triangles."""
-    x, y, z = _across(other[0], other[1], other[0], other[2])
+    i, j, k = int(np.int64(0)), int(np.int64(1)), int(np.int64(2))  # no literals: compiled once
+    x, y, z = _across(other, i, j, other, i, k)
     if _between(one, other, x, y, z):
         return True
-    x, y, z = _across(one[0], one[1], one[0], one[2])
+    x, y, z = _across(one, i, j, one, i, k)
     if _between(one, other, x, y, z):
         return True
     for i in range(3):
         for j in range(3):
-            x, y, z = _across(one[i], one[(i + 1) % 3], other[j], other[(j + 1) % 3])
+            x, y, z = _across(one, i, (i + 1) % 3, other, j, (j + 1) % 3)
             if _between(one, other, x, y, z):
                 return True
     return False
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _any_meet(
     others: Floats,
     places: Floats,

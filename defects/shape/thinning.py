@@ -179,7 +179,7 @@ def filled(positions: Floats, beyond: int = 0) -> Floats:
     return found
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _own_errors(
     places: Floats, block: int, tolerance_mm: float, rings: bool, held: Bools, error: Floats
 ) -> None:
@@ -201,7 +201,7 @@ def _own_errors(
             error[i, j] = _own_error(places, i, j, down, right, tolerance_mm, rings)
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _hand_up(error: Floats, block: int, rings: bool) -> None:
     """Give each point (n, m) the greatest error of those that it leads to."""
     n, m = error.shape
@@ -225,7 +225,7 @@ def _hand_up(error: Floats, block: int, rings: bool) -> None:
         half = side
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _own_error(
     places: Floats, i: int, j: int, down: int, right: int, tolerance_mm: float, rings: bool
 ) -> float:
@@ -254,9 +254,10 @@ def _own_error(
         length += off * off
         skew += off * way
     own, square = abs(own), max(square, 1e-300)
-    beside = length - own**2 - skew**2 / square
+    beside = length - own * own - skew * skew / square
     # over the triangle's height, which is the cells' area over the side's half
-    share = np.sqrt(max(beside, 0.0) * square) / (max(down, abs(right)) ** 2 * area + 1e-300)
+    half = max(down, abs(right))
+    share = np.sqrt(max(beside, 0.0) * square) / (half * half * area + 1e-300)
     return float(max(own, tolerance_mm / SKEW * share))
 
 

@@ -8,7 +8,7 @@ LEAF = 4
 """Largest number of triangles in a leaf of the tree."""
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _select(order: NDArray[np.int32], key: NDArray[np.float64], lo: int, hi: int, k: int) -> None:
     """Partly sort `order[lo:hi]` by `key` so that position `k` holds what it would in order."""
     hi -= 1
@@ -32,7 +32,7 @@ def _select(order: NDArray[np.int32], key: NDArray[np.float64], lo: int, hi: int
             return
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def build_tree(
     vertices: NDArray[np.float64], faces: NDArray[np.int32]
 ) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.int32]]:
@@ -56,9 +56,10 @@ def build_tree(
         last position in `order`.
     """
     count = len(faces)
-    order = np.arange(count).astype(np.int32)
+    order = np.empty(count, np.int32)
     centre = np.empty((3, count))
     for f in range(count):
+        order[f] = f
         for c in range(3):
             centre[c, f] = (
                 vertices[faces[f, 0], c] + vertices[faces[f, 1], c] + vertices[faces[f, 2], c]
@@ -67,14 +68,14 @@ def build_tree(
     box = np.empty((size, 6))
     node = np.empty((size, 3), np.int32)
     node[0, 1], node[0, 2] = 0, count
+    low, high = np.empty(3), np.empty(3)
     used = 1
     at = 0
     while at < used:
         start, stop = node[at, 1], node[at, 2]
         for c in range(3):
             box[at, c], box[at, 3 + c] = np.inf, -np.inf
-        low = np.full(3, np.inf)
-        high = np.full(3, -np.inf)
+            low[c], high[c] = np.inf, -np.inf
         for i in range(start, stop):
             f = order[i]
             for c in range(3):
@@ -87,7 +88,10 @@ def build_tree(
         if stop - start <= LEAF:
             node[at, 0] = -1
         else:
-            axis = int(np.argmax(high - low))
+            axis = 0
+            for c in range(1, 3):
+                if high[c] - low[c] > high[axis] - low[axis]:
+                    axis = c
             middle = (start + stop) // 2
             _select(order, centre[axis], start, stop, middle)
             node[at, 0] = used
@@ -98,12 +102,12 @@ def build_tree(
     return order, box[:used].copy(), node[:used].copy()
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def on_triangle(
     p: NDArray[np.float64],
-    a: NDArray[np.float64],
-    b: NDArray[np.float64],
-    c: NDArray[np.float64],
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    triangle: int,
     weight: NDArray[np.float64],
 ) -> float:
     """Write the barycentric weights of the triangle's point nearest to `p`; return distance².
@@ -111,11 +115,16 @@ def on_triangle(
     After Ericson, Real-Time Collision Detection, section 5.1.5.
     """
     # Number by number: small arrays would take most of the time.
-    abx, aby, abz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    acx, acy, acz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    apx, apy, apz = p[0] - a[0], p[1] - a[1], p[2] - a[2]
-    bpx, bpy, bpz = p[0] - b[0], p[1] - b[1], p[2] - b[2]
-    cpx, cpy, cpz = p[0] - c[0], p[1] - c[1], p[2] - c[2]
+    a, b, c = faces[triangle, 0], faces[triangle, 1], faces[triangle, 2]
+    ax, ay, az = vertices[a, 0], vertices[a, 1], vertices[a, 2]
+    bx, by, bz = vertices[b, 0], vertices[b, 1], vertices[b, 2]
+    cx, cy, cz = vertices[c, 0], vertices[c, 1], vertices[c, 2]
+    px, py, pz = p[0], p[1], p[2]
+    abx, aby, abz = bx - ax, by - ay, bz - az
+    acx, acy, acz = cx - ax, cy - ay, cz - az
+    apx, apy, apz = px - ax, py - ay, pz - az
+    bpx, bpy, bpz = px - bx, py - by, pz - bz
+    cpx, cpy, cpz = px - cx, py - cy, pz - cz
     d1, d2 = abx * apx + aby * apy + abz * apz, acx * apx + acy * apy + acz * apz
     d3, d4 = abx * bpx + aby * bpy + abz * bpz, acx * bpx + acy * bpy + acz * bpz
     d5, d6 = abx * cpx + aby * cpy + abz * cpz, acx * cpx + acy * cpy + acz * cpz
@@ -145,16 +154,16 @@ def on_triangle(
     return float(gx * gx + gy * gy + gz * gz)
 
 
-@njit(cache=True)
-def _box_gap(p: NDArray[np.float64], box: NDArray[np.float64]) -> float:
+@njit(cache=True, no_cfunc_wrapper=True)
+def _box_gap(p: NDArray[np.float64], box: NDArray[np.float64], at: int) -> float:
     total = 0.0
     for c in range(3):
-        gap = max(max(box[c] - p[c], p[c] - box[3 + c]), 0.0)
+        gap = max(max(box[at, c] - p[c], p[c] - box[at, 3 + c]), 0.0)
         total += gap * gap
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def nearest(
     p: NDArray[np.float64],
     hint: int,
@@ -173,8 +182,7 @@ def nearest(
     trial = np.empty(3)
     best, found = np.inf, -1
     if hint >= 0:
-        f = faces[hint]
-        best = on_triangle(p, vertices[f[0]], vertices[f[1]], vertices[f[2]], weight)
+        best = on_triangle(p, vertices, faces, hint, weight)
         found = hint
     stack = np.empty(128, np.int32)
     stack[0] = 0
@@ -182,19 +190,19 @@ def nearest(
     while top > 0:
         top -= 1
         at = stack[top]
-        if _box_gap(p, box[at]) >= best:
+        if _box_gap(p, box, at) >= best:
             continue
         child = node[at, 0]
         if child < 0:
             for i in range(node[at, 1], node[at, 2]):
-                f = faces[order[i]]
-                gap = on_triangle(p, vertices[f[0]], vertices[f[1]], vertices[f[2]], trial)
+                f = int(order[i])  # of the type of `hint`, so that one form is compiled
+                gap = on_triangle(p, vertices, faces, f, trial)
                 if gap < best:
-                    best, found = gap, order[i]
+                    best, found = gap, f
                     weight[0], weight[1], weight[2] = trial[0], trial[1], trial[2]
         else:
             nearer = child
-            if _box_gap(p, box[child + 1]) < _box_gap(p, box[child]):
+            if _box_gap(p, box, child + 1) < _box_gap(p, box, child):
                 nearer = child + 1
             stack[top] = 2 * child + 1 - nearer
             stack[top + 1] = nearer

@@ -11,7 +11,7 @@ Counts = NDArray[np.int64]
 Labels = tuple[NDArray[np.uint8], NDArray[np.uint8]]
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def faces_hit(
     triangle: NDArray[np.int32],
     instance_of_face: NDArray[np.uint16],
@@ -55,7 +55,6 @@ def faces_hit(
     return instance, moved[:count].copy()
 
 
-@njit(cache=True)
 def stand_out(
     instance: NDArray[np.uint16],
     class_of_instance: NDArray[np.uint8],
@@ -75,32 +74,30 @@ def stand_out(
     -------
     mask, mask_visible : (n, m)
     """
-    n, m = instance.shape
-    mask = np.zeros((n, m), dtype=np.uint8)
-    visible = np.zeros((n, m), dtype=np.uint8)
-    for i in range(n):
-        for j in range(m):
-            number = instance[i, j]
-            if number == 0:
-                continue
-            mask[i, j] = class_of_instance[number]
-            gone = np.isnan(depth_mm[i, j]) != np.isnan(clean_mm[i, j])
-            off = abs(depth_mm[i, j] - clean_mm[i, j]) > visible_at * noise_mm[i, j]
-            if gone or (off and not np.isnan(reading_mm[i, j])):
-                visible[i, j] = mask[i, j]
+    at = np.flatnonzero(instance)
+    depth, clean, noise, reading = (
+        values.reshape(-1)[at] for values in (depth_mm, clean_mm, noise_mm, reading_mm)
+    )
+    gone = np.isnan(depth) != np.isnan(clean)
+    shown = gone | ((np.abs(depth - clean) > visible_at * noise) & ~np.isnan(reading))
+    mask = np.zeros(instance.shape, dtype=np.uint8)
+    visible = np.zeros(instance.shape, dtype=np.uint8)
+    classes = class_of_instance[instance.reshape(-1)[at]]
+    mask.reshape(-1)[at] = classes
+    visible.reshape(-1)[at] = np.where(shown, classes, 0)
     return mask, visible
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def cross_boxes(from_mm: Floats, to_mm: Floats, boxes_mm: Floats) -> NDArray[np.bool_]:
     """Return which straight lines between points (k, 3) meet any of the boxes (b, 2, 3)."""
     out = np.zeros(len(from_mm), dtype=np.bool_)
     for i in range(len(from_mm)):
-        for box in boxes_mm:
+        for b in range(len(boxes_mm)):
             first, last = 0.0, 1.0
             for axis in range(3):
                 start, way = from_mm[i, axis], to_mm[i, axis] - from_mm[i, axis]
-                low, high = box[0, axis] - start, box[1, axis] - start
+                low, high = boxes_mm[b, 0, axis] - start, boxes_mm[b, 1, axis] - start
                 if way == 0.0:
                     if low > 0.0 or high < 0.0:
                         first = 2.0
@@ -181,7 +178,7 @@ def tally(
     )
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _count(
     instance: NDArray[np.uint16],
     mask_visible: NDArray[np.uint8],
@@ -219,7 +216,7 @@ def _count(
     return valid, total
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def counts_of(
     depth_mm: Floats, scale_mm: float, first: int, missing: int, out: NDArray[np.unsignedinteger]
 ) -> None:

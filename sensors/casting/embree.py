@@ -22,6 +22,7 @@ _GROWTH = 3e-5  # margin around each triangle, as a share of the mesh's half dia
 _ROUNDS = 40  # candidates per ray before all triangles are tried
 _FOLLOWED = 512  # triangles looked at around a candidate
 _BATCH = 1 << 18  # rays at a time
+_GROWN = 1 << 14  # triangles at a time
 
 
 class Rays(NamedTuple):
@@ -170,36 +171,29 @@ class Tree:
         depth[hit] = best[hit]
 
 
-@njit(cache=True)
 def _grown(
     vertices_mm: Floats, faces: Ints, centre: Floats, margin_mm: float
 ) -> NDArray[np.float32]:
     """Corners (F, 3, 3) of the triangles about `centre`, each grown in its plane by `margin_mm`."""
     out = np.empty((len(faces), 3, 3), np.float32)
-    corner, inward = np.empty((3, 3)), np.empty(3)
-    for f in range(len(faces)):
-        for v in range(3):
-            for c in range(3):
-                corner[v, c] = vertices_mm[faces[f, v], c] - centre[c]
-        for v in range(3):
-            after, last = (v + 1) % 3, (v + 2) % 3
-            length_a = length_b = size = 0.0
-            for c in range(3):
-                length_a += (corner[after, c] - corner[v, c]) ** 2
-                length_b += (corner[last, c] - corner[v, c]) ** 2
-            length_a = max(np.sqrt(length_a), 1e-300)
-            length_b = max(np.sqrt(length_b), 1e-300)
-            for c in range(3):
-                inward[c] = (corner[after, c] - corner[v, c]) / length_a
-                inward[c] += (corner[last, c] - corner[v, c]) / length_b
-                size += inward[c] ** 2
-            size = np.sqrt(size)
-            # |inward| = 2 cos(half the angle); the mitre 1 / sin is cut off in sharp corners.
-            sine = np.sqrt(min(max(1 - (size / 2) ** 2, 0.0), 1.0))
-            step = margin_mm / max(sine, 0.25)
-            for c in range(3):
-                out[f, v, c] = corner[v, c] - inward[c] / max(size, 1e-300) * step
+    places = np.ascontiguousarray((vertices_mm - centre).T)
+    for first in range(0, len(faces), _GROWN):
+        corner = places[:, faces[first : first + _GROWN].T]  # axis, corner, face
+        way = np.roll(corner, -1, axis=1) - corner  # to the next corner
+        way /= np.maximum(np.sqrt(_squares(way)), 1e-300)
+        inward = way - np.roll(way, 1, axis=1)
+        size = np.sqrt(_squares(inward))
+        # |inward| = 2 cos(half the angle); the mitre 1 / sin is cut off in sharp corners.
+        sine = np.sqrt(np.clip(1 - (size / 2) ** 2, 0.0, 1.0))
+        step = margin_mm / np.maximum(sine, 0.25)
+        grown = corner - inward / np.maximum(size, 1e-300) * step
+        out[first : first + _GROWN] = grown.transpose(2, 1, 0)
     return out
+
+
+def _squares(vectors: Floats) -> Floats:
+    """Squares of the lengths of vectors (3, ...)."""
+    return np.asarray(vectors[0] ** 2 + vectors[1] ** 2 + vectors[2] ** 2)
 
 
 def _triangles_at_vertices(faces: Ints, count: int) -> tuple[NDArray[np.int64], Ints]:
@@ -211,7 +205,7 @@ def _triangles_at_vertices(faces: Ints, count: int) -> tuple[NDArray[np.int64], 
     return start, (order // 3).astype(np.int32)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, no_cfunc_wrapper=True, error_model="numpy")
 def _enter(
     rays: Rays, limits: Limits, low: Floats, high: Floats
 ) -> tuple[Floats, Floats, Floats, NDArray[np.int64]]:
@@ -248,23 +242,16 @@ def _enter(
     return origins, directions, start, live[:size].copy()
 
 
-@njit(cache=True)
 def _single_precision(
     origins: Floats, directions: Floats, start: Floats, live: NDArray[np.int64], centre: Floats
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Where the live rays go on, about the mesh's centre, and their directions (k, 3)."""
-    where = np.empty((len(live), 3), dtype=np.float32)
-    way = np.empty((len(live), 3), dtype=np.float32)
-    for i in range(len(live)):
-        r = live[i]
-        for axis in range(3):
-            point = origins[r, axis] + start[r] * directions[r, axis] - centre[axis]
-            where[i, axis] = np.float32(point)
-            way[i, axis] = np.float32(directions[r, axis])
-    return where, way
+    way = directions[live]
+    where = origins[live] + start[live, None] * way - centre
+    return where.astype(np.float32), way.astype(np.float32)
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _holds(values: Ints, size: int, wanted: int) -> bool:
     """Whether `wanted` is among the first `size` values."""
     i = 0
@@ -273,7 +260,7 @@ def _holds(values: Ints, size: int, wanted: int) -> bool:
     return i < size
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _judge(  # noqa: C901 - one compiled loop
     skin: Skin, rays: Rays, limits: Limits, search: Search,
     live: NDArray[np.int64], candidate: Ints, ahead: Floats, margin_mm: float, step_mm: float,
@@ -301,9 +288,10 @@ def _judge(  # noqa: C901 - one compiled loop
             + normals[t, 1] * directions[r, 1]
             + normals[t, 2] * directions[r, 2]
         ) < 0.0
+        axes, zero, stands = frame[f], origin[f], place[f]
         d = np.inf
         if t != ignored[r]:
-            d = ray_depth(vertices, faces, t, frame[f], origin[f], place[f], x, s, outside)
+            d = ray_depth(vertices, faces, t, axes, zero, stands, x, s, outside)
         if nearest[r] < d < farthest[r]:
             if d < best[r] or (d == best[r] and t < triangle[r]):
                 best[r], triangle[r] = d, t
@@ -326,7 +314,7 @@ def _judge(  # noqa: C901 - one compiled loop
                     if (
                         size == _FOLLOWED
                         or not passes_near(
-                            vertices, faces, n, frame[f], origin[f], place[f], x, s, margin_mm
+                            vertices, faces, n, axes, zero, stands, x, s, margin_mm
                         )
                         or _holds(queue, size, n)
                     ):
@@ -335,9 +323,7 @@ def _judge(  # noqa: C901 - one compiled loop
                     size += 1
                     if n == ignored[r]:
                         continue
-                    d = ray_depth(
-                        vertices, faces, n, frame[f], origin[f], place[f], x, s, outside
-                    )
+                    d = ray_depth(vertices, faces, n, axes, zero, stands, x, s, outside)
                     if nearest[r] < d < farthest[r] and (
                         d < best[r] or (d == best[r] and n < triangle[r])
                     ):
@@ -351,7 +337,7 @@ def _judge(  # noqa: C901 - one compiled loop
     return on[:count].copy()
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _try_all(
     skin: Skin, rays: Rays, limits: Limits, search: Search, live: NDArray[np.int64]
 ) -> None:

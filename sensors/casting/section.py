@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, no_cfunc_wrapper=True, inline="always")
 def turn(frame: Floats, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Return the components of (x, y, z) along the rows of `frame` (3, 3)."""
     return (
@@ -31,24 +31,28 @@ def turn(frame: Floats, x: float, y: float, z: float) -> tuple[float, float, flo
     )
 
 
-@njit(cache=True, inline="always")
-def edge_slope(y0: float, v0: float, y1: float, v1: float) -> float:
-    """Return dv/dy along the edge from below to above; 0 for an edge of negligible height."""
-    return (v1 - v0) / (y1 - y0) if y1 - y0 > 1e-200 else 0.0
+@njit(cache=True, no_cfunc_wrapper=True, inline="always")
+def edge_slopes(
+    x0: float, y0: float, z0: float, x1: float, y1: float, z1: float
+) -> tuple[float, float]:
+    """Return dx/dy, dz/dy along the edge from below to above; 0 for one of negligible height."""
+    rise = y1 - y0
+    return (
+        (x1 - x0) / rise if rise > 1e-200 else 0.0,
+        (z1 - z0) / rise if rise > 1e-200 else 0.0,
+    )
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, no_cfunc_wrapper=True, inline="always")
 def edge_point(
     x0: float, y0: float, z0: float, x1: float, y1: float, z1: float, y: float
 ) -> tuple[float, float]:
     """Return x, z where the edge from below (y0 < y) to above (y1 >= y) crosses the plane y."""
-    return (
-        x0 + (y - y0) * edge_slope(y0, x0, y1, x1),
-        z0 + (y - y0) * edge_slope(y0, z0, y1, z1),
-    )
+    slope_x, slope_z = edge_slopes(x0, y0, z0, x1, y1, z1)
+    return x0 + (y - y0) * slope_x, z0 + (y - y0) * slope_z
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, no_cfunc_wrapper=True, inline="always")
 def segment(
     ax: float, ay: float, az: float,
     bx: float, by: float, bz: float,
@@ -73,15 +77,16 @@ def segment(
         up_a = up_c
     # Now a-b and a-c are the edges cut; seen from outside, c's end is left where a is above.
     if up_a:
-        x0, z0 = edge_point(cx, cy, cz, ax, ay, az, y)
-        x1, z1 = edge_point(bx, by, bz, ax, ay, az, y)
+        lx, ly, lz, mx, my, mz = cx, cy, cz, bx, by, bz  # the lower ends
+        bx, by, bz, cx, cy, cz = ax, ay, az, ax, ay, az  # the upper ones
     else:
-        x0, z0 = edge_point(ax, ay, az, bx, by, bz, y)
-        x1, z1 = edge_point(ax, ay, az, cx, cy, cz, y)
+        lx, ly, lz, mx, my, mz = ax, ay, az, ax, ay, az
+    x0, z0 = edge_point(lx, ly, lz, bx, by, bz, y)
+    x1, z1 = edge_point(mx, my, mz, cx, cy, cz, y)
     return True, x0, z0, x1, z1
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, no_cfunc_wrapper=True, inline="always")
 def clipped(
     x0: float, z0: float, x1: float, z1: float
 ) -> tuple[bool, float, float, float, float]:
@@ -95,7 +100,7 @@ def clipped(
     return True, x0, z0, x1, z1
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(cache=True, no_cfunc_wrapper=True, inline="always", error_model="numpy")
 def depth_on(
     x0: float, z0: float, dx: float, dz: float, low: float, high: float, x: float, slope: float
 ) -> float:
@@ -108,7 +113,7 @@ def depth_on(
     return depth if depth < high else high
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, no_cfunc_wrapper=True, error_model="numpy")
 def ray_depth(
     vertices: Floats, faces: Ints, triangle: int,
     frame: Floats, origin: Floats, place: Floats, x: float, slope: float, outside: bool,
@@ -157,7 +162,7 @@ def ray_depth(
     return depth if depth > 0.0 else math.inf
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def passes_near(
     vertices: Floats, faces: Ints, triangle: int,
     frame: Floats, origin: Floats, place: Floats, x: float, slope: float, margin_mm: float,

@@ -7,13 +7,13 @@ the sweep and the Embree caster agree to the last bit.
 """
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from sensors.casting.section import Floats, Ints, clipped, depth_on, edge_slope
+from sensors.casting.section import Floats, Ints, clipped, depth_on, edge_slopes
 
 _WAITING = 256  # segments found before their points are computed
 _BLOCK = 16  # profiles whose part of the z-buffer stays in the processor's cache
@@ -64,6 +64,29 @@ class Fan(NamedTuple):
     table: Ints
     origin: float
     scale: float
+
+
+class Buffers(NamedTuple):
+    """Buffers of segments that are stored many at a time.
+
+    Attributes
+    ----------
+    source, spans : (2, k)
+        Row and triangle; first point and the one behind the last.
+    ends, clip : (4, k)
+        x, z of both ends; the same of what lies before the emitter.
+    """
+
+    source: NDArray[np.int64]
+    ends: Floats
+    clip: Floats
+    spans: NDArray[np.int64]
+
+    @classmethod
+    def empty(cls) -> Self:
+        """Return buffers of `_WAITING` segments."""
+        whole = [np.empty((2, _WAITING), dtype=np.int64) for _ in range(2)]
+        return cls(whole[0], np.empty((4, _WAITING)), np.empty((4, _WAITING)), whole[1])
 
 
 def sweepable(x_mm: Floats, slope_x: Floats) -> bool:
@@ -120,7 +143,7 @@ def sweep(
     triangle = np.empty((n, m), dtype=np.int32)
     _fill(
         Corners(x, y, z, faces), Runs(which, low, high, start, members), sorted_place, order,
-        Fan(x_mm, slope_x, kind, table, origin, scale), depth, triangle,
+        Fan(x_mm, slope_x, kind, table, origin, scale), Buffers.empty(), depth, triangle,
     )  # fmt: skip
     if backwards:
         depth, triangle = depth[:, ::-1].copy(), triangle[:, ::-1].copy()
@@ -136,7 +159,7 @@ def _lookup(values: Floats) -> tuple[Ints, float, float]:
     return np.searchsorted(values, edges).astype(np.int32), float(values[0]), scale
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def turned(vertices: Floats, frame: Floats) -> tuple[Floats, Floats, Floats]:
     """Vertices in the leg's axes, in the order of operations of `section.turn`."""
     count = len(vertices)
@@ -149,7 +172,7 @@ def turned(vertices: Floats, frame: Floats) -> tuple[Floats, Floats, Floats]:
     return x, y, z
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, no_cfunc_wrapper=True, inline="always")
 def _guess(table: Ints, origin: float, scale: float, value: float) -> int:
     """Return about how many entries lie below `value`."""
     cell = (value - origin) * scale
@@ -159,7 +182,7 @@ def _guess(table: Ints, origin: float, scale: float, value: float) -> int:
     return int(table[np.uint64(cell)]) if cell < last else int(table[last])
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, no_cfunc_wrapper=True, inline="always")
 def _not_above(values: Floats, table: Ints, origin: float, scale: float, value: float) -> int:
     """How many of the sorted `values` aren't above a value."""
     n = len(values)
@@ -172,7 +195,7 @@ def _not_above(values: Floats, table: Ints, origin: float, scale: float, value: 
     return i
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _runs(
     x: Floats, y: Floats, z: Floats, faces: Ints, slope_low: float, slope_high: float,
     profile_y: Floats, table: Ints, origin: float, scale: float,
@@ -201,7 +224,7 @@ def _runs(
     return which[:kept], low[:kept], high[:kept]
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _blocks(low: Ints, high: Ints, n: int) -> tuple[NDArray[np.int64], Ints]:
     """List the runs that each block of profiles meets, ascending; and where each list starts."""
     blocks = (n + _BLOCK - 1) // _BLOCK
@@ -211,7 +234,9 @@ def _blocks(low: Ints, high: Ints, n: int) -> tuple[NDArray[np.int64], Ints]:
             start[b + 1] += 1
     for b in range(blocks):
         start[b + 1] += start[b]
-    at = start[:-1].copy()
+    at = np.zeros(blocks + 1, dtype=np.int64)
+    for b in range(blocks):
+        at[b] = start[b]
     members = np.empty(start[blocks], dtype=np.int32)
     for k in range(len(low)):
         for b in range(low[k] // _BLOCK, (high[k] - 1) // _BLOCK + 1):
@@ -220,7 +245,7 @@ def _blocks(low: Ints, high: Ints, n: int) -> tuple[NDArray[np.int64], Ints]:
     return start, members
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, no_cfunc_wrapper=True, error_model="numpy")
 def _left_of(
     x: Floats, z: Floats, count: int, fan: Fan, found: NDArray[np.int64]
 ) -> None:
@@ -268,7 +293,7 @@ def _left_of(
         found[k] = j
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, no_cfunc_wrapper=True, inline="always")
 def _risen(
     i: int, j: int, low: float, high: float
 ) -> tuple[int, int, float, float, bool]:
@@ -280,25 +305,23 @@ def _risen(
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, no_cfunc_wrapper=True, nogil=True, error_model="numpy")
 def _fill(
     corners: Corners, runs: Runs, place: Floats, order: NDArray[np.int64], fan: Fan,
-    depth: Floats, triangle: Ints,
+    buffers: Buffers, depth: Floats, triangle: Ints,
 ) -> None:  # fmt: skip
     """Fill the z-buffer, one block of profiles after another."""
     x, y, z, faces = corners
     which, low, high, start, members = runs
     x_mm, slope_x = fan.x_mm, fan.slope_x
     n = len(depth)
-    source = np.empty((2, _WAITING), dtype=np.int64)  # row, triangle
-    ends = np.empty((4, _WAITING))  # x, z of both
-    clip = np.empty((4, _WAITING))  # the same, of what lies before the emitter
-    spans = np.empty((2, _WAITING), dtype=np.int64)  # first point, the one behind the last
+    source, ends, clip, spans = buffers
     for block in range(len(start) - 1):
         first, last = block * _BLOCK, min(n, (block + 1) * _BLOCK)
         for row in range(first, last):
-            depth[order[row], :] = np.nan
-            triangle[order[row], :] = -1
+            r = np.uint64(order[row])
+            for j in range(len(x_mm)):  # a slice's assignment takes long to compile
+                depth[r, j], triangle[r, j] = np.nan, -1
         waiting = int(np.int64(0))  # no literal: one type, compiled once
         for member in range(start[block], start[block + 1]):
             run = members[member]
@@ -311,9 +334,9 @@ def _fill(
             i0, i1, y0, y1, thrice = _risen(i0, i1, y0, y1)
             mirrored = once ^ twice ^ thrice
             x0, x1, x2, z0, z1, z2 = x[i0], x[i1], x[i2], z[i0], z[i1], z[i2]
-            long_x, long_z = edge_slope(y0, x0, y2, x2), edge_slope(y0, z0, y2, z2)
-            lower_x, lower_z = edge_slope(y0, x0, y1, x1), edge_slope(y0, z0, y1, z1)
-            upper_x, upper_z = edge_slope(y1, x1, y2, x2), edge_slope(y1, z1, y2, z2)
+            long_x, long_z = edge_slopes(x0, y0, z0, x2, y2, z2)
+            lower_x, lower_z = edge_slopes(x0, y0, z0, x1, y1, z1)
+            upper_x, upper_z = edge_slopes(x1, y1, z1, x2, y2, z2)
             for row in range(max(low[run], first), min(high[run], last)):
                 px, py, pz = place[row, 0], place[row, 1], place[row, 2]
                 ax = x0 + (py - y0) * long_x - px
@@ -341,7 +364,7 @@ def _fill(
         _keep_nearest(depth, triangle, source, ends, spans, waiting, x_mm, slope_x)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, no_cfunc_wrapper=True, error_model="numpy")
 def _keep_nearest(
     depth: Floats, triangle: Ints, source: NDArray[np.int64], ends: Floats,
     spans: NDArray[np.int64], count: int, x_mm: Floats, slope_x: Floats,

@@ -104,7 +104,7 @@ def _coarser(grid: Floats) -> Floats:
     return coarse
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, no_cfunc_wrapper=True, error_model="numpy")
 def _draw(
     x: Floats, y: Floats, z: Floats, faces: Ints, slant: Floats, deepest: float,
     corner: Floats, cell: float, grid: Floats,
@@ -133,8 +133,8 @@ def _draw(
             continue
         gx, gy = -nx / nz, -ny / nz
         tilted = abs(nz) > 1e-3 * (abs(nx) + abs(ny))
-        first = max(0, int(np.floor((py.min() - _PAD_MM - corner[1]) / cell)))
-        last = min(rows - 1, int(np.floor((py.max() + _PAD_MM - corner[1]) / cell)))
+        first = max(0, int(np.floor((min(py[0], py[1], py[2]) - _PAD_MM - corner[1]) / cell)))
+        last = min(rows - 1, int(np.floor((max(py[0], py[1], py[2]) + _PAD_MM - corner[1]) / cell)))
         for row in range(first, last + 1):
             # The part of the triangle in this strip of cells.
             bottom = corner[1] + row * cell - _PAD_MM
@@ -169,17 +169,17 @@ def _draw(
                 grid[row, column] = min(grid[row, column], least)
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def is_free(
-    low: Floats, high: Floats, camera_low: Floats, camera_high: Floats,
-    begin: float, end: float, reach: float, ratio: float, screen: Obstacles,
-) -> bool:  # fmt: skip
+    box: Floats, begin: float, end: float, reach: float, ratio: float, screen: Obstacles
+) -> bool:
     """Whether lines from a box of points to a box of cameras stay nearer than every obstacle.
 
     Parameters
     ----------
-    low, high, camera_low, camera_high : (3,)
-        The boxes, leg's axes, mm; the camera nearer (z) than the points.
+    box : (4, 3)
+        Least and greatest corner of the points' box and of the cameras', leg's axes, mm; the
+        cameras nearer (z) than the points.
     begin, end
         The part of their way that is looked at, 0 at the point and 1 at the camera.
     reach
@@ -190,31 +190,31 @@ def is_free(
         The map.
     """
     least, offset, shape, corner, cell, top = screen
-    if camera_high[2] >= low[2]:
+    if box[3, 2] >= box[0, 2]:
         return False
     share = begin
     while share < end:
         # The deepest that the lines can be from here on.
-        deepest = (1.0 - share) * high[2] + share * camera_high[2] + _PAD_MM
+        deepest = (1.0 - share) * box[1, 2] + share * box[3, 2] + _PAD_MM
         if deepest < top:
             return True
         step = max(cell, share * reach * ratio)
         then = min(end, share + step / reach)
         x0 = min(
-            (1.0 - share) * low[0] + share * camera_low[0],
-            (1.0 - then) * low[0] + then * camera_low[0],
+            (1.0 - share) * box[0, 0] + share * box[2, 0],
+            (1.0 - then) * box[0, 0] + then * box[2, 0],
         )
         x1 = max(
-            (1.0 - share) * high[0] + share * camera_high[0],
-            (1.0 - then) * high[0] + then * camera_high[0],
+            (1.0 - share) * box[1, 0] + share * box[3, 0],
+            (1.0 - then) * box[1, 0] + then * box[3, 0],
         )
         y0 = min(
-            (1.0 - share) * low[1] + share * camera_low[1],
-            (1.0 - then) * low[1] + then * camera_low[1],
+            (1.0 - share) * box[0, 1] + share * box[2, 1],
+            (1.0 - then) * box[0, 1] + then * box[2, 1],
         )
         y1 = max(
-            (1.0 - share) * high[1] + share * camera_high[1],
-            (1.0 - then) * high[1] + then * camera_high[1],
+            (1.0 - share) * box[1, 1] + share * box[3, 1],
+            (1.0 - then) * box[1, 1] + then * box[3, 1],
         )
         widest = max(x1 - x0, y1 - y0)
         level, size = 0, cell

@@ -97,7 +97,7 @@ def camera_visible(
     return seen
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _facing(
     normals: Floats, frame: Floats, x_mm: Floats, slope_x: Floats,
     depth: Floats, triangle: Ints, b: float,
@@ -130,7 +130,7 @@ def _facing(
     return state, box
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def facing_camera(
     normals: Floats, triangle: Ints, poses: Floats, x_mm: Floats, slope_x: Floats,
     depth: Floats, b: float,
@@ -161,7 +161,7 @@ def facing_camera(
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _screen(
     state: NDArray[np.uint8], lines: Lines, screen: Obstacles
 ) -> None:
@@ -180,12 +180,8 @@ def _screen(
             end = min(m, begin + _TILE_POINTS)
             if not _bound(box, state, lines, first, last, begin, end):
                 continue
-            far_free = is_free(
-                box[0], box[1], box[2], box[3], near, 1.0, reach, 0.25, screen
-            )
-            near_free = is_free(
-                box[0], box[1], box[2], box[3], 0.0, near, reach, 0.25, screen
-            )
+            far_free = is_free(box, near, 1.0, reach, 0.25, screen)
+            near_free = is_free(box, 0.0, near, reach, 0.25, screen)
             if far_free and near_free:
                 _see(state, first, last, begin, end)
                 continue
@@ -198,7 +194,7 @@ def _screen(
                     _screen_part(box, state, lines, part, near, near_free, far_free, screen)
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _screen_part(
     box: Floats, state: NDArray[np.uint8], lines: Lines, part: tuple[int, int, int, int],
     near: float, near_free: bool, far_free: bool, screen: Obstacles,
@@ -208,12 +204,8 @@ def _screen_part(
     if not _bound(box, state, lines, first, last, begin, end):
         return
     reach = abs(lines.b)
-    far_free = far_free or is_free(
-        box[0], box[1], box[2], box[3], near, 1.0, reach, 0.25, screen
-    )
-    near_free = near_free or is_free(
-        box[0], box[1], box[2], box[3], 0.0, near, reach, 0.25, screen
-    )
+    far_free = far_free or is_free(box, near, 1.0, reach, 0.25, screen)
+    near_free = near_free or is_free(box, 0.0, near, reach, 0.25, screen)
     if far_free and near_free:
         _see(state, first, last, begin, end)
         return
@@ -221,21 +213,13 @@ def _screen_part(
         for j in range(begin, end):
             if not _bound(box, state, lines, i, i + 1, j, j + 1):
                 continue
-            if (
-                near_free
-                or is_free(
-                    box[0], box[1], box[2], box[3], 0.0, near, reach, 0.125, screen
-                )
-            ) and (
-                far_free
-                or is_free(
-                    box[0], box[1], box[2], box[3], near, 1.0, reach, 0.125, screen
-                )
-            ):  # fmt: skip
+            if (near_free or is_free(box, 0.0, near, reach, 0.125, screen)) and (
+                far_free or is_free(box, near, 1.0, reach, 0.125, screen)
+            ):
                 state[i, j] = _SEEN
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _see(state: NDArray[np.uint8], first: int, last: int, begin: int, end: int) -> None:
     """Mark the open points of a tile as seen."""
     for i in range(first, last):
@@ -244,7 +228,7 @@ def _see(state: NDArray[np.uint8], first: int, last: int, begin: int, end: int) 
                 state[i, j] = _SEEN
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _bound(
     box: Floats, state: NDArray[np.uint8], lines: Lines,
     first: int, last: int, begin: int, end: int,
@@ -292,7 +276,7 @@ def _lines(
     return rays, length
 
 
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def _line_frames(
     poses: Floats, x_mm: Floats, slope_x: Floats, depth: Floats,
     profile: NDArray[np.int64], point: NDArray[np.int64], b: float,

@@ -1,18 +1,16 @@
-"""How far the two triangles of a cell lie from its sheet: the compiled part of `adaptive_sheet`.
+"""How far the two triangles of a cell lie from its sheet: the measures of `adaptive_sheet`.
 
 Sums are made in a fixed order: a cell that bends as much along a as along b is halved the same
 way on each machine.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 
-@njit(cache=True, error_model="numpy")
 def measure(cloud: Floats, error: Floats, bend: Floats, length: Floats) -> None:
     """Measure one face of each cell; take its figures into those of the other face.
 
@@ -27,108 +25,82 @@ def measure(cloud: Floats, error: Floats, bend: Floats, length: Floats) -> None:
     length
         (2, C) greatest length of the rows of points along a and along b, mm; overwritten.
     """
-    count = cloud.shape[1]
-    share = np.linspace(0.0, 1.0, count)
-    u, v, n = np.empty(3), np.empty(3), np.empty(3)
-    for c in range(len(cloud)):
-        cell = cloud[c]
-        short = rises(cell[0, 0], cell[-1, 0], cell[0, -1], cell[-1, -1])
-        for i in range(count):
-            for j in range(count):
-                for k in range(3):
-                    u[k] = _slope(cell[:, j, k], i)
-                    v[k] = _slope(cell[i, :, k], j)
-                _normal(u, v, n)
-                s, t = share[i], share[j]
-                gap = along_a = along_b = 0.0
-                for k in (0, 2, 1):
-                    p = cell[i, j, k]
-                    gap += (p - _on_triangles(cell[:, :, k], short, s, t)) * n[k]
-                    first, last = cell[0, j, k], cell[-1, j, k]
-                    along_a += (p - (first + s * (last - first))) * n[k]
-                    first, last = cell[i, 0, k], cell[i, -1, k]
-                    along_b += (p - (first + t * (last - first))) * n[k]
-                error[c] = max(error[c], abs(gap))
-                bend[0, c] = max(bend[0, c], abs(along_a))
-                bend[1, c] = max(bend[1, c], abs(along_b))
-        length[0, c] = length[1, c] = 0.0
-        for i in range(count):
-            length[0, c] = max(length[0, c], _length(cell[:, i]))
-            length[1, c] = max(length[1, c], _length(cell[i]))
+    p = np.ascontiguousarray(cloud.transpose(3, 1, 2, 0))  # cells last: long inner loops
+    share = np.linspace(0.0, 1.0, p.shape[1])
+    s, t = share[:, None, None], share[:, None]
+    normal = _normals(_slopes(p), _slopes(p.swapaxes(1, 2)).swapaxes(1, 2))
+    level = _on_triangles(p, all_rise(*(cloud[:, i, j] for i, j in CORNERS)), s, t)
+    along_a = p[:, :1] + s * (p[:, -1:] - p[:, :1])
+    along_b = p[:, :, :1] + t * (p[:, :, -1:] - p[:, :, :1])
+    for surface, worst in ((level, error), (along_a, bend[0]), (along_b, bend[1])):
+        gap = (p[0] - surface[0]) * normal[0]
+        gap += (p[2] - surface[2]) * normal[2]
+        gap += (p[1] - surface[1]) * normal[1]
+        np.fmax(worst, np.abs(gap).max(axis=(0, 1)), out=worst)
+    length[0] = _length(p).max(axis=0)
+    length[1] = _length(p.swapaxes(1, 2)).max(axis=0)
 
 
-@njit(cache=True, error_model="numpy")
+CORNERS = ((0, 0), (-1, 0), (0, -1), (-1, -1))
+"""Places of a cell's corners p00, p10, p01, p11 in its grid of points."""
+
+
 def all_rise(p00: Floats, p10: Floats, p01: Floats, p11: Floats) -> Bools:
-    """Say `rises` of many cells, corners (C, 3)."""
-    out = np.empty(len(p00), np.bool_)
-    for c in range(len(p00)):
-        out[c] = rises(p00[c], p10[c], p01[c], p11[c])
-    return out
+    """Whether the diagonal from p00 to p11 gives the better worst triangle; corners (C, 3)."""
+    rising = np.minimum(_quality(p00, p10, p11), _quality(p00, p11, p01))
+    falling = np.minimum(_quality(p00, p10, p01), _quality(p10, p11, p01))
+    return np.asarray(rising >= falling * (1.0 - 1e-6))
 
 
-@njit(cache=True, error_model="numpy")
-def rises(p00: Floats, p10: Floats, p01: Floats, p11: Floats) -> bool:
-    """Whether the diagonal from p00 to p11 gives the better worst triangle; corners (3,)."""
-    rising = min(_quality(p00, p10, p11), _quality(p00, p11, p01))
-    falling = min(_quality(p00, p10, p01), _quality(p10, p11, p01))
-    return rising >= falling * (1.0 - 1e-6)
-
-
-@njit(cache=True, error_model="numpy")
-def _quality(p: Floats, q: Floats, r: Floats) -> float:
-    """Return twice the area over the square of the longest edge."""
-    a0, a1, a2 = q[0] - p[0], q[1] - p[1], q[2] - p[2]
-    b0, b1, b2 = r[0] - p[0], r[1] - p[1], r[2] - p[2]
+def _quality(p: Floats, q: Floats, r: Floats) -> Floats:
+    """Return twice the area over the square of the longest edge; corners (C, 3)."""
+    a0, a1, a2 = (q - p).T
+    b0, b1, b2 = (r - p).T
+    c0, c1, c2 = (r - q).T
     n0, n1, n2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
-    c0, c1, c2 = r[0] - q[0], r[1] - q[1], r[2] - q[2]
-    longest: float = max(
-        a0 * a0 + a1 * a1 + a2 * a2, b0 * b0 + b1 * b1 + b2 * b2, c0 * c0 + c1 * c1 + c2 * c2
-    )
-    area: float = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
-    return area / longest
+    longest = np.maximum(a0 * a0 + a1 * a1 + a2 * a2, b0 * b0 + b1 * b1 + b2 * b2)
+    longest = np.maximum(longest, c0 * c0 + c1 * c1 + c2 * c2)
+    with np.errstate(invalid="ignore"):  # a triangle of no size
+        return np.asarray(np.sqrt(n0 * n0 + n1 * n1 + n2 * n2) / longest)
 
 
-@njit(cache=True)
-def _slope(row: Floats, i: int) -> float:
-    """Return the slope at point i of a row (S,), for one step."""
-    slope: float = row[min(i + 1, len(row) - 1)] - row[max(i - 1, 0)]
-    return slope / 2.0 if 0 < i < len(row) - 1 else slope
+def _slopes(p: Floats) -> Floats:
+    """Return the slopes of rows of points (3, S, ...) along their second axis, for one step."""
+    slopes = np.empty_like(p)
+    slopes[:, 1:-1] = (p[:, 2:] - p[:, :-2]) / 2.0
+    slopes[:, 0] = p[:, 1] - p[:, 0]
+    slopes[:, -1] = p[:, -1] - p[:, -2]
+    return slopes
 
 
-@njit(cache=True)
-def _normal(u: Floats, v: Floats, out: Floats) -> None:
-    """Put into `out` the unit vector across u and v, all (3,); 0 where they are parallel."""
-    out[0] = u[1] * v[2] - u[2] * v[1]
-    out[1] = u[2] * v[0] - u[0] * v[2]
-    out[2] = u[0] * v[1] - u[1] * v[0]
+def _normals(u: Floats, v: Floats) -> Floats:
+    """Return the unit vectors across u and v, all (3, ...); 0 where they are parallel."""
+    out = np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2],
+                    u[0] * v[1] - u[1] * v[0]])  # fmt: skip
     size = np.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
-    for k in range(3):
-        out[k] = out[k] / size if size > 0.0 else 0.0
+    return np.divide(out, size, out=np.zeros_like(out), where=size > 0.0)
 
 
-@njit(cache=True)
-def _on_triangles(z: Floats, short: bool, s: float, t: float) -> float:
-    """Interpolate one coordinate (S, S) in the cell's triangles, split as `rises` says."""
-    z00, z10, z01, z11 = z[0, 0], z[-1, 0], z[0, -1], z[-1, -1]
-    level: float
-    if short and s >= t:
-        level = z00 + s * (z10 - z00) + t * (z11 - z10)
-    elif short:
-        level = z00 + t * (z01 - z00) + s * (z11 - z01)
-    elif s + t <= 1.0:
-        level = z00 + s * (z10 - z00) + t * (z01 - z00)
-    else:
-        level = z11 + (1.0 - s) * (z01 - z11) + (1.0 - t) * (z10 - z11)
-    return level
+def _on_triangles(p: Floats, short: Bools, s: Floats, t: Floats) -> Floats:
+    """Interpolate points (3, S, S, C) in the cells' triangles, split as `all_rise` says."""
+    p00, p10, p01, p11 = (p[:, i, j][:, None, None] for i, j in CORNERS)
+    rising = np.where(
+        s >= t,
+        p00 + s * (p10 - p00) + t * (p11 - p10),
+        p00 + t * (p01 - p00) + s * (p11 - p01),
+    )
+    falling = np.where(
+        s + t <= 1.0,
+        p00 + s * (p10 - p00) + t * (p01 - p00),
+        p11 + (1.0 - s) * (p01 - p11) + (1.0 - t) * (p10 - p11),
+    )
+    return np.where(short, rising, falling)
 
 
-@njit(cache=True)
-def _length(row: Floats) -> float:
-    """Return the length of the line through a row of points (S, 3)."""
-    total = 0.0
-    for i in range(len(row) - 1):
-        d0 = row[i + 1, 0] - row[i, 0]
-        d1 = row[i + 1, 1] - row[i, 1]
-        d2 = row[i + 1, 2] - row[i, 2]
+def _length(p: Floats) -> Floats:
+    """Return the lengths of the lines through points (3, S, ...) along their second axis."""
+    total = np.zeros(p.shape[2:])
+    for i in range(p.shape[1] - 1):
+        d0, d1, d2 = p[:, i + 1] - p[:, i]
         total += np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
     return total
