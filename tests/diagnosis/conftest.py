@@ -1,4 +1,4 @@
-"""A small diagnosis that several tests look at."""
+"""A small diagnosis, and prepared recordings, that several tests look at."""
 
 from pathlib import Path
 
@@ -6,7 +6,9 @@ import pytest
 
 from diagnosis.diagnose import diagnose
 from diagnosis.diagnosis import Diagnosis
+from diagnosis.prepare import Prepared
 from diagnosis.report.outputs import write_outputs
+from tests.support.prepared_parts import ready
 from tests.support.small_parts import VIEWS, datasheet, part, record
 
 BOW = [{"name": "line_bow", "sag_um": 40.0}]
@@ -24,3 +26,9 @@ def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Diagnosis, Path
     folder = tmp_path_factory.mktemp("diagnosis")
     write_outputs(result, folder, part_name="bowl")
     return result, folder
+
+
+@pytest.fixture(scope="session")
+def bowed() -> Prepared:
+    """Domes by a line that is bowed by half of the noise, with baselines by a straight one."""
+    return ready([{"name": "line_bow", "sag_um": 4.0}], 3, baselines=True)

@@ -1,0 +1,112 @@
+"""Forms of a cause: bands hold their frequency, steps their place, and all are of one size."""
+
+import numpy as np
+import pytest
+
+from diagnosis.components.component import Component, components_of
+from diagnosis.evidence.candidates import Candidate, candidates_of
+from diagnosis.evidence.gram import Block, Gram
+from diagnosis.evidence.posterior import Cavity
+from diagnosis.settings import SETTINGS
+from sensors.effects.line_bow import LineBow
+
+MEAN = {c.name: c for c in components_of("mean")}
+PROFILES, POINTS = 60, 100
+TIMES = np.arange(PROFILES) / 200.0
+
+
+def of(component: Component, matrix: np.ndarray, listed: tuple = ()) -> dict[str, Candidate]:
+    """Candidates of one component whose columns have these products, each of `POINTS` readings."""
+    blocks = (Block(component=component, recording=0, columns=slice(0, len(matrix))),)
+    gram = Gram(blocks=blocks, matrix=matrix, right=np.zeros(len(matrix)),
+                readings=PROFILES * POINTS)  # fmt: skip
+    return {c.name: c for c in candidates_of(gram, {0: TIMES}, {0: 80.0 * TIMES}, listed)}
+
+
+@pytest.fixture(scope="module")
+def offsets() -> dict[str, Candidate]:
+    """Offsets of profiles, each of which has the same number of white readings."""
+    return of(MEAN["stage_vibration"], POINTS * np.eye(PROFILES))
+
+
+def missed(shape: np.ndarray, values: np.ndarray) -> float:
+    """Share of the values' power that no combination of a form's columns draws."""
+    left = values - shape @ np.linalg.lstsq(shape, values, rcond=None)[0]
+    return float(left @ left / (values @ values))
+
+
+def test_a_band_draws_its_own_frequency_and_no_other(offsets: dict[str, Candidate]) -> None:
+    bands = offsets["stage_vibration"]
+    assert min(bands.labels) == pytest.approx(SETTINGS.least_cycles / np.ptp(TIMES))
+    for shape, frequency in zip(bands.shapes[::7], bands.labels[::7], strict=True):
+        assert shape is not None
+        wave = np.sin(2 * np.pi * frequency * TIMES + 0.7)
+        assert missed(shape, wave) < 1e-9
+        assert missed(shape, (1 + TIMES) * wave) < 1e-9  # that grows slowly, too
+    slowest = bands.shapes[0]
+    assert slowest is not None
+    assert missed(slowest, np.sin(2 * np.pi * 7.3 * bands.labels[0] * TIMES)) > 0.9
+
+
+def test_all_forms_have_a_whitened_rms_of_one(offsets: dict[str, Candidate]) -> None:
+    for candidate in (offsets["stage_vibration"], offsets["step of the offsets"]):
+        for shape in candidate.shapes:
+            assert shape is not None
+            energy = POINTS * np.square(shape).sum()
+            assert energy == pytest.approx(PROFILES * POINTS), candidate.name
+
+
+def test_a_step_is_nothing_before_its_place_and_one_height_after(
+    offsets: dict[str, Candidate],
+) -> None:
+    steps = offsets["step of the offsets"]
+    assert steps.effect == ""
+    for shape, place in zip(steps.shapes, steps.labels, strict=True):
+        assert shape is not None
+        k = int(place)
+        assert not shape[:k].any()
+        assert np.ptp(shape[k:]) == pytest.approx(0.0)
+        assert shape[k, 0] > 0
+
+
+def test_free_values_of_profiles_have_no_cause(offsets: dict[str, Candidate]) -> None:
+    free = offsets["free offsets of profiles"]
+    assert (free.effect, free.component.effect) == ("", "")
+    assert free.shapes == (None,)
+    assert free.of_recordings
+
+
+def test_a_slower_form_has_smaller_short_waves() -> None:
+    bow = MEAN["line_bow"]
+    found = of(bow, PROFILES * POINTS * np.eye(3) / 3)["line_bow"]
+    _, slow = found.shapes
+    assert slow is not None
+    falls = np.diag(slow)
+    assert (np.diff(falls) < 0).all()
+    # even orders 2, 4, 6
+    assert falls[1] / falls[0] == pytest.approx((5.0 / 3.0) ** -SETTINGS.further_decay)
+
+
+def test_what_the_sensors_file_lists_is_held_against_good_ones_of_that_law() -> None:
+    matrix = PROFILES * POINTS * np.eye(3) / 3
+    assert of(MEAN["line_bow"], matrix)["line_bow"].key == "line_bow"
+    listed = of(MEAN["line_bow"], matrix, (LineBow(sag_um=5.0),))["line_bow"]
+    assert listed.key == "line_bow (listed)"
+    assert listed.unclaimed().effect == ""
+
+
+def test_forms_that_show_nothing_are_paid_for() -> None:
+    """The evidence of a choice among forms is their mean: one of n that fits loses ln n."""
+    turned = tuple(np.eye(6)[:, [k]] for k in range(6))
+    one = Candidate(name="a", effect="", component=MEAN["line_bow"], at=np.arange(6),
+                    shapes=turned, labels=(0.0,) * 6)  # fmt: skip
+    pull = np.zeros(6)
+    pull[2] = 200.0
+    cavity = Cavity(information=400.0 * np.eye(6), pull=pull)
+    sizes = np.array([0.5])
+    each, mean = one.log_factors(cavity, sizes)
+    assert int(each[:, 0].argmax()) == 2
+    assert mean[0] == pytest.approx(each[2, 0] - np.log(6), abs=1e-6)
+    # one coefficient of information i and pull g: ln BF = (g² s² / (1 + i s²) - ln(1 + i s²)) / 2
+    more = 1 + 400.0 * 0.5**2
+    assert each[2, 0] == pytest.approx((200.0**2 * 0.5**2 / more - np.log(more)) / 2)

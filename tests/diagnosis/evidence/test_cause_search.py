@@ -1,0 +1,76 @@
+"""Sets of causes: what is there is found, what isn't is not, what can't be told is shared."""
+
+import numpy as np
+import pytest
+
+from diagnosis.evidence.cause_search import CauseSearch, Member, Scales, World
+from diagnosis.settings import SETTINGS
+from tests.support.linear_readings import LinearReadings
+
+
+def found_in(readings: LinearReadings, baseline: LinearReadings | None = None) -> list[Member]:
+    world = World(
+        found=readings.gram.equations,
+        baseline=None if baseline is None else baseline.gram.equations,
+    )
+    scales = Scales(sizes=readings.sizes, weights={})
+    return CauseSearch(world, world, readings.candidates, scales).search()
+
+
+def test_causes_that_are_there_are_found_with_their_sizes() -> None:
+    found = found_in(LinearReadings.drawn({"line_bow": 0.5, "form_error": 0.2}, seed=1))
+    assert [m.candidate.effect for m in found] == ["line_bow", "form_error"]
+    for member, size in zip(found, (0.5, 0.2), strict=True):
+        assert 0.5 < member.size / size < 2.0
+        assert member.shares[member.candidate.name] > 0.99
+        assert np.sqrt(np.mean(np.square(member.coefficients))) == pytest.approx(size, rel=0.5)
+
+
+def test_noise_has_causes_no_more_often_than_they_are_probable_before() -> None:
+    """A Bayes factor above 1/p is as rare as p where nothing is there (Markov's inequality)."""
+    named = [found_in(LinearReadings.drawn({}, seed=seed)) for seed in range(200)]
+    prior = np.exp(SETTINGS.log_odds("line_bow"))
+    assert np.mean([bool(m) for m in named]) < 3 * prior
+    assert max((m.nats for found in named for m in found), default=0.0) < np.log(200 * 3 * 3)
+
+
+def test_causes_of_the_same_columns_share_their_place() -> None:
+    """Columns turned among themselves draw the same functions: no reading tells the two apart."""
+    (member,) = found_in(LinearReadings.drawn({"line_bow": 0.3}, seed=2, alike=True))
+    assert member.shares["line_bow"] == pytest.approx(0.5, abs=1e-3)
+    assert member.shares["form_error"] == pytest.approx(0.5, abs=1e-3)
+    assert sum(member.shares.values()) == pytest.approx(1.0)
+
+
+def test_the_evidence_grows_with_the_square_of_the_signal() -> None:
+    """For N readings of a signal of rms s in k columns: N s² / 2 less k/2 ln N s², about."""
+    nats = [found_in(LinearReadings.drawn({"line_bow": s}, seed=3))[0].nats for s in (0.2, 0.4)]
+    for nat, size in zip(nats, (0.2, 0.4), strict=True):
+        signal = 4000 * size**2
+        assert nat == pytest.approx(signal / 2 - 2 * np.log(signal), rel=0.25)
+
+
+def test_usual_departures_are_no_causes() -> None:
+    readings = LinearReadings.drawn({"line_bow": 0.1}, seed=4)
+    world = World(found=readings.gram.equations)
+    usual = np.where(np.isclose(readings.sizes, 0.128), 1.0, 0.0)
+    searches = [
+        CauseSearch(world, world, readings.candidates, Scales(sizes=readings.sizes, weights=w))
+        for w in ({}, {"line_bow": usual})
+    ]
+    assert [len(s.search()) for s in searches] == [1, 0]
+
+
+def test_changes_are_larger_than_what_most_good_instruments_have() -> None:
+    sizes = SETTINGS.mean_sizes()
+    weights = np.zeros(sizes.size)
+    weights[4:7] = 0.2, 0.6, 0.2
+    scales = Scales(sizes=sizes, weights={"line_bow": weights})
+    assert scales.typical("line_bow") == sizes[5]
+    changed = scales.changed("line_bow")
+    assert changed.sum() == pytest.approx(1.0)
+    assert changed[:6].sum() < 1e-9
+    # each size half as likely as one four times smaller
+    assert changed[6] / changed[8] == pytest.approx(2.0)
+    # nothing is known of another component: it is among the smallest
+    assert scales.typical("form_error") <= sizes[SETTINGS.small_sizes - 1]

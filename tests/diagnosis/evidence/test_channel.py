@@ -1,0 +1,101 @@
+"""Responses of the noise and of the losses: one a reading where the noise is as calibrated."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.components.component import ranges_of
+from diagnosis.evidence.channel import Channel, channel_of
+from diagnosis.fields import Field
+from diagnosis.model.workspace import Model, Workspace
+from diagnosis.noise.calibration import USUAL_SHARE
+from diagnosis.settings import SETTINGS
+from tests.support.effect_case import bench_workspace
+
+
+@pytest.fixture(scope="module")
+def ws() -> Workspace:
+    ws = bench_workspace("domes")
+    return Workspace.build(ws.patches[:1], ws.noise)
+
+
+def channel(ws: Workspace, name: str) -> Channel:
+    laws = ws.predict(Model())
+    states = ws.states(laws)
+    ranges = ranges_of(ws.patches, ("x", "depth", "travel", "incidence", "half_vector"))
+    found = channel_of(name, ws.patches, laws, states, ranges, ws.noise)
+    assert found is not None
+    return found
+
+
+def with_depth(ws: Workspace, depth_mm: Field) -> Workspace:
+    return replace(ws, patches=(replace(ws.patches[0], depth_mm=depth_mm),))
+
+
+def test_whitened_squares_are_one_where_the_noise_is_as_calibrated(ws: Workspace) -> None:
+    found = channel(ws, "scale")
+    assert found.responses.seen.mean() == pytest.approx(1.0, abs=0.1)
+    assert (found.responses.usual == 1).all()
+    assert 1.0 <= found.responses.dispersion < 2.0
+    assert not (found.picks[0] & ws.patches[0].edge).any()
+
+
+def test_noise_twice_as_large_has_squares_four_times_as_large(ws: Workspace) -> None:
+    patch = ws.patches[0]
+    twice = with_depth(ws, patch.plain_mm + 2 * (patch.depth_mm - patch.plain_mm))
+    before, after = (channel(w, "scale").responses.seen.mean() for w in (ws, twice))
+    assert after / before == pytest.approx(4.0, rel=0.1)
+
+
+def test_every_lost_reading_is_one_event(ws: Workspace) -> None:
+    rng = np.random.default_rng(3)
+    lost = rng.random(ws.patches[0].shape) < 0.03
+    found = channel(with_depth(ws, np.where(lost, np.nan, ws.patches[0].depth_mm)), "missing")
+    before = channel(ws, "missing")
+    assert found.responses.seen.sum() >= before.responses.seen.sum()
+    events = lost[found.picks[0]] | ~np.isfinite(ws.patches[0].depth_mm)[found.picks[0]]
+    np.testing.assert_array_equal(found.responses.seen, events)
+    # losses that come alone or in twos and threes count as nearly independent
+    assert found.responses.dispersion < 1.6
+
+
+def test_losses_in_clumps_count_as_clumps(ws: Workspace) -> None:
+    """Nine readings under one grain of dust are one event, not nine."""
+    depth = ws.patches[0].depth_mm.copy()
+    for i in range(6, 66, 10):
+        for j in range(10, 90, 13):
+            depth[i : i + 3, j : j + 3] = np.nan
+    assert 6.0 < channel(with_depth(ws, depth), "missing").responses.dispersion <= 9.0
+
+
+def test_an_instrument_that_loses_less_than_most_departs_in_nothing(ws: Workspace) -> None:
+    found = channel(ws, "outliers").responses
+    assert (found.usual <= max(USUAL_SHARE, found.usual.max())).all()
+    # fewer are expected of all readings than one above those that came
+    assert found.usual.sum() <= max(found.seen.sum() + 1.0, USUAL_SHARE * found.usual.size)
+
+
+def test_columns_over_cells_have_a_rms_of_one(ws: Workspace) -> None:
+    for candidate in channel(ws, "scale").candidates:
+        if candidate.component.relaxed.each or not candidate.component.relaxed.along:
+            continue
+        for variant in candidate.variants:
+            number = np.bincount(variant.owner, minlength=variant.count)[:, None]
+            power = (number * np.square(variant.columns)).sum() / number.sum()
+            assert power == pytest.approx(1.0, rel=0.3), candidate.name
+
+
+def test_each_channel_has_a_level_off_edges_and_at_them(ws: Workspace) -> None:
+    for name in ("scale", "missing", "outliers"):
+        found = channel(ws, name)
+        assert found.level_sd == pytest.approx(SETTINGS.level_sd(name))
+        for candidate in found.candidates:
+            for variant in candidate.variants:
+                half = variant.count // 2
+                assert (variant.level[:half] == [1, 0]).all()
+                assert (variant.level[half:] == [1, 1]).all()
+                edge = np.concatenate(
+                    [p.edge[k] for p, k in zip(ws.patches, found.picks, strict=True)]
+                )
+                np.testing.assert_array_equal(variant.owner >= half, edge)

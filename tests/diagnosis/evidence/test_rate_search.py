@@ -1,0 +1,81 @@
+"""Causes of noise and losses: found with their size and sign, or not there."""
+
+import numpy as np
+import pytest
+
+from diagnosis.components.component import Component, components_of
+from diagnosis.evidence.cause_search import Scales
+from diagnosis.evidence.channel import Channel, RateCandidate, RateVariant
+from diagnosis.evidence.glm import Responses
+from diagnosis.evidence.rate_search import RateMember, RateSearch
+from diagnosis.settings import SETTINGS
+
+CELLS, COUNT = 8, 40_000
+U = np.linspace(-1.0, 1.0, CELLS)
+LINEAR = U / np.sqrt(np.mean(U**2))
+
+
+def component(channel: str, effect: str) -> Component:
+    return next(c for c in components_of(channel) if c.effect == effect)
+
+
+def channel_with(change: float, kind: str, effect: str, columns: np.ndarray, seed: int) -> Channel:
+    """Readings in eight cells over a covariate, off edges; the predictor changes by columns."""
+    rng = np.random.default_rng(seed)
+    owner = rng.integers(0, CELLS, COUNT)
+    eta = change * columns[owner, 0]
+    if kind == "scale":
+        seen, usual = np.square(rng.standard_normal(COUNT) * np.exp(eta)), np.ones(COUNT)
+    else:
+        usual = np.full(COUNT, 0.02)
+        seen = (rng.random(COUNT) < usual * np.exp(eta)).astype(float)
+    name = "scale" if kind == "scale" else "missing"
+    variant = RateVariant(owner=owner, count=CELLS, level=np.tile([1.0, 0.0], (CELLS, 1)),
+                          columns=columns)  # fmt: skip
+    responses = Responses(kind=kind, seen=seen, usual=usual, dispersion=1.0)  # type: ignore[arg-type]
+    return Channel(
+        name=name, responses=responses, level_sd=SETTINGS.level_sd(name), picks=(),
+        candidates=(RateCandidate(component=component(name, effect), variants=(variant,)),),
+    )  # fmt: skip
+
+
+def found_in(channel: Channel, withheld: frozenset[str] = frozenset()) -> list[RateMember]:
+    scales = Scales(sizes=SETTINGS.rate_sizes(), weights={})
+    return RateSearch(channel, scales, withheld).search()
+
+
+@pytest.mark.parametrize(
+    ("kind", "effect"), [("scale", "incidence_noise"), ("rate", "specular_dropout")]
+)
+@pytest.mark.parametrize("change", [0.3, -0.3])
+def test_a_change_along_a_covariate_is_found(kind: str, effect: str, change: float) -> None:
+    channel = channel_with(change, kind, effect, LINEAR[:, None], seed=1)
+    (member,) = found_in(channel)
+    assert member.candidate.component.effect == effect
+    assert 0.5 < member.size / abs(change) < 2.0
+    assert sum(member.shares.values()) == pytest.approx(1.0)
+    owner = channel.candidates[0].variants[0].owner
+    unsure = 1 / np.sqrt(channel.responses.information())
+    assert member.change == pytest.approx(change * LINEAR[owner], abs=4 * unsure * LINEAR.max())
+
+
+@pytest.mark.parametrize(
+    ("kind", "effect"), [("scale", "incidence_noise"), ("rate", "specular_dropout")]
+)
+def test_readings_without_a_change_have_no_cause(kind: str, effect: str) -> None:
+    found = [found_in(channel_with(0.0, kind, effect, LINEAR[:, None], seed=s)) for s in range(8)]
+    assert sum(map(len, found)) <= 1
+
+
+def test_losses_grow_and_never_shrink() -> None:
+    """A good instrument may lose fewer readings than most; that is no cause of anything."""
+    ones = np.ones((CELLS, 1))
+    more = found_in(channel_with(1.5, "rate", "random_dropout", ones, seed=3))
+    assert [m.candidate.component.effect for m in more] == ["random_dropout"]
+    assert not found_in(channel_with(-1.5, "rate", "random_dropout", ones, seed=3))
+
+
+def test_what_is_withheld_is_found_without_a_name() -> None:
+    channel = channel_with(0.3, "scale", "incidence_noise", LINEAR[:, None], seed=1)
+    (member,) = found_in(channel, frozenset({"incidence_noise"}))
+    assert member.candidate.component.effect == ""

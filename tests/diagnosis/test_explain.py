@@ -1,0 +1,83 @@
+"""Explanations: what is there is named and fitted; laws taken back keep their evidence."""
+
+from typing import Any
+
+import pytest
+
+from diagnosis.discrepancy.population import population
+from diagnosis.explain import Explanation, disowned, explain, fitted_part
+from diagnosis.model.workspace import Model
+from diagnosis.prepare import Prepared
+from sensors.effects.line_bow import LineBow
+from tests.support.prepared_parts import ready
+
+
+def explained(one: Prepared, **more: Any) -> Explanation:
+    return explain(
+        one.patches, one.noise, one.recorded, one.placed, population(), notes=[],
+        progress=lambda _: None, **more,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def bent() -> Prepared:
+    """Domes by a line that is bowed by four times the noise."""
+    return ready([{"name": "line_bow", "sag_um": 40.0}], 7)
+
+
+@pytest.fixture(scope="module")
+def found(bent: Prepared) -> Explanation:
+    return explained(bent)
+
+
+def test_a_good_instrument_needs_no_cause() -> None:
+    plain = ready([], 11)
+    nothing = explained(plain)
+    assert (nothing.causes, nothing.strange) == ((), ())
+    assert nothing.model.is_nominal
+    assert nothing.placed == plain.placed
+    assert {p.recording for p in nothing.held} == {2}
+
+
+def test_a_bow_is_named_and_its_law_fitted(found: Explanation) -> None:
+    (cause,) = found.causes
+    assert cause.name == "line_bow"
+    assert cause.probability > 0.9
+    (law,) = found.model.effects
+    assert isinstance(law, LineBow)
+    assert law.sag_um == pytest.approx(40.0, abs=2.0)
+    assert found.strange == ()
+
+
+def test_the_readings_are_as_probable_under_the_model_as_under_the_truth(
+    bent: Prepared, found: Explanation
+) -> None:
+    true = Model(effects=(LineBow(sag_um=40.0),))
+    at, there = (float(sum(d.sum() for d in found.ws.log_densities(m))) for m in
+                 (found.model, true))  # fmt: skip
+    # one number is fitted: half a nat is what it gains of noise
+    assert -1.0 < at - there < 10.0
+    nominal = fitted_part(bent.patches, bent.noise)
+    assert at > 1000 + float(sum(d.sum() for d in nominal.log_densities(Model())))
+
+
+def test_what_is_withheld_is_left_without_a_name(bent: Prepared) -> None:
+    every = frozenset({"line_bow", "form_error", "lens_distortion", "column_offset"})
+    nameless = explained(bent, withheld=every)
+    assert not {c.name for c in nameless.causes} & every
+    assert nameless.causes or nameless.strange
+
+
+def test_laws_taken_back_leave_their_components_without_a_name(
+    bent: Prepared, found: Explanation
+) -> None:
+    back = disowned(found, bent.patches, bent.placed, bent.noise)
+    assert back.causes == ()
+    assert back.model.is_nominal
+    assert back.placed is bent.placed
+    (cause,), strange = found.causes, back.strange[0]
+    assert (strange.nats, strange.size, strange.probability) == (
+        cause.nats, cause.size, cause.probability
+    )  # fmt: skip
+    assert cause.component is not None
+    assert strange.relaxed == cause.component.relaxed
