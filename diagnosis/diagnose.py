@@ -73,21 +73,11 @@ def diagnose(
     )  # fmt: skip
     by_form = delivered(ready.recorded.recordings, datasheet, notes, baselines)
     usual_sizes = population()
-    explanation = explain(
-        ready.patches, ready.noise, ready.recorded, ready.placed, usual_sizes,
-        baseline=ready.baseline, withheld=withheld, notes=notes, progress=progress,
-    )  # fmt: skip
-    model, beside, plain_noise = _against_claims(ready, explanation, withheld)
+    explanation = explain(ready, usual_sizes, withheld=withheld, notes=notes, progress=progress)
     progress("judging on held-out readings")
-    judged = _judged(ready, explanation, refined(explanation.ws, model), plain_noise, notes)
-    if _refuted(explanation, judged):
-        notes.append(REFUTED)
-        explanation = disowned(explanation, ready.patches, ready.placed, ready.noise)
-        model, beside, plain_noise = _against_claims(ready, explanation, withheld)
-        judged = _judged(ready, explanation, model, plain_noise, notes)
+    explanation, judged, beside = _standing(ready, explanation, withheld, notes)
     beside += [f for f in by_form if f.name not in withheld]
     verdict = _verdict(bool(explanation.causes or beside), bool(explanation.strange))
-    described = residual_structure(explanation.strange, explanation.ws, judged.model)
     found, beside = averaged_grain(judged.found, beside, withheld)
     found = tuple(sorted([*found, *beside], key=lambda f: -f.heldout_gain))
     notes += at_limits(found)
@@ -101,14 +91,13 @@ def diagnose(
     return Diagnosis(
         verdict=verdict,
         effects=found,
-        left=described,
+        left=residual_structure(explanation.strange, explanation.ws, judged.model),
         next_measurements=measure,
         none_of_these=_none_of_these(judged.causes, beside),
         population=usual_sizes.name,
         assumed=_assumed(sheet, datasheet),
         regions=tuple(region for m in maps for region in m.regions),
-        share_of_points=float(sum(m.mask.sum() for m in maps))
-        / max(sum(m.mask.size for m in maps), 1),
+        share_of_points=float(np.mean(np.concatenate([m.mask.ravel() for m in maps]))),
         before=judged.before,
         after=judged.after,
         maps=tuple(maps),
@@ -123,6 +112,25 @@ def diagnose(
         notes=tuple(notes),
         seed=seed,
     )
+
+
+def _standing(
+    ready: Prepared, explanation: Explanation, withheld: Collection[str], notes: list[str]
+) -> tuple[Explanation, "_Judged", list[FoundEffect]]:
+    """Judge an explanation; what held-out readings refute is taken back and judged again.
+
+    Returns
+    -------
+    the explanation that stands, its model as judged, and the effects found beside it
+    """
+    model, beside, plain_noise = _against_claims(ready, explanation, withheld)
+    judged = _judged(ready, explanation, refined(explanation.ws, model), plain_noise, notes)
+    if not _refuted(explanation, judged):
+        return explanation, judged, beside
+    notes.append(REFUTED)
+    explanation = disowned(explanation, ready)
+    model, beside, plain_noise = _against_claims(ready, explanation, withheld)
+    return explanation, _judged(ready, explanation, model, plain_noise, notes), beside
 
 
 REFUTED = (

@@ -19,6 +19,7 @@ from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.laws import assumed_sheets, fit_laws, refit, seen_by, strongest_law
 from diagnosis.physics.remainder import curves_of, remainder
 from diagnosis.predict.edges import BESIDE_EDGES, EDGE_COVARIATES
+from diagnosis.prepare import Prepared
 from diagnosis.register.placement import Placement
 from diagnosis.reregister.reregistration import log_density, placed_anew
 from diagnosis.settings import SETTINGS
@@ -93,13 +94,9 @@ class _State:
 
 
 def explain(
-    patches: Sequence[Patch],
-    noise: NoiseModel,
-    recorded: Recorded,
-    placed: Mapping[str, Placement],
+    ready: Prepared,
     population: Population,
     *,
-    baseline: Sequence[Patch] = (),
     withheld: frozenset[str] = frozenset(),
     notes: list[str],
     progress: Progress,
@@ -108,18 +105,18 @@ def explain(
 
     Parameters
     ----------
-    placed : placements by name, from which patches are seen
     population : what good instruments have of each component
-    baseline : patches of recordings of this instrument when it was good
+    withheld : names of effects that must not be considered
     """
     progress("weighing causes")
-    ws = fitted_part(patches, noise)
+    noise, baseline = ready.noise, ready.baseline
+    ws = fitted_part(ready.patches, noise)
     first = seen(ws.patches, noise, Model())
     before = seen(baseline, noise, Model(), like=first) if baseline else None
     scales = _good(population, first, before, baseline, noise)
     state = _State(
-        recorded=recorded, patches=patches, placed=placed, model=Model(), causes=(), now=first,
-        before=before,
+        recorded=ready.recorded, patches=ready.patches, placed=ready.placed, model=Model(),
+        causes=(), now=first, before=before,
     )  # fmt: skip
     members: tuple[Member, ...] = ()
     strange: list[Strange] = []
@@ -224,18 +221,8 @@ def _with_rates(
     )
 
 
-def disowned(
-    explanation: Explanation,
-    patches: Sequence[Patch],
-    placed: Mapping[str, Placement],
-    noise: NoiseModel,
-) -> Explanation:
-    """Take all laws back: what their components show has no name.
-
-    Parameters
-    ----------
-    patches, placed : the recordings under the nominal model
-    """
+def disowned(explanation: Explanation, ready: Prepared) -> Explanation:
+    """Take all laws back: what their components show has no name."""
     nameless = tuple(
         Strange(
             component=c.name if c.component is None else c.component.name, channel=c.channel,
@@ -246,7 +233,7 @@ def disowned(
     )  # fmt: skip
     return replace(
         explanation, model=Model(), causes=(), strange=(*nameless, *explanation.strange),
-        patches=tuple(patches), placed=placed, ws=fitted_part(patches, noise),
+        patches=ready.patches, placed=ready.placed, ws=fitted_part(ready.patches, ready.noise),
     )  # fmt: skip
 
 

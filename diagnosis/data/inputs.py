@@ -33,7 +33,7 @@ A part of the profiles suffices: a key that is missing is missing in each.
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Inputs:
+class Checked:
     """What was checked before any work: rays, plates, and a surface that has its noise.
 
     Attributes
@@ -53,7 +53,7 @@ def checked(
     datasheet: Datasheet,
     surface: Surface | None,
     notes: list[str],
-) -> Inputs:
+) -> Checked:
     """Check all that is given, before the first registration.
 
     Raises
@@ -73,7 +73,7 @@ def checked(
     if surface is not None and not references:
         surface = ready_surface(surface, datasheet, recordings[0], laser[recordings[0].name])
     plates = tuple(plate_residual(r, datasheet) for r in references)
-    return Inputs(laser=laser, plates=plates, surface=surface)
+    return Checked(laser=laser, plates=plates, surface=surface)
 
 
 def check_nominal(

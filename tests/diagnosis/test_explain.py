@@ -13,10 +13,7 @@ from tests.support.prepared_parts import ready
 
 
 def explained(one: Prepared, **more: Any) -> Explanation:
-    return explain(
-        one.patches, one.noise, one.recorded, one.placed, population(), notes=[],
-        progress=lambda _: None, **more,
-    )  # fmt: skip
+    return explain(one, population(), notes=[], progress=lambda _: None, **more)
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +68,7 @@ def test_what_is_withheld_is_left_without_a_name(bent: Prepared) -> None:
 def test_laws_taken_back_leave_their_components_without_a_name(
     bent: Prepared, found: Explanation
 ) -> None:
-    back = disowned(found, bent.patches, bent.placed, bent.noise)
+    back = disowned(found, bent)
     assert back.causes == ()
     assert back.model.is_nominal
     assert back.placed is bent.placed
