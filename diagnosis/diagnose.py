@@ -13,7 +13,7 @@ from diagnosis.diagnosis import Diagnosis
 from diagnosis.discrepancy.population import population
 from diagnosis.evidence.next_scan import next_scans
 from diagnosis.evidence.reported_causes import Cause
-from diagnosis.explain import Explanation, disowned, explain
+from diagnosis.explain import Explanation, by_curves, disowned, explain
 from diagnosis.localise.maps import RecordingMaps, map_recording
 from diagnosis.localise.residual_structure import residual_structure
 from diagnosis.model.edge_shrinkage import shrunk_at_edges
@@ -125,17 +125,23 @@ def _standing(
     """
     model, beside, plain_noise = _against_claims(ready, explanation, withheld)
     judged = _judged(ready, explanation, refined(explanation.ws, model), plain_noise, notes)
-    if not _refuted(explanation, judged):
-        return explanation, judged, beside
-    notes.append(REFUTED)
-    explanation = disowned(explanation, ready)
-    model, beside, plain_noise = _against_claims(ready, explanation, withheld)
-    return explanation, _judged(ready, explanation, model, plain_noise, notes), beside
+    for instead, why in ((by_curves, LAWS_REFUTED), (disowned, CURVES_REFUTED)):
+        if not _refuted(explanation, judged):
+            break
+        notes.append(why)
+        explanation = instead(explanation, ready)
+        model, beside, plain_noise = _against_claims(ready, explanation, withheld)
+        judged = _judged(ready, explanation, model, plain_noise, notes)
+    return explanation, judged, beside
 
 
-REFUTED = (
+LAWS_REFUTED = (
     "with the laws found the held-out readings are less probable than without, by more than the "
-    "fitted ones are more probable: none of them is named"
+    "fitted ones are more probable: free curves take their place"
+)
+CURVES_REFUTED = (
+    "with the curves found the held-out readings are less probable than without, too: none of "
+    "their causes is named"
 )
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.components.free_curve import Curve
 from diagnosis.data.patch import Patch
 from diagnosis.data.recorded import Recorded
 from diagnosis.discrepancy.good_instrument import informed, kinds_of, mean_factors, rate_factors
@@ -17,7 +18,7 @@ from diagnosis.fields import Field
 from diagnosis.model.workspace import Model, Workspace
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.laws import assumed_sheets, fit_laws, refit, seen_by, strongest_law
-from diagnosis.physics.remainder import curves_of, remainder
+from diagnosis.physics.remainder import curves_of, is_curve, remainder
 from diagnosis.predict.edges import BESIDE_EDGES, EDGE_COVARIATES
 from diagnosis.prepare import Prepared
 from diagnosis.register.placement import Placement
@@ -219,6 +220,29 @@ def _with_rates(
     return replace(
         state, recorded=recorded, patches=patches, model=model, causes=(*state.causes, *fitted)
     )
+
+
+def by_curves(explanation: Explanation, ready: Prepared) -> Explanation:
+    """Put the curves by which causes were weighed in place of all laws; the rest has no name."""
+    curves = {
+        m.candidate.effect: m for m in explanation.members if is_curve(m.candidate.component)
+    }
+    kept = tuple(
+        c.doubted("Its law is refuted by readings held out; the curve that it follows is kept.")
+        for c in explanation.causes if c.name in curves
+    )  # fmt: skip
+    curve = Curve()
+    for cause in kept:
+        own = curves_of(curves[cause.name], explanation.first, ready.noise.sd_mm)
+        curve = curve.beside(own)
+    model = Model(curve=curve)
+    others = tuple(c for c in explanation.causes if c.name not in curves)
+    plain = disowned(replace(explanation, causes=others), ready)
+    patches, placed = _settled(model, ready.patches, ready.placed, plain.recorded, ready.noise)
+    return replace(
+        plain, model=model, causes=kept, patches=tuple(patches), placed=placed,
+        ws=fitted_part(patches, ready.noise),
+    )  # fmt: skip
 
 
 def disowned(explanation: Explanation, ready: Prepared) -> Explanation:

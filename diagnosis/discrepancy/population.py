@@ -19,6 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from diagnosis.components.component import components_of
+
 Floats = NDArray[np.float64]
 SPREADS = (0.5, 0.7, 1.0)
 """Standard deviations of the logarithm of the size among good instruments that are weighed."""
@@ -50,20 +52,41 @@ class Population:
         return "; ".join(k.name for k in self.kinds)
 
     def weights(self, component: str) -> Floats | None:
-        """Probabilities (kinds, sizes) of a component's sizes; None where no kind has it.
+        """Probabilities (kinds, sizes) of a component's sizes; None where no kind has its like.
 
-        A kind that was never seen to have it may have what the others have.
+        An instrument may be unlike all kinds that were seen. Of each component it then has what
+        known kinds have of any that is weighed alike, and so has a kind that was never seen to have it.
+        The share of that is one in K + 1 of K kinds (Laplace's rule of succession).
         """
-        known = {k.name: k.weights[component] for k in self.kinds if component in k.weights}
-        if not known:
+        like = self._like(component)
+        if like is None:
             return None
-        usual: Floats = np.mean(list(known.values()), axis=0)
-        return np.stack([known.get(k.name, usual) for k in self.kinds])
+        share = 1.0 / (len(self.kinds) + 1)
+        own = np.stack([k.weights.get(component, like) for k in self.kinds])
+        return np.asarray((1.0 - share) * own + share * like)
+
+    def _like(self, component: str) -> Floats | None:
+        """Mean of the probabilities of all components that are weighed alike."""
+        where = _where(component)
+        like = [w for k in self.kinds for name, w in k.weights.items() if _where(name) == where]
+        return np.asarray(np.mean(like, axis=0)) if like else None
 
     def of_kinds(self, shares: Floats) -> dict[str, Floats]:
         """Probabilities of each component's sizes where kinds have these probabilities (K,)."""
         names = {n for k in self.kinds for n in k.weights}
         return {n: shares @ w for n in sorted(names) if (w := self.weights(n)) is not None}
+
+
+def _where(component: str) -> tuple[str, bool, bool]:
+    """Channel of a component's key, and whether it is a law of light at edges, and listed."""
+    channel, _, name = component.rpartition(": ")
+    plain = name.removesuffix(" (listed)")
+    return channel, plain.partition(" at ")[0] in _laws_at_edges(), plain != name
+
+
+@cache
+def _laws_at_edges() -> frozenset[str]:
+    return frozenset(c.name for c in components_of("mean") if c.relaxed.spanned)
 
 
 @cache
