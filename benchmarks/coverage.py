@@ -18,9 +18,10 @@ from scipy import stats
 
 from benchmarks.diagnose import OF
 from benchmarks.strength import at_strength
-from diagnosis.model.workspace import Model, Workspace
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.physics.curvature import TURN
-from diagnosis.physics.fit import fit_effect
+from diagnosis.physics.effect_fit import fit_effect
 from diagnosis.physics.uncertainty import intervals, refined
 from sensors.effects import effect_of
 from tests.support.effect_case import Case, Entry

@@ -20,7 +20,7 @@ from diagnosis.diagnose import diagnose
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.localise.maps import RIGID
 from diagnosis.localise.regions import departure_mask
-from diagnosis.model.workspace import Model
+from diagnosis.model.model import Model
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.validate.heldout import judge
 from sensors.effects import effect_of

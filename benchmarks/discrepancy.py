@@ -16,12 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from diagnosis.claims.surface_texture import level_change
+from diagnosis.claims.plate_noise import level_change
 from diagnosis.discrepancy.good_instrument import mean_factors, rate_factors
 from diagnosis.discrepancy.population import learnt
 from diagnosis.evidence.noise_level import AGAINST_PLATES, level_factors, level_unsure
 from diagnosis.evidence.seen import channels_seen, seen
-from diagnosis.model.workspace import Model, Workspace
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.prepare import Inputs, Prepared, prepared
 from pipeline.parts.part import load_part
 from sensors.datasheet import Datasheet

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from diagnosis.model.log_density import placements, whitened
-from diagnosis.model.workspace import Model, Workspace
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.noise.whitening import CLIP
 from diagnosis.predict.edges import EDGE_COVARIATES

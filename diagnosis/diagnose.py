@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.claims.claims import blurs, mounted, texture
-from diagnosis.claims.delivery import delivered
-from diagnosis.claims.surface_texture import averaged_grain, sunken
+from diagnosis.claims.mounting import blurs, mounted
+from diagnosis.claims.repeats_and_steps import delivered
+from diagnosis.claims.surface_texture import texture
+from diagnosis.claims.translucency import averaged_grain, sunken
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.discrepancy.population import population
 from diagnosis.evidence.next_scan import next_scans
@@ -17,7 +18,7 @@ from diagnosis.explain import Explanation, by_curves, disowned, explain
 from diagnosis.localise.maps import RecordingMaps, map_recording
 from diagnosis.localise.residual_structure import residual_structure
 from diagnosis.model.edge_shrinkage import shrunk_at_edges
-from diagnosis.model.workspace import Model
+from diagnosis.model.model import Model
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.uncertainty import refined
 from diagnosis.prepare import Inputs, Prepared, prepared

@@ -8,7 +8,7 @@ from diagnosis.evidence.next_scan import NextScan
 from diagnosis.localise.maps import RecordingMaps
 from diagnosis.localise.regions import Region
 from diagnosis.localise.residual_structure import Residual
-from diagnosis.model.workspace import Model
+from diagnosis.model.model import Model
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.validate.found_effects import FoundEffect
 from diagnosis.validate.heldout import Judgement

@@ -15,14 +15,16 @@ from diagnosis.evidence.cause_search import Member
 from diagnosis.evidence.reported_causes import Cause, Strange, reported, without_kin
 from diagnosis.evidence.seen import Seen, channels_seen, seen
 from diagnosis.fields import Field
-from diagnosis.model.workspace import Model, Workspace
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel
-from diagnosis.physics.laws import assumed_sheets, fit_laws, refit, seen_by, strongest_law
+from diagnosis.physics.assumed_camera import assumed_sheets, seen_by
+from diagnosis.physics.joint_fit import fit_laws, refit, strongest_law
 from diagnosis.physics.remainder import curves_of, is_curve, remainder
 from diagnosis.predict.edges import BESIDE_EDGES, EDGE_COVARIATES
 from diagnosis.prepare import Prepared
 from diagnosis.register.placement import Placement
-from diagnosis.reregister.reregistration import log_density, placed_anew
+from diagnosis.reregister.reregistration import log_density, settled
 from diagnosis.settings import SETTINGS
 
 Progress = Callable[[str], None]
@@ -191,7 +193,7 @@ def _seen_again(
     state: _State, model: Model, causes: tuple[Cause, ...], noise: NoiseModel
 ) -> _State:
     """Place the recordings under a model and look at them again."""
-    patches, placed = _settled(model, state.patches, state.placed, state.recorded, noise)
+    patches, placed = settled(model, state.patches, state.recorded, state.placed, noise)
     ws = fitted_part(patches, noise)
     if _needs_refit(model):
         model = refit(ws.thin(SETTINGS.fitted_readings), model)
@@ -318,24 +320,6 @@ def fitted_part(patches: Sequence[Patch], noise: NoiseModel) -> Workspace:
 
 def _needs_refit(model: Model) -> bool:
     return any(e.covariate in SETTLED for e in model.effects)
-
-
-def _settled(
-    model: Model,
-    patches: Sequence[Patch],
-    placed: Mapping[str, Placement],
-    recorded: Recorded,
-    noise: NoiseModel,
-) -> tuple[Sequence[Patch], Mapping[str, Placement]]:
-    """Place recordings anew under a model while that still moves them."""
-    if model.is_nominal:
-        return patches, placed
-    for _ in range(SETTINGS.placed):
-        before = patches
-        patches, placed = placed_anew(model, patches, recorded, placed, noise, by_law=False)
-        if all(a is b for a, b in zip(before, patches, strict=True)):
-            break
-    return patches, placed
 
 
 def _complete(

@@ -1,1 +1,1 @@
-"""Recordings against claims: surface texture, firmware, mounting of the sensor, delivery."""
+"""Recordings against claims: plates, surface texture, firmware, mounting; repeated profiles."""

@@ -10,7 +10,7 @@ each of them once.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,11 +18,17 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 from scipy.special import fdtrc, stdtrit
 
+from diagnosis.data.patch import Patch
 from diagnosis.fields import Field
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.physics.uncertainty import Estimate
 from diagnosis.register.placement import PRIOR_SD, Placement
 from diagnosis.register.pose_derivative import travel_columns
+from diagnosis.validate.found_effects import FoundEffect, plainly_found
+from sensors.effects.motion_blur import MotionBlur
 from sensors.effects.pose_error import PoseError
+from sensors.recording import Recording
 
 NAMES = ("yaw_deg", "roll_deg", "pitch_deg", "x_mm", "y_mm", "z_mm")
 LEVEL = 5e-3
@@ -243,3 +249,46 @@ def _spread_deg(commanded: Sequence[Field]) -> float:
     first = Rotation.from_matrix(commanded[0][0, :3, :3])
     turns = [(first.inv() * Rotation.from_matrix(p[0, :3, :3])).magnitude() for p in commanded]
     return math.degrees(max(turns))
+
+
+def mounted(
+    ws: Workspace,
+    model: Model,
+    recordings: Sequence[Recording],
+    placed: Mapping[str, Placement],
+    held: Sequence[Patch],
+) -> list[FoundEffect]:
+    """Return the mounting error that fitted recordings share, if held-out recordings support it."""
+    moved = ws.placements(model)
+    fitted = [placed[recordings[k].name].further(moved[k]) for k in moved]
+    mounting = mounting_error(
+        [recordings[k].poses for k in moved], fitted, travel_mm=travelled_mm(ws, model)
+    )
+    if mounting is None:
+        return []
+    apart = Workspace.build(held, ws.noise)
+    moved = apart.placements(model, [p.counted & ~p.edge for p in held])
+    gain = sum(
+        mounting.gain(recordings[k].poses, placed[recordings[k].name].further(step))
+        for k, step in moved.items()
+    )
+    if gain < LEAST_NATS:
+        return []
+    per_reading = gain / max(sum(int(p.counted.sum()) for p in held), 1)
+    return [
+        plainly_found(
+            mounting.effect, per_reading, mounting.intervals,
+            probability=1.0 - np.exp(-gain),
+        )
+    ]  # fmt: skip
+
+
+def travelled_mm(ws: Workspace, model: Model) -> float:
+    """Half of the longest way during an exposure: where in it a pose is stated isn't known."""
+    ways = [blur.longest_way_mm(p.view) for blur in blurs(model) for p in ws.patches]
+    return 0.5 * float(max(ways, default=0.0))
+
+
+def blurs(model: Model) -> list[MotionBlur]:
+    """Return the blurs of a model."""
+    return [e for e in model.effects if isinstance(e, MotionBlur)]

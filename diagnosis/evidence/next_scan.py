@@ -20,7 +20,8 @@ from diagnosis.data.recorded import Recorded
 from diagnosis.evidence.cause_search import Member
 from diagnosis.evidence.gram import Gram, grams_of, turned
 from diagnosis.evidence.seen import Seen
-from diagnosis.model.workspace import Model, Workspace
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.register.placement import Placement
 from diagnosis.settings import SETTINGS

@@ -11,7 +11,8 @@ from diagnosis.data.patch import Patch
 from diagnosis.evidence.candidates import Candidate, candidates_of
 from diagnosis.evidence.channel import Channel, channel_of
 from diagnosis.evidence.gram import Gram, Turns, grams_of, turned, turns_of
-from diagnosis.model.workspace import Model, Workspace
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel
 
 Floats = NDArray[np.float64]

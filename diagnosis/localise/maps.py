@@ -10,7 +10,7 @@ from diagnosis.data.patch import in_range
 from diagnosis.data.recorded import Recorded
 from diagnosis.fields import Field, Mask, Single
 from diagnosis.localise.regions import Region, departure_mask, free_mask, regions_of, smoothed_score
-from diagnosis.model.workspace import Model
+from diagnosis.model.model import Model
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.predict.edges import edge_softness, near_edges
 from diagnosis.predict.expectation import expect

@@ -14,7 +14,8 @@ from diagnosis.components.row_periods import image_row
 from diagnosis.evidence.reported_causes import Strange
 from diagnosis.fields import Field
 from diagnosis.localise.regions import NEIGHBOURS, Region, departure_mask, regions_of
-from diagnosis.model.workspace import Model, Workspace
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.settings import SETTINGS
 from sensors.view.covariates import COVARIATES
 from sensors.view.view import View

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.model.workspace import Model, Workspace
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.predict.expectation import STEPS, EdgeShares, bending_effects
 
 FARTHEST = 10.0

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.fields import Field, Mask
-from diagnosis.model.workspace import Model, Workspace
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.predict.edges import on_edges
 from files.errors import RecipeError
 from sensors.effects.base import Effect

@@ -18,7 +18,8 @@ import numpy as np
 from scipy.special import stdtrit
 
 from diagnosis.fields import Field
-from diagnosis.model.workspace import Model, Workspace
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.physics.curvature import fitted_numbers, quadratic
 
 LEVEL = 0.95

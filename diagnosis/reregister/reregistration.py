@@ -7,10 +7,12 @@ import numpy as np
 from diagnosis.data.patch import Patch
 from diagnosis.data.recorded import Recorded
 from diagnosis.fields import Field
-from diagnosis.model.workspace import Model, Workspace
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.register.placement import PRIOR_SD, Placement
-from diagnosis.reregister.law_placement import placed_by_law
+from diagnosis.reregister.edge_placement import placed_by_law
+from diagnosis.settings import SETTINGS
 
 NEAR_MM, NEAR_SD = 0.03, 3.0
 """A placement changes no further than this, sideways and in units of the noise, for nothing."""
@@ -56,6 +58,24 @@ def placed_anew(
                 found[recording.name], own = placement, again
         out += own
     return out, found
+
+
+def settled(
+    model: Model,
+    patches: Sequence[Patch],
+    recorded: Recorded,
+    placed: Mapping[str, Placement],
+    noise: NoiseModel,
+) -> tuple[Sequence[Patch], Mapping[str, Placement]]:
+    """Place recordings anew under a model while that still moves them."""
+    if model.is_nominal:
+        return patches, placed
+    for _ in range(SETTINGS.placed):
+        before = patches
+        patches, placed = placed_anew(model, patches, recorded, placed, noise, by_law=False)
+        if all(a is b for a, b in zip(before, patches, strict=True)):
+            break
+    return patches, placed
 
 
 def is_whole(own: Sequence[Patch], recorded: Recorded, number: int) -> bool:

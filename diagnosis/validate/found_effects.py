@@ -8,8 +8,9 @@ from scipy.special import expit
 
 from diagnosis.evidence.reported_causes import Cause
 from diagnosis.model.edge_shrinkage import shrunk_at_edges
-from diagnosis.model.workspace import Model, Workspace
-from diagnosis.physics.laws import refit_linear
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
+from diagnosis.physics.joint_fit import refit_linear
 from diagnosis.physics.uncertainty import Estimate, intervals
 from diagnosis.predict.edges import on_edges
 from diagnosis.settings import SETTINGS

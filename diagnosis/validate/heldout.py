@@ -12,8 +12,10 @@ from scipy.special import ndtr
 
 from diagnosis.data.patch import Patch
 from diagnosis.fields import Field, Mask
+from diagnosis.model.blocks import bootstrap_interval
 from diagnosis.model.log_density import log_density, placed, placements, whitened
-from diagnosis.model.workspace import Model, Workspace, bootstrap_interval
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.linear_fit import phase_is_own, solve_linear
 

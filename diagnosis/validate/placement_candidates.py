@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from diagnosis.data.patch import Patch
 from diagnosis.data.recorded import Recorded
 from diagnosis.fields import Field
-from diagnosis.model.workspace import Model
+from diagnosis.model.model import Model
 from diagnosis.noise.noise_model import NoiseModel
-from diagnosis.physics.laws import seen_by
+from diagnosis.physics.assumed_camera import seen_by
 from diagnosis.register.placement import Placement
 from diagnosis.reregister.reregistration import (
     by_all_readings,

@@ -6,7 +6,7 @@ import pytest
 
 from diagnosis.discrepancy.population import population
 from diagnosis.explain import Explanation, disowned, explain, fitted_part
-from diagnosis.model.workspace import Model
+from diagnosis.model.model import Model
 from diagnosis.prepare import Prepared
 from sensors.effects.line_bow import LineBow
 from tests.support.prepared_parts import ready

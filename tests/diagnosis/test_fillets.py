@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from diagnosis.diagnose import diagnose
-from diagnosis.physics.fit import _as_silent
+from diagnosis.physics.effect_fit import _as_silent
 from files.errors import RecipeError
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene

@@ -8,7 +8,7 @@ import pytest
 from diagnosis.components.component import Component, components_of, curve_columns
 from diagnosis.components.free_curve import Curve, Part
 from diagnosis.diagnose import diagnose
-from diagnosis.model.workspace import Model
+from diagnosis.model.model import Model
 from diagnosis.physics.remainder import is_curve
 from diagnosis.predict.prediction import law_of
 from sensors.effects.line_bow import LineBow

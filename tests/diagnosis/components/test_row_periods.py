@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from diagnosis.components.row_periods import FEWEST, strongest_rows
-from diagnosis.model.workspace import Model, Workspace
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from sensors.view.camera import row_of_depth
 from tests.support.effect_case import bench_workspace
 

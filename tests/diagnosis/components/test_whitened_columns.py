@@ -5,7 +5,8 @@ import pytest
 
 from diagnosis.components.component import components_of, mean_columns, ranges_of
 from diagnosis.components.whitened_columns import Layout, column_groups, columns_on
-from diagnosis.model.workspace import Model, Workspace
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.settings import SETTINGS
 from tests.support.effect_case import bench_workspace
 

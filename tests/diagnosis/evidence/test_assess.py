@@ -7,7 +7,7 @@ from diagnosis.discrepancy.good_instrument import informed, kinds_of, mean_facto
 from diagnosis.discrepancy.population import population
 from diagnosis.evidence.assess import assessed_mean
 from diagnosis.evidence.seen import seen
-from diagnosis.model.workspace import Model
+from diagnosis.model.model import Model
 from diagnosis.prepare import Prepared
 from tests.support.linear_readings import LinearReadings
 

@@ -8,7 +8,8 @@ import pytest
 from diagnosis.components.component import ranges_of
 from diagnosis.evidence.channel import Channel, channel_of
 from diagnosis.fields import Field
-from diagnosis.model.workspace import Model, Workspace
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.noise.calibration import USUAL_SHARE
 from diagnosis.settings import SETTINGS
 from tests.support.effect_case import bench_workspace

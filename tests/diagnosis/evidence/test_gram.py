@@ -6,7 +6,8 @@ import pytest
 from diagnosis.components.component import components_of, mean_columns, ranges_of
 from diagnosis.evidence.gram import Block, Gram, grams_of, shared_only, turned, weights_of
 from diagnosis.evidence.seen import seen
-from diagnosis.model.workspace import Model, Workspace
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.prepare import Prepared
 from diagnosis.settings import SETTINGS
 

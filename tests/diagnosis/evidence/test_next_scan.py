@@ -8,7 +8,7 @@ import pytest
 from diagnosis.evidence.assess import assessed_mean
 from diagnosis.evidence.next_scan import Scan, next_scans, scans_like
 from diagnosis.evidence.seen import seen
-from diagnosis.model.workspace import Model
+from diagnosis.model.model import Model
 from tests.support.prepared_parts import ready
 
 

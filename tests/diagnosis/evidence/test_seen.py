@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from diagnosis.evidence.seen import Seen, channels_seen, seen
-from diagnosis.model.workspace import Model
+from diagnosis.model.model import Model
 from diagnosis.prepare import Prepared
 
 

@@ -7,7 +7,8 @@ import pytest
 
 from diagnosis.evidence.reported_causes import Strange
 from diagnosis.localise.residual_structure import residual_structure
-from diagnosis.model.workspace import Model, Workspace
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from sensors.effects.relaxed import Relaxed
 from sensors.view.camera import row_of_depth
 from tests.support.effect_case import bench_workspace

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from diagnosis.model.edge_shrinkage import edge_shares
-from diagnosis.model.workspace import Model, Workspace
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.predict.expectation import STEPS, EdgeShares, bending_effects
 from sensors.effects.finite_spot import FiniteSpot
 from sensors.effects.travel_ripple import TravelRipple

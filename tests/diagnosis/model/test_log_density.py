@@ -7,7 +7,8 @@ import pytest
 from scipy.stats import kstest
 
 from diagnosis.model.log_density import LOG_STRAY, log_density, placed, placements, whitened
-from diagnosis.model.workspace import Model, Workspace
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.validate.heldout import largest_gap
 from tests.support.effect_case import bench_workspace
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from diagnosis.model.workspace import Model, Workspace
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.physics.curvature import Number, numbers_of, quadratic
 from files.errors import RecipeError
 from sensors.effects.finite_spot import FiniteSpot

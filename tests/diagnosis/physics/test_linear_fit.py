@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from diagnosis.model.workspace import Model
-from diagnosis.physics.fit import fit_effect
+from diagnosis.model.model import Model
+from diagnosis.physics.effect_fit import fit_effect
 from diagnosis.physics.linear_fit import _robust, _Rows
 from sensors.effects.form_error import FormError, orders
 from sensors.effects.line_bow import LineBow

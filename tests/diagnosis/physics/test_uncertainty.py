@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from diagnosis.model.workspace import Model, Workspace
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.physics.curvature import fitted_numbers
-from diagnosis.physics.laws import refit_linear
+from diagnosis.physics.joint_fit import refit_linear
 from diagnosis.physics.uncertainty import Estimate, intervals, refined, sandwich
 from sensors.effects.finite_spot import FiniteSpot
 from sensors.effects.line_bow import LineBow

@@ -1,16 +1,15 @@
 """Recordings are placed anew under a model, held-out ones too; drifts, levels, strong effects."""
 
-from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
 import pytest
 
-from diagnosis.claims.surface_texture import level_change
 from diagnosis.data.patch import cut
 from diagnosis.data.recorded import Recorded
-from diagnosis.model.workspace import Model, Workspace
-from diagnosis.physics.fit import fit_effect
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
+from diagnosis.physics.effect_fit import fit_effect
 from diagnosis.register.placement import PRIOR_SD, Placement
 from diagnosis.reregister.reregistration import placed_anew
 from sensors.casting.laser import Laser
@@ -111,25 +110,6 @@ def test_a_recording_stays_where_its_readings_are_more_probable(ws: Workspace) -
     assert recorded.asked == [0]
     assert found == patches
     assert placed["r"] is commanded
-
-
-def test_the_level_of_the_noise_is_what_every_recording_bears_out(ws: Workspace) -> None:
-    plain = ws.predict(Model())
-
-    def rougher(factors: tuple[float, float]) -> Workspace:
-        patches = tuple(
-            replace(
-                p, depth_mm=q.mean_mm + factors[p.recording] * (p.depth_mm - q.mean_mm)
-            )
-            for p, q in zip(ws.patches, plain, strict=True)
-        )
-        return replace(ws, patches=patches)
-
-    sd_mm = ws.noise.sd_mm
-    assert level_change(rougher((1.5, 1.5)), Model(), sd_mm) == pytest.approx(np.log(1.5), abs=0.05)
-    assert level_change(rougher((1.5, 1.2)), Model(), sd_mm) == pytest.approx(np.log(1.2), abs=0.05)
-    assert abs(level_change(rougher((1.5, 1.0)), Model(), sd_mm)) < 0.05
-    assert level_change(rougher((1.5, 0.7)), Model(), sd_mm) == 0.0
 
 
 def test_a_strong_reflection_is_fitted_beyond_what_is_linear(ws: Workspace) -> None:

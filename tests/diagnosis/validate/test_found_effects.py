@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.model.workspace import Model
+from diagnosis.model.model import Model
 from diagnosis.physics.uncertainty import Estimate
 from diagnosis.predict.prediction import law_of
 from diagnosis.validate.found_effects import at_limits, heldout_gains, plainly_found, sheet_with

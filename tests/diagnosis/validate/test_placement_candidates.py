@@ -7,7 +7,7 @@ import pytest
 
 from diagnosis.data.recorded import Recorded
 from diagnosis.localise.maps import expected
-from diagnosis.model.workspace import Model
+from diagnosis.model.model import Model
 from diagnosis.register.registration import register
 from diagnosis.reregister.reregistration import log_density
 from diagnosis.validate.heldout import judge

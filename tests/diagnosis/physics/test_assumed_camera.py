@@ -1,4 +1,4 @@
-"""Laws of several effects are refitted beside each other; files are completed where needed."""
+"""Cameras that a file leaves out are tried at either side; what it states is kept."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -6,8 +6,10 @@ from dataclasses import replace
 import pytest
 
 from diagnosis.evidence.reported_causes import Cause
-from diagnosis.model.workspace import Model, Workspace
-from diagnosis.physics.laws import assumed_sheets, refit, refit_linear, seen_by
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
+from diagnosis.physics.assumed_camera import assumed_sheets, seen_by
+from diagnosis.physics.joint_fit import refit, refit_linear
 from diagnosis.settings import SETTINGS
 from sensors.effects.line_bow import LineBow
 from sensors.effects.range_scale import RangeScale

@@ -2,8 +2,9 @@
 
 import pytest
 
-from diagnosis.model.workspace import Model, Workspace
-from diagnosis.physics.fit import fit_effect
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
+from diagnosis.physics.effect_fit import fit_effect
 from sensors.effects.base import Effect
 from sensors.effects.interreflection import Interreflection
 from sensors.effects.line_bow import LineBow

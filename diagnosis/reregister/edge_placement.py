@@ -12,7 +12,7 @@ import numpy as np
 
 from diagnosis.data.patch import Patch
 from diagnosis.fields import Field
-from diagnosis.model.workspace import Model
+from diagnosis.model.model import Model
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.predict.prediction import predict
 from diagnosis.register.coordinate_search import step_by_step

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.claims.delivery import delivered
+from diagnosis.claims.repeats_and_steps import delivered
 from sensors.recording import Recording
 from tests.support.small_parts import datasheet, part, record
 

@@ -16,7 +16,8 @@ from scipy.optimize import minimize
 from diagnosis.components.row_periods import strongest_rows
 from diagnosis.fields import Field, Mask
 from diagnosis.model.log_density import Whitened
-from diagnosis.model.workspace import Model, Workspace
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.physics.linear_fit import Fitted, has_fields, is_linear, solve_linear
 from diagnosis.predict.prediction import starting
 from files.errors import RecipeError

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from diagnosis.data.patch import cut
-from diagnosis.model.workspace import Model
+from diagnosis.model.model import Model
 from diagnosis.register.placement import PRIOR_SD, Placement, move
-from diagnosis.reregister.law_placement import placed_by_law
+from diagnosis.reregister.edge_placement import placed_by_law
 from sensors.casting.laser import Laser
 from sensors.effects.motion_blur import MotionBlur
 from tests.support.effect_case import bench_workspace

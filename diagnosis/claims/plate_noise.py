@@ -1,0 +1,103 @@
+"""The noise on the part against a plate's: compared where the part is hit squarely."""
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from diagnosis.data.patch import Patch
+from diagnosis.fields import Field, Mask
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
+from diagnosis.noise.noise_model import mad_sd
+from sensors.effects.base import Effect
+from sensors.effects.motion_blur import MotionBlur
+from sensors.effects.pixel_locking import PixelLocking
+from sensors.view.view import View
+
+USUAL = 0.1
+LEAST_READINGS = 200
+SQUARE_RAD = math.radians(25)
+PARTS = 6
+"""Parts of what a cause of noise follows in which the noise is compared by itself."""
+BRIGHT = 0.6
+"""Share of the readings hit squarely that are darker than those whose noise is compared."""
+
+
+def level_change(ws: Workspace, model: Model, nominal_sd_mm: float) -> float:
+    """Return the logarithm of the part's noise over a nominal one that is sure.
+
+    Measured where the part is bright and hit squarely, in each recording, by the readings' scatter
+    and by what neighbours leave of it: a wrong mean adds to the one, a wrong spectrum to the
+    other. A finish is the same throughout, so the least change counts: of the recordings, and of
+    the parts of what other causes of noise follow, whose laws may be off elsewhere.
+    """
+    predictions, plain = ws.predict(model), ws.predict(Model())
+    noisy = [e for e in model.effects if "variance" in e.channels]
+    found: dict[tuple[int, str, int], list[tuple[Field, Field]]] = {}
+    for patch, state, with_it, bare in zip(
+        ws.patches, ws.states(predictions), predictions, plain, strict=True
+    ):
+        square = patch.view.incidence_rad < SQUARE_RAD
+        # where the model has the noise of a plate, effects on the noise have no say
+        usual = np.abs(state.sd_mm / (model.level * ws.noise.sd_mm) - 1) < USUAL
+        # where it leaves the mean alone, what it gets wrong there doesn't pass for noise
+        still = np.abs(with_it.mean_mm - bare.mean_mm) < USUAL * ws.noise.sd_mm
+        pick = patch.fit & state.used & ~patch.edge & square
+        for calm in (usual, still):
+            if (pick & calm).sum() > LEAST_READINGS:
+                pick &= calm
+        bright = patch.view.intensity
+        if bright is not None and pick.any():
+            # dark print is noisier whatever its finish
+            pick &= bright >= np.nanquantile(bright[pick], BRIGHT)
+        size_mm = model.level * ws.noise.sd_mm
+        for name, part, mask in _parts(patch, pick, noisy):
+            found.setdefault((patch.recording, name, part), []).append(
+                (state.innovations[mask] * size_mm, state.residual_mm[mask])
+            )
+    changes = [
+        math.log(max(_scatter_mm(np.concatenate(kind)), 1e-9) / nominal_sd_mm)
+        for values in found.values()
+        for kind in zip(*values, strict=True)
+        if sum(v.size for v in kind) > LEAST_READINGS
+    ]
+    alike = changes and (min(changes) > 0 or max(changes) < 0)
+    return min(changes, key=abs) if alike else 0.0
+
+
+def _parts(
+    patch: Patch, pick: Mask, noisy: Sequence[Effect]
+) -> Iterator[tuple[str, int, Mask]]:
+    """Yield readings by what each cause of noise follows; all of them where there is none."""
+    if not noisy or not pick.any():
+        yield "", 0, pick
+        return
+    for effect in noisy:
+        values = np.broadcast_to(effect.covariate_values(patch.view), patch.shape)
+        ends = np.quantile(np.nan_to_num(values[pick]), np.arange(1, PARTS) / PARTS)
+        part = np.searchsorted(ends, np.nan_to_num(values))
+        for k in range(PARTS):
+            yield effect.name, k, pick & (part == k)
+
+
+def _scatter_mm(values_mm: Field) -> float:
+    """Return the standard deviation of values of which some are spikes, mm."""
+    around = values_mm - np.median(values_mm)
+    cap = 3 * mad_sd(values_mm)
+    return float(np.sqrt(np.minimum(np.square(around), cap**2).mean() / 0.995))
+
+
+def plates_doubt(model: Model, view: View) -> float:
+    """By how much a plate's noise may be unlike the part's for no finish.
+
+    A plate stands within one camera row or two, the part reaches over many; and it has none of the
+    slopes on which a long exposure averages speckle in another way.
+    """
+    doubt = 0.0
+    for effect in model.effects:
+        if isinstance(effect, PixelLocking):
+            doubt += 4 * math.pi * effect.amplitude_px
+        elif isinstance(effect, MotionBlur):
+            doubt -= math.log(effect.quieter(view))
+    return doubt

@@ -1,0 +1,65 @@
+"""A lay is known by the direction in which it draws the noise out, and keeps it on the part."""
+
+import cmath
+import math
+
+import numpy as np
+import pytest
+
+from diagnosis.claims.lay import _stretch
+from diagnosis.diagnose import diagnose
+from diagnosis.noise.noise_model import calibrate
+from sensors.effects.anisotropic_lay import AnisotropicLay
+from sensors.recording import Recording
+from tests.support.small_parts import SPECKLE, datasheet, poses, record, solid
+
+
+@pytest.mark.parametrize(("ratio", "angle_deg"), [(1.0, 0.0), (2.5, 0.0), (2.5, 35.0), (2.0, 90.0)])
+def test_stretch_is_the_noise_s_ratio_and_direction(ratio: float, angle_deg: float) -> None:
+    rng = np.random.default_rng(1)
+    pitch_x, pitch_y = 0.2, 0.3
+    k_y = np.fft.fftfreq(300, pitch_y)[:, None]
+    k_x = np.fft.rfftfreq(400, pitch_x)[None, :]
+    turn = math.radians(angle_deg)
+    along = k_x * math.cos(turn) + k_y * math.sin(turn)
+    across = -k_x * math.sin(turn) + k_y * math.cos(turn)
+    size = 2 * math.pi * 0.35
+    root = np.exp(-0.25 * size**2 * (ratio * along**2 + across**2 / ratio))
+    field = np.fft.irfft2(np.fft.rfft2(rng.standard_normal((300, 400))) * root, s=(300, 400))
+    noise = calibrate(
+        [0.01 * field / field.std()], [np.ones(field.shape, dtype=bool)],
+        pitch_mm=(pitch_x, pitch_y), missing_share=0.0, from_reference=False,
+    )  # fmt: skip
+    stretch = _stretch(noise)
+    if ratio == 1.0:
+        assert abs(stretch) < 0.1
+        return
+    # of an elliptic spot of axes a and b, the lengths along both differ by a / b
+    assert abs(stretch) == pytest.approx(math.log(ratio), rel=0.25)
+    off = (math.degrees(cmath.phase(stretch)) / 2 - angle_deg + 90) % 180 - 90
+    assert abs(off) < 6
+
+
+def test_a_lay_between_the_axes_keeps_its_angle_on_the_part() -> None:
+    sides = np.linspace(-30, 30, 5)
+    plate = solid(lambda x, y: np.zeros_like(x), sides, sides)
+    sheet = datasheet(110)
+    lay = [{"name": "anisotropic_lay", "ratio": 6.0, "angle_deg": 50.0}]
+
+    def scan(k: int, heading_deg: float, effects: list[dict[str, object]]) -> Recording:
+        return record(
+            plate, sheet, effects, name=f"s{k}", seed=40 + k, profiles=100, speckle=SPECKLE,
+            heading_deg=heading_deg, tilt_deg=(4.0, 3.0),
+        )  # fmt: skip
+
+    result = diagnose(
+        [scan(0, 0.0, lay), scan(1, 90.0, lay), scan(2, 180.0, lay)],
+        plate.vertices_mm, plate.faces, sheet, references=[scan(7, 0.0, []), scan(8, 90.0, [])],
+    )  # fmt: skip
+    found = next(e for e in result.effects if e.name == "anisotropic_lay")
+    assert isinstance(found.effect, AnisotropicLay)
+    off = (found.effect.angle_deg - 50.0 + 90) % 180 - 90
+    assert abs(off) < 15
+    # seen from above, the travel is mirrored: the angle on the part isn't the one in the scan
+    line, travel = poses(3)[0, :2, 0], poses(3)[0, :2, 1]
+    assert np.linalg.det(np.stack([line, travel])) == pytest.approx(-1.0)

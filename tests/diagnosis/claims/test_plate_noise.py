@@ -1,0 +1,45 @@
+"""The noise of a part against a plate's: the least change of all recordings counts."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.claims.plate_noise import level_change, plates_doubt
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
+from sensors.effects.pixel_locking import PixelLocking
+from tests.support.effect_case import bench_workspace
+
+
+@pytest.fixture(scope="module")
+def ws() -> Workspace:
+    return bench_workspace("valley")
+
+
+def test_the_level_of_the_noise_is_what_every_recording_bears_out(ws: Workspace) -> None:
+    plain = ws.predict(Model())
+
+    def rougher(factors: tuple[float, float]) -> Workspace:
+        patches = tuple(
+            replace(
+                p, depth_mm=q.mean_mm + factors[p.recording] * (p.depth_mm - q.mean_mm)
+            )
+            for p, q in zip(ws.patches, plain, strict=True)
+        )
+        return replace(ws, patches=patches)
+
+    sd_mm = ws.noise.sd_mm
+    assert level_change(rougher((1.5, 1.5)), Model(), sd_mm) == pytest.approx(np.log(1.5), abs=0.05)
+    assert level_change(rougher((1.5, 1.2)), Model(), sd_mm) == pytest.approx(np.log(1.2), abs=0.05)
+    assert abs(level_change(rougher((1.5, 1.0)), Model(), sd_mm)) < 0.05
+    assert level_change(rougher((1.5, 0.7)), Model(), sd_mm) == 0.0
+
+
+def test_a_cause_of_noise_that_follows_the_rows_makes_a_plate_no_measure_of_the_part() -> None:
+    """A plate stands within one row or two of the camera; the part reaches over many."""
+    view = bench_workspace("valley").patches[0].view
+    assert plates_doubt(Model(), view) == 0.0
+    locked = Model(effects=(PixelLocking(amplitude_px=0.02),))
+    # a sinusoid's slope is 2π times its amplitude: that much, each way
+    assert plates_doubt(locked, view) == pytest.approx(4 * np.pi * 0.02)
