@@ -240,7 +240,7 @@ def by_curves(explanation: Explanation, ready: Prepared) -> Explanation:
     model = Model(curve=curve)
     others = tuple(c for c in explanation.causes if c.name not in curves)
     plain = disowned(replace(explanation, causes=others), ready)
-    patches, placed = _settled(model, ready.patches, ready.placed, plain.recorded, ready.noise)
+    patches, placed = settled(model, ready.patches, plain.recorded, ready.placed, ready.noise)
     return replace(
         plain, model=model, causes=kept, patches=tuple(patches), placed=placed,
         ws=fitted_part(patches, ready.noise),

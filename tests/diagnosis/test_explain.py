@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from diagnosis.discrepancy.population import population
-from diagnosis.explain import Explanation, disowned, explain, fitted_part
+from diagnosis.explain import Explanation, by_curves, disowned, explain, fitted_part
 from diagnosis.model.model import Model
 from diagnosis.prepare import Prepared
 from sensors.effects.line_bow import LineBow
@@ -63,6 +63,23 @@ def test_what_is_withheld_is_left_without_a_name(bent: Prepared) -> None:
     nameless = explained(bent, withheld=every)
     assert not {c.name for c in nameless.causes} & every
     assert nameless.causes or nameless.strange
+
+
+def test_a_curve_in_place_of_a_law_explains_as_much_and_keeps_the_name(
+    bent: Prepared, found: Explanation
+) -> None:
+    instead = by_curves(found, bent)
+    assert instead.model.effects == ()
+    assert {p.component.effect for p in instead.model.curve.parts} == {"line_bow"}
+    assert [c.name for c in instead.causes] == ["line_bow"]
+    assert "refuted" in instead.causes[0].doubt
+    law, curve, nothing = (
+        float(sum(d.sum() for d in ws.log_densities(model)))
+        for ws, model in (
+            (found.ws, found.model), (instead.ws, instead.model), (instead.ws, Model()),
+        )
+    )  # fmt: skip
+    assert curve - nothing == pytest.approx(law - nothing, rel=0.02)
 
 
 def test_laws_taken_back_leave_their_components_without_a_name(
