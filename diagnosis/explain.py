@@ -11,7 +11,7 @@ from diagnosis.data.recorded import Recorded
 from diagnosis.discrepancy.good_instrument import informed, kinds_of, mean_factors, rate_factors
 from diagnosis.discrepancy.population import Population
 from diagnosis.evidence.assess import Assessment, assessed_mean, assessed_rates
-from diagnosis.evidence.cause_search import Member
+from diagnosis.evidence.mean_causes import Member
 from diagnosis.evidence.reported_causes import Cause, Strange, reported, without_kin
 from diagnosis.evidence.seen import Seen, channels_seen, seen
 from diagnosis.fields import Field

@@ -108,29 +108,6 @@ def with_pitches(
     return tuple(out)
 
 
-def ranges_of(patches: Sequence["Patch"], names: Sequence[str]) -> Ranges:
-    """Range of each covariate over the readings off edges, without its rare extremes.
-
-    A few readings on a steep wall would leave one wave for all others.
-    """
-    out = {}
-    for name in names:
-        values = []
-        for patch in patches:
-            view = _possible(patch.view, COVARIATES[name].needs)[0]
-            value = np.broadcast_to(COVARIATES[name].values(view), patch.shape)
-            value = value[patch.observed & ~patch.edge]
-            values.append(value[np.isfinite(value)][::3])
-        every = np.concatenate(values) if values else np.zeros(0)
-        if every.size:
-            least, low, high, most = np.quantile(every, [0.002, 0.02, 0.98, 0.998])
-            beyond = SETTINGS.range_beyond * (high - low)
-            low, high = max(low - beyond, least), min(high + beyond, most)
-            if high > low:
-                out[name] = (float(low), float(high))
-    return out
-
-
 def mean_columns(
     component: Component, patch: "Patch", ranges: Ranges, noise: NoiseModel | None = None
 ) -> Sequence[Floats] | None:
@@ -233,7 +210,7 @@ def _changes(
     kind: type[Effect], patch: "Patch", noise: NoiseModel | None
 ) -> Sequence[Floats] | None:
     out = []
-    for view in _possible(patch.view, kind.needs):
+    for view in possible_views(patch.view, kind.needs):
         try:
             plain = law_of(view, (), noise).mean_mm
             points = kind.none().grid(view)
@@ -247,7 +224,7 @@ def _changes(
     return out or None
 
 
-def _possible(view: View, needs: Sequence[str]) -> list[View]:
+def possible_views(view: View, needs: Sequence[str]) -> list[View]:
     """Return views by the cameras that the sensor may have, where one is needed and not stated."""
     sheet = view.datasheet
     if all(getattr(sheet, key) is not None for key in needs):
@@ -259,7 +236,7 @@ def _possible(view: View, needs: Sequence[str]) -> list[View]:
 def seen_by_cameras(component: Component, patches: Sequence["Patch"]) -> list[list["Patch"]]:
     """Look at patches by each camera that a component's covariates may be seen by."""
     needs = [key for a in component.relaxed.along for key in COVARIATES[a].needs]
-    views = [_possible(p.view, needs) for p in patches]
+    views = [possible_views(p.view, needs) for p in patches]
     return [
         [replace(p, view=v) for p, v in zip(patches, picked, strict=True)]
         for picked in zip(*views, strict=True)

@@ -12,10 +12,10 @@ from scipy.special import logsumexp
 
 from diagnosis.discrepancy.population import Population
 from diagnosis.evidence.candidates import Candidate
-from diagnosis.evidence.cause_search import Scales
-from diagnosis.evidence.channel import Channel
+from diagnosis.evidence.mean_causes import Scales
+from diagnosis.evidence.noise_and_loss_causes import RateSearch
+from diagnosis.evidence.noise_and_loss_channels import Channel
 from diagnosis.evidence.posterior import Posterior, Term
-from diagnosis.evidence.rate_search import RateSearch
 from diagnosis.evidence.seen import Seen
 from diagnosis.settings import SETTINGS
 

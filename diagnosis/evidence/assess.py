@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.evidence.cause_search import CauseSearch, Member, Scales, World
-from diagnosis.evidence.channel import Channel
 from diagnosis.evidence.gram import shared_only
-from diagnosis.evidence.rate_search import RateMember, RateSearch
+from diagnosis.evidence.mean_causes import CauseSearch, Member, Scales, World
+from diagnosis.evidence.noise_and_loss_causes import RateMember, RateSearch
+from diagnosis.evidence.noise_and_loss_channels import Channel
 from diagnosis.evidence.seen import Seen
 from diagnosis.settings import SETTINGS
 

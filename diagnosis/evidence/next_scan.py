@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from diagnosis.data.recorded import Recorded
-from diagnosis.evidence.cause_search import Member
 from diagnosis.evidence.gram import Gram, grams_of, turned
+from diagnosis.evidence.mean_causes import Member
 from diagnosis.evidence.seen import Seen
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace

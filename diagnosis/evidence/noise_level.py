@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from diagnosis.evidence.cause_search import Scales
+from diagnosis.evidence.mean_causes import Scales
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.settings import SETTINGS
 

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.components.component import Component, components_of, ranges_of, with_pitches
+from diagnosis.components.component import Component, components_of, with_pitches
+from diagnosis.components.covariate_ranges import ranges_of
 from diagnosis.data.patch import Patch
 from diagnosis.evidence.candidates import Candidate, candidates_of
-from diagnosis.evidence.channel import Channel, channel_of
 from diagnosis.evidence.gram import Gram, Turns, grams_of, turned, turns_of
+from diagnosis.evidence.noise_and_loss_channels import Channel, channel_of
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel

@@ -5,10 +5,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import binary_dilation
 
-from diagnosis.fields import Mask
 from diagnosis.noise.noise_model import NoiseModel, calibrate
+from diagnosis.predict.albedo_borders import albedo_borders
 from diagnosis.predict.prediction import plain_gain
 from sensors.effects.delivery import DeliveryEffect
 from sensors.law import geometric_law
@@ -24,11 +23,6 @@ EVEN_SHARE = 0.1
 """Share of a recording's readings off depth edges that must lie off borders of the albedo, too."""
 USUAL_SHARE = 5e-4
 """Most spikes and losses on a plate that pass for noise; more is for the sensor's file to state."""
-
-BORDER = 0.15
-"""Step of the brightness's logarithm between profiles that is a border of the albedo."""
-BORDER_REACH = 2
-"""Profiles to each side of a border that a line reaches over, as beside depth edges."""
 
 
 def calibrated_noise(
@@ -79,23 +73,6 @@ def calibrated_noise(
         from_reference=True,
     )
     return own, reference.at_pitch(*pitch)
-
-
-def albedo_borders(view: View) -> Mask:
-    """Mark readings within reach of a border between bright and dark, (n, m).
-
-    What a line reads there depends on how wide it is: no place to measure noise.
-    """
-    bright = view.intensity
-    if bright is None:
-        return np.zeros(view.shape, dtype=bool)
-    known = np.isfinite(bright) & (bright > 0)
-    log = np.log(np.where(known, bright, 1.0))
-    step = np.zeros(view.shape, dtype=bool)
-    jump = (np.abs(np.diff(log, axis=0)) > BORDER) & known[1:] & known[:-1]
-    step[1:] |= jump
-    step[:-1] |= jump
-    return np.asarray(binary_dilation(step, np.ones((2 * BORDER_REACH + 1, 1), dtype=bool)))
 
 
 def nominal_sd_mm(nominal: NoiseModel | None, surface: Surface | None, view: View) -> float:

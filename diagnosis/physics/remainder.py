@@ -5,7 +5,7 @@ from collections.abc import Collection
 from diagnosis.components.component import Component
 from diagnosis.components.free_curve import Part
 from diagnosis.evidence.assess import Assessment
-from diagnosis.evidence.cause_search import Member
+from diagnosis.evidence.mean_causes import Member
 from diagnosis.evidence.seen import Seen
 
 

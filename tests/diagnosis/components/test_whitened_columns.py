@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from diagnosis.components.component import components_of, mean_columns, ranges_of
+from diagnosis.components.component import components_of, mean_columns
+from diagnosis.components.covariate_ranges import ranges_of
 from diagnosis.components.whitened_columns import Layout, column_groups, columns_on
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace

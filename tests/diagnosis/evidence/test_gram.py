@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from diagnosis.components.component import components_of, mean_columns, ranges_of
+from diagnosis.components.component import components_of, mean_columns
+from diagnosis.components.covariate_ranges import ranges_of
 from diagnosis.evidence.gram import Block, Gram, grams_of, shared_only, turned, weights_of
 from diagnosis.evidence.seen import seen
 from diagnosis.model.model import Model

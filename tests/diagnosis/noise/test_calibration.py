@@ -9,19 +9,15 @@ from diagnosis.data.plates import Plate
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.calibration import (
     USUAL_SHARE,
-    albedo_borders,
     calibrated_noise,
     nominal_noise,
     nominal_sd_mm,
 )
 from diagnosis.noise.noise_model import calibrate
 from sensors.law import geometric_law
-from sensors.model import SensorModel
 from sensors.noise.uncertainty import sigma_mm
 from sensors.surface.surface import Surface
-from sensors.view.view import View
 from tests.support.effect_case import PITCH_MM, bench_workspace
-from tests.support.small_parts import datasheet, part, poses
 
 
 @pytest.fixture(scope="module")
@@ -68,14 +64,3 @@ def test_the_nominal_noise_is_what_plates_or_the_surface_claim(ws: Workspace) ->
     expected = np.hypot(sigma_mm(view.datasheet), speckle)
     assert nominal_sd_mm(None, rough, view) == pytest.approx(float(expected))
     assert nominal_noise(own, None, rough, view).sd_mm == pytest.approx(float(expected))
-
-
-def test_noise_is_not_measured_at_borders() -> None:
-    view = View(
-        part("domes"), SensorModel(datasheet(100)), poses(60, pitch_mm=0.3), np.arange(60) / 200.0,
-        intensity=np.where(np.arange(60)[:, None] < 30, 0.2, 0.8) * np.ones((60, 100)),
-    )
-    rows = np.flatnonzero(albedo_borders(view).any(axis=1))
-    assert rows.tolist() == list(range(27, 33))
-    dark = View(view.scene, view.sensor, view.poses, view.time_s)
-    assert not albedo_borders(dark).any()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diagnosis.evidence.cause_search import CauseSearch, Member, Scales, World
+from diagnosis.evidence.mean_causes import CauseSearch, Member, Scales, World
 from diagnosis.settings import SETTINGS
 from tests.support.linear_readings import LinearReadings
 

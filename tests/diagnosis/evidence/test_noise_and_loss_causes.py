@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from diagnosis.components.component import Component, components_of
-from diagnosis.evidence.cause_search import Scales
-from diagnosis.evidence.channel import Channel, RateCandidate, RateVariant
 from diagnosis.evidence.glm import Responses
-from diagnosis.evidence.rate_search import RateMember, RateSearch
+from diagnosis.evidence.mean_causes import Scales
+from diagnosis.evidence.noise_and_loss_causes import RateMember, RateSearch
+from diagnosis.evidence.noise_and_loss_channels import Channel, RateCandidate, RateVariant
 from diagnosis.settings import SETTINGS
 
 CELLS, COUNT = 8, 40_000

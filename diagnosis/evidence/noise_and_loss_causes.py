@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp
 
-from diagnosis.evidence.cause_search import Scales
-from diagnosis.evidence.channel import Channel, RateCandidate
 from diagnosis.evidence.glm import Mode, Responses, mode
+from diagnosis.evidence.mean_causes import Scales
+from diagnosis.evidence.noise_and_loss_channels import Channel, RateCandidate
 from diagnosis.settings import SETTINGS
 
 Floats = NDArray[np.float64]

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.components.component import ranges_of
-from diagnosis.evidence.channel import Channel, channel_of
+from diagnosis.components.covariate_ranges import ranges_of
+from diagnosis.evidence.noise_and_loss_channels import Channel, channel_of
 from diagnosis.fields import Field
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
