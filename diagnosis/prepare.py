@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.data.inputs import check_overlap, checked, lateral_mm, tiles, with_brightness
+from diagnosis.data.albedo import with_brightness
+from diagnosis.data.inputs import check_overlap, checked, lateral_mm, tiles
 from diagnosis.data.patch import Patch, in_range
 from diagnosis.data.recorded import Recorded
 from diagnosis.noise.calibration import calibrated_noise

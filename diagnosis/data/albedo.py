@@ -9,8 +9,8 @@ window). A blur and a threshold straighten the border (Merriman, Bence and Osher
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +18,15 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.fft import dctn, idctn, next_fast_len
 
-from diagnosis.data.brightness import by_direction
+from diagnosis.data.brightness import by_direction, surface_brightness
 from diagnosis.fields import Field
+from diagnosis.register.placement import Placement
 from files.yaml_document import dump_yaml
+from sensors.casting.laser import Laser
+from sensors.casting.scene import Scene
+from sensors.datasheet import Datasheet
+from sensors.model import SensorModel
+from sensors.recording import Recording
 from sensors.view.view import View
 
 PICTURE = "reflectance.png"
@@ -110,6 +116,39 @@ def find_albedo(intensities: Sequence[Field], views: Sequence[View]) -> AlbedoPa
         if found is None:
             break
     return found
+
+
+def with_brightness(
+    recordings: Sequence[Recording],
+    placed: Mapping[str, Placement],
+    scene: Scene,
+    datasheet: Datasheet,
+    laser: Mapping[str, Laser],
+) -> tuple[Scene, list[Recording]]:
+    """Return the part with its albedo, and recordings with the surface's part of their brightness.
+
+    Parameters
+    ----------
+    placed, laser : of each recording, by its name
+    """
+    few = sum(r.depth_mm.size for r in recordings) <= MOST_READINGS
+    views, kept = [], []
+    for recording in recordings:
+        if recording.intensity is None:
+            kept.append(recording)
+            continue
+        view = View(
+            scene, SensorModel(datasheet), placed[recording.name].poses, recording.time_s,
+            laser=laser[recording.name],
+        )  # fmt: skip
+        bright = surface_brightness(recording.intensity, view)
+        kept.append(replace(recording, intensity=bright))
+        if few:
+            views.append(view)
+    if len(views) < len(recordings):
+        return scene, kept
+    found = find_albedo([r.intensity for r in recordings if r.intensity is not None], views)
+    return scene.finished(found), kept
 
 
 @njit(cache=True)

@@ -1,18 +1,15 @@
 """What a diagnosis is given: checked, and refused with a reason where it can't be used."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.data.albedo import MOST_READINGS, find_albedo
-from diagnosis.data.brightness import surface_brightness
 from diagnosis.data.patch import Patch, in_range
 from diagnosis.data.plates import Plate, plate_residual
 from diagnosis.fields import Mask
 from diagnosis.noise.noise_model import LAG_PART
 from diagnosis.predict.prediction import law_of
-from diagnosis.register.placement import Placement
 from diagnosis.register.sample import check_meets
 from files.errors import RecipeError
 from sensors.casting.laser import Laser
@@ -192,36 +189,3 @@ def tiles(profiles: int, points: int) -> Mask:
     rows = (np.arange(profiles) * 6 // profiles)[:, None]
     columns = (np.arange(points) * 6 // points)[None]
     return np.asarray((rows + 2 * columns) % 4 == 0)
-
-
-def with_brightness(
-    recordings: Sequence[Recording],
-    placed: Mapping[str, Placement],
-    scene: Scene,
-    datasheet: Datasheet,
-    laser: Mapping[str, Laser],
-) -> tuple[Scene, list[Recording]]:
-    """Return the part with its albedo, and recordings with the surface's part of their brightness.
-
-    Parameters
-    ----------
-    placed, laser : of each recording, by its name
-    """
-    few = sum(r.depth_mm.size for r in recordings) <= MOST_READINGS
-    views, kept = [], []
-    for recording in recordings:
-        if recording.intensity is None:
-            kept.append(recording)
-            continue
-        view = View(
-            scene, SensorModel(datasheet), placed[recording.name].poses, recording.time_s,
-            laser=laser[recording.name],
-        )  # fmt: skip
-        bright = surface_brightness(recording.intensity, view)
-        kept.append(replace(recording, intensity=bright))
-        if few:
-            views.append(view)
-    if len(views) < len(recordings):
-        return scene, kept
-    found = find_albedo([r.intensity for r in recordings if r.intensity is not None], views)
-    return scene.finished(found), kept

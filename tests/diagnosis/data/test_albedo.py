@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.data.albedo import find_albedo
-from diagnosis.data.inputs import with_brightness
+from diagnosis.data.albedo import find_albedo, with_brightness
 from diagnosis.register.placement import Placement
 from files.yaml_document import load_yaml
 from sensors.casting.scene import Scene
