@@ -12,6 +12,8 @@ from diagnosis.discrepancy.good_instrument import informed, kinds_of, mean_facto
 from diagnosis.discrepancy.population import Population
 from diagnosis.evidence.assess import Assessment, assessed_mean, assessed_rates
 from diagnosis.evidence.mean_causes import Member
+from diagnosis.evidence.noise_and_loss_baselines import beside_baselines
+from diagnosis.evidence.noise_and_loss_channels import Channel
 from diagnosis.evidence.reported_causes import Cause, Strange, reported, without_kin
 from diagnosis.evidence.seen import Seen, channels_seen, seen
 from diagnosis.fields import Field
@@ -116,7 +118,8 @@ def explain(
     ws = fitted_part(ready.patches, noise)
     first = seen(ws.patches, noise, Model())
     before = seen(baseline, noise, Model(), like=first) if baseline else None
-    scales = _good(population, first, before, baseline, noise)
+    usual = channels_seen(baseline, noise, Model(), first) if baseline else ()
+    scales = _good(population, first, before, usual)
     state = _State(
         recorded=ready.recorded, patches=ready.patches, placed=ready.placed, model=Model(),
         causes=(), now=first, before=before,
@@ -139,6 +142,8 @@ def explain(
         state = further
     ws = fitted_part(state.patches, noise)
     channels = channels_seen(ws.patches, noise, state.model, first)
+    if usual:
+        channels, scales = beside_baselines(channels, usual, scales)
     named, odd = reported(assessed_rates(channels, scales, withheld=withheld))
     state = _with_rates(state, without_kin(named, state.names), noise, notes, progress)
     return Explanation(
@@ -264,17 +269,17 @@ def disowned(explanation: Explanation, ready: Prepared) -> Explanation:
 
 
 def _good(
-    population: Population,
-    first: Seen,
-    before: Seen | None,
-    baseline: Sequence[Patch],
-    noise: NoiseModel,
+    population: Population, first: Seen, before: Seen | None, usual: Sequence[Channel]
 ) -> dict[str, Field]:
-    """Probability of each component's sizes in this instrument when it is good."""
+    """Probability of each component's sizes in this instrument when it is good.
+
+    Parameters
+    ----------
+    before, usual : the mean and the channels of baselines, where there are some
+    """
     if before is None:
         return population.of_kinds(kinds_of(population, mean_factors(first), good=False))
-    channels = channels_seen(baseline, noise, Model(), first)
-    return informed(population, mean_factors(before), rate_factors(channels))
+    return informed(population, mean_factors(before), rate_factors(usual))
 
 
 def _is_law(cause: Cause) -> bool:

@@ -13,7 +13,7 @@ from scipy.special import logsumexp
 from diagnosis.discrepancy.population import Population
 from diagnosis.evidence.candidates import Candidate
 from diagnosis.evidence.mean_causes import Scales
-from diagnosis.evidence.noise_and_loss_causes import RateSearch
+from diagnosis.evidence.noise_and_loss_causes import in_turn
 from diagnosis.evidence.noise_and_loss_channels import Channel
 from diagnosis.evidence.posterior import Posterior, Term
 from diagnosis.evidence.seen import Seen
@@ -68,16 +68,8 @@ def rate_factors(channels: Sequence[Channel]) -> dict[str, Floats]:
     """Return the same of the scale, the losses and the outliers."""
     out: dict[str, Floats] = {}
     for channel in channels:
-        search = RateSearch(channel, Scales(sizes=SETTINGS.rate_sizes(), weights={}))
-        responses, waiting = channel.responses, list(channel.candidates)
-        while waiting:
-            found = {c.key: search.sizes(responses, c) for c in waiting}
-            best = max(waiting, key=lambda c: float(found[c.key].factors.max()))
-            out |= {key: w.factors for key, w in found.items()}
-            if out[best.key].max() < 1.0:
-                break
-            responses = responses.moved(found[best.key].change)
-            waiting.remove(best)
+        for _, found in in_turn(channel):
+            out |= {key: one.factors for key, one in found.items()}
     return out
 
 

@@ -56,8 +56,7 @@ class Population:
 
         An instrument may be unlike all kinds that were seen. Of each component it then has what
         known kinds have of any that is weighed alike, and so has a kind that was never seen to have
-        it.
-        The share of that is one in K + 1 of K kinds (Laplace's rule of succession).
+        it. The share of that is one in K + 1 of K kinds (Laplace's rule of succession).
         """
         like = self._like(component)
         if like is None:

@@ -1,6 +1,6 @@
 """Search over causes of the scale, the losses and the outliers, weighed by Laplace."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,13 +56,20 @@ class Sized:
     Attributes
     ----------
     factors : (S,)
-    change : (N,) of the predictor at the mode
+    coefficients : (k,) at the mode, of the columns whatever their size
+    change : (N,) of the predictor there
     """
 
     factors: Floats
     variant: int
     size: float
+    coefficients: Floats
     change: Floats
+
+    @property
+    def stands_out(self) -> bool:
+        """Whether some size is more probable than none by a nat."""
+        return bool(self.factors.max() >= 1.0)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -110,10 +117,11 @@ class RateSearch:
         factors, changes = self.factors(responses, candidate)
         v, k = (int(i) for i in np.unravel_index(int(np.argmax(factors)), factors.shape))
         variant = candidate.variants[v]
-        change = variant.columns @ changes[v * factors.shape[1] + k]
+        coefficients = changes[v * factors.shape[1] + k] / variant.size
         return Sized(
             factors=np.asarray(logsumexp(factors - np.log(len(factors)), axis=0)), variant=v,
-            size=float(SETTINGS.rate_sizes()[k]), change=change[variant.owner],
+            size=float(SETTINGS.rate_sizes()[k]), coefficients=coefficients,
+            change=variant.change(coefficients),
         )  # fmt: skip
 
     def weigh(
@@ -164,3 +172,27 @@ class RateSearch:
             ))  # fmt: skip
             responses = responses.moved(w.change)
         return found
+
+
+def in_turn(channel: Channel) -> Iterator[tuple[Responses, dict[str, Sized]]]:
+    """Weigh all candidates; take the likeliest as given, and weigh all again while one stands out.
+
+    Yields
+    ------
+    the responses so far, and each candidate by its key; the last beside all that stands out
+    """
+    search = RateSearch(channel, Scales(sizes=SETTINGS.rate_sizes(), weights={}))
+    responses, waiting = channel.responses, {c.key: c for c in channel.candidates}
+    while waiting:
+        found = {key: search.sizes(responses, c) for key, c in waiting.items()}
+        yield responses, found
+        best = likeliest(found)
+        if not found[best].stands_out:
+            break
+        responses = responses.moved(found[best].change)
+        del waiting[best]
+
+
+def likeliest(found: Mapping[str, Sized]) -> str:
+    """Return the key of the candidate that explains most."""
+    return max(found, key=lambda key: float(found[key].factors.max()))

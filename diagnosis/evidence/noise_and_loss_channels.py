@@ -42,13 +42,19 @@ class RateVariant:
     ----------
     owner, count : cell of each reading, and how many cells there are
     level : (count, j) columns of the level
-    columns : (count, k) of the component
+    columns : (count, k) of the component, of unit rms together
+    size : rms before
     """
 
     owner: Owners
     count: int
     level: Floats
     columns: Floats
+    size: float = 1.0
+
+    def change(self, coefficients: Floats) -> Floats:
+        """Change of the predictor (N,) by coefficients (k,) of the columns of any size."""
+        return np.asarray((self.columns @ (self.size * coefficients))[self.owner])
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -240,7 +246,9 @@ def _smooth(
         for j in range(len(made[0]))
     ], axis=1)
     size = np.sqrt((number[:, None] * np.square(columns)).sum() / number.sum())
-    return _in_cells(owner, count, edge, columns / size) if size > 0 else None
+    if size == 0:
+        return None
+    return replace(_in_cells(owner, count, edge, columns / size), size=float(size))
 
 
 def _in_cells(

@@ -36,7 +36,10 @@ class IncidenceNoise(Effect):
     channels: ClassVar = ("variance",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "incidence"
-    relaxed: ClassVar = (Relaxed(channel="scale", along=("incidence",)),)
+    relaxed: ClassVar = (
+        Relaxed(channel="scale", along=("incidence",)),
+        Relaxed(channel="scale", along=("slope_y",)),
+    )
     rivals: ClassVar = ("roughness_level",)
     separating: ClassVar = "scan a flat plate of this material at several tilts"
 
