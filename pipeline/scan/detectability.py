@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import find_objects
 
 from sensors.law import Law, smoothed
@@ -124,9 +125,16 @@ def noise_power(sent: Floats, correlation: Floats | None) -> float:
     """Variance of a sum of unit noise with these weights; of white noise without correlation."""
     if correlation is None:
         return float(np.sum(sent**2))
-    from scipy.signal import oaconvolve  # loads a second of scipy
-
-    return float(np.sum(sent * oaconvolve(sent, correlation, mode="same")))
+    # Σ ρ(lag) times the weights' own sum of products at that lag; lags beyond the weights don't count
+    centre = [(lags - 1) // 2 for lags in correlation.shape]
+    reach = [min(c, size - 1) for c, size in zip(centre, sent.shape, strict=True)]
+    near = correlation[tuple(slice(c - r, c + r + 1) for c, r in zip(centre, reach, strict=True))]
+    shape = [
+        next_fast_len(size + r, real=True) for size, r in zip(sent.shape, reach, strict=True)
+    ]
+    products = irfft2(np.square(np.abs(rfft2(sent, shape))), shape)
+    lags = np.ix_(*(np.arange(-r, r + 1) for r in reach))
+    return float(np.sum(near * products[lags]))
 
 
 def evidence_of(

@@ -166,8 +166,9 @@ class PerlinField:
             gain_x = _even(x, cell_x_mm > self.cell_x_mm / 2**m)
             gain_y = scale * gain * _even(y, cell_y_mm > self.cell_y_mm / 2**m)
             fade_x, fade_y = smoothstep(x), smoothstep(y)
+            first, last = column.min(axis=1).tolist(), column.max(axis=1).tolist()
             for k in range(count):
-                columns, left = _control_points(column[k])
+                columns, left = _control_points(column[k], first[k], last[k])
                 _add_octave(
                     out[k], gain_x[k], gain_y[k], keys[k, m], columns, left,
                     x[k], fade_x[k], row[k], y[k], fade_y[k],
@@ -190,9 +191,10 @@ def _lattice(cells: Floats) -> tuple[NDArray[np.int64], Floats]:
     return below.astype(np.int64), cells - below
 
 
-def _control_points(column: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _control_points(
+    column: NDArray[np.int64], first: int, last: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """List the columns of control points on both sides of each place, and each place's left one."""
-    first, last = int(column.min()), int(column.max())
     if last - first < 2 * column.size:
         return np.arange(first, last + 2), column - first
     columns = np.unique(np.concatenate((column, column + 1)))
