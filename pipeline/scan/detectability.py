@@ -125,7 +125,7 @@ def noise_power(sent: Floats, correlation: Floats | None) -> float:
     """Variance of a sum of unit noise with these weights; of white noise without correlation."""
     if correlation is None:
         return float(np.sum(sent**2))
-    # Σ ρ(lag) times the weights' own sum of products at that lag; lags beyond the weights don't count
+    # Σ ρ(lag) times the sum of products of the weights at that lag, which ends at their size
     centre = [(lags - 1) // 2 for lags in correlation.shape]
     reach = [min(c, size - 1) for c, size in zip(centre, sent.shape, strict=True)]
     near = correlation[tuple(slice(c - r, c + r + 1) for c, r in zip(centre, reach, strict=True))]

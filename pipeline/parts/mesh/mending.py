@@ -4,12 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 Vertices = NDArray[np.float64]
 Faces = NDArray[np.int64]
+
+
+def _connected(
+    one: NDArray[np.int64], other: NDArray[np.int64], count: int
+) -> NDArray[np.int32]:
+    """Return the number of the connected component of each of `count` nodes, of these links."""
+    from scipy.sparse import coo_array  # slow to load, and built-in parts need no mending
+    from scipy.sparse.csgraph import connected_components
+
+    links = coo_array((np.ones(len(one)), (one, other)), shape=(count, count))
+    components: NDArray[np.int32] = connected_components(links, directed=False)[1]
+    return components
 
 
 def halfedges(faces: Faces) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -48,8 +58,7 @@ def weld_close(
     pairs = cKDTree(vertices[rim]).query_pairs(tolerance_mm, output_type="ndarray")
     if not len(pairs):
         return vertices, faces, 0
-    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(rim),) * 2)
-    _, group = connected_components(links, directed=False)
+    group = _connected(pairs[:, 0], pairs[:, 1], len(rim))
     _, first = np.unique(group, return_index=True)
     target = np.arange(len(vertices))
     target[rim] = rim[first[group]]
@@ -173,8 +182,7 @@ def part_edges(vertices: Vertices, faces: Faces) -> tuple[Vertices, Faces, int, 
     against = directed[pair[:, 0], 0] != directed[pair[:, 1], 0]
     other = np.where(against[:, None], ends[:, 1, ::-1], ends[:, 1])
     rows, columns = ends[:, 0].ravel(), other.ravel()
-    links = coo_array((np.ones(len(rows)), (rows, columns)), shape=(faces.size, faces.size))
-    _, own = connected_components(links, directed=False)
+    own = _connected(rows, columns, faces.size)
     _, first, names = np.unique(own, return_index=True, return_inverse=True)
     return vertices[faces.ravel()[first]], names.reshape(-1, 3), len(busy), left
 
@@ -210,8 +218,7 @@ def bodies(faces: Faces) -> NDArray[np.int64]:
     _, edge = halfedges(faces)
     order = np.argsort(edge, kind="stable")
     pair = order[np.bincount(edge)[edge[order]] == 2].reshape(-1, 2) // 3
-    links = coo_array((np.ones(len(pair)), (pair[:, 0], pair[:, 1])), shape=(len(faces),) * 2)
-    _, body = connected_components(links, directed=False)
+    body = _connected(pair[:, 0], pair[:, 1], len(faces))
     return np.asarray(body, dtype=np.int64)
 
 
@@ -233,8 +240,7 @@ def wind_alike(faces: Faces) -> tuple[Faces, int, int]:
     # Two nodes a face, as it stands and turned; links join the states that agree.
     rows = np.concatenate([f, f + n])
     columns = np.concatenate([np.where(against, g + n, g), np.where(against, g, g + n)])
-    links = coo_array((np.ones(len(rows)), (rows, columns)), shape=(2 * n, 2 * n))
-    _, state = connected_components(links, directed=False)
+    state = _connected(rows, columns, 2 * n)
     one_sided = state[:n] == state[n:]
     body = bodies(faces)
     low = np.minimum(state[:n], state[n:])
