@@ -145,10 +145,11 @@ class ShardWriter:
     def add(self, scan_id: str, scan: Scan) -> str:
         """Append a scan and return the SHA-256 of its arrays."""
         reading = self._reading
+        codes = {"depth": reading, "depth_ideal": self._fine, "depth_clean": self._fine}
         arrays: dict[str, NDArray[Any]] = {
-            "depth": reading.encode(scan.depth_mm) if reading else scan.depth_mm.astype(np.float32),
-            "depth_ideal": self._fine.encode(scan.depth_ideal_mm),
-            "depth_clean": self._fine.encode(scan.depth_clean_mm),
+            "depth": scan.depth_mm,
+            "depth_ideal": scan.depth_ideal_mm,
+            "depth_clean": scan.depth_clean_mm,
             "mask": scan.mask,
             "mask_visible": scan.mask_visible,
             "invalid_reason": scan.invalid_reason,
@@ -167,7 +168,10 @@ class ShardWriter:
         for name in CHECKED:
             if name in arrays:
                 dataset = self._file[name]
-                values = np.ascontiguousarray(arrays[name], dtype=dataset.dtype)
+                values, code = arrays[name], codes.get(name)
+                if code is not None:
+                    values = code.encode(values)  # one at a time: memory
+                values = np.ascontiguousarray(values, dtype=dataset.dtype)
                 self._write(dataset, values)
                 # now, not when the last reference goes: a debugger or Dask's profiler may hold one
                 dataset.flush()

@@ -61,6 +61,7 @@ class MatchedFilter:
     """
 
     def __init__(self, law: Law, view: View, reading_mm: Floats, clean_mm: Floats) -> None:
+        self._reading_mm, self._clean_mm = reading_mm, clean_mm
         speckle_mean, speckle_sd = law.speckle_moments_mm(view)
         self._offset_mm = np.broadcast_to(speckle_mean * np.asarray(law.speckle_gain), law.shape)
         self._speckle_mm = np.broadcast_to(speckle_sd * np.asarray(law.speckle_gain), law.shape)
@@ -80,10 +81,11 @@ class MatchedFilter:
             )
             if self._smoothing is not None:
                 self._kernel = smoothed(self._kernel, self._smoothing)
-        self._off_mm = reading_mm - clean_mm
         # Laplace's rule of succession for a loss where geometry sees the point
         seen = law.reason == Reason.VALID
-        lost = int(np.count_nonzero(seen & np.isnan(reading_mm)))
+        missing = np.isnan(reading_mm)
+        missing &= seen
+        lost = int(np.count_nonzero(missing))
         self._loss_nats = -math.log((lost + 1) / (int(np.count_nonzero(seen)) + 2))
 
     def weigh(
@@ -100,7 +102,7 @@ class MatchedFilter:
         gone
             Points where one part returns and the other doesn't.
         """
-        off = self._off_mm[box]
+        off = self._reading_mm[box] - self._clean_mm[box]
         used = np.isfinite(deviation_mm) & np.isfinite(off)
         deviation = np.where(used, deviation_mm, 0.0)
         white, speckle = self._white_mm2[box], self._speckle_mm[box]
@@ -140,13 +142,17 @@ def noise_power(sent: Floats, correlation: Floats | None) -> float:
 def evidence_of(
     flaws: int,
     instance: NDArray[np.uint16],
-    gone: NDArray[np.bool_],
+    hidden: NDArray[np.bool_],
     law: Law,
     view: View,
     reading_mm: Floats,
     clean_mm: Floats,
 ) -> tuple[Evidence | None, ...]:
-    """Return the evidence of each flaw; None for flaws that the scan does not show, and for 0."""
+    """Return the evidence of each flaw; None for flaws that the scan does not show, and for 0.
+
+    `hidden` are points that a flaw hides from the camera; they are gone as those where only one of
+    the two parts returns.
+    """
     boxes = find_objects(instance, max_label=flaws)
     found: list[Evidence | None] = [None]
     matched: MatchedFilter | None = None
@@ -156,9 +162,11 @@ def evidence_of(
             continue
         matched = matched or MatchedFilter(law, view, reading_mm, clean_mm)
         mine = instance[box] == number
-        deviation = np.where(mine, view.depth_mm[box] - clean_mm[box], np.nan)
+        flawed, clean = view.depth_mm[box], clean_mm[box]
+        gone = (np.isnan(flawed) != np.isnan(clean)) | hidden[box]
+        deviation = np.where(mine, flawed - clean, np.nan)
         both = np.abs(deviation[np.isfinite(deviation)])
-        snr, response = matched.weigh(box, deviation, int(np.count_nonzero(mine & gone[box])))
+        snr, response = matched.weigh(box, deviation, int(np.count_nonzero(mine & gone)))
         found.append(
             Evidence(
                 snr=snr,

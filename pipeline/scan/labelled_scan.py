@@ -1,6 +1,6 @@
 """A labelled scan: the reading, its noise-free twins with and without flaws, and exact labels."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -139,6 +139,7 @@ def take_scan(
         clean_scene, sensor, view.poses, view.time_s, laser=view.laser, reflectance=reflectance
     )
     depth, reason = law.sample(rng_of, view)
+    law = replace(law, mean_mm=np.broadcast_to(np.nan, law.shape))  # its memory is needed
     instance, moved = faces_hit(
         view.triangle, flawed.instance, view.depth_mm, clean.depth_mm, SAME_MM
     )
@@ -146,22 +147,22 @@ def take_scan(
         rows, columns = np.divmod(moved, instance.shape[1])
         instance[rows, columns] = flawed.removed_at(_points(clean, rows, columns))
     _name_flaw_shadows(reason, view, clean, flawed)
+    clean_mm = clean.depth_mm
+    del clean  # its triangles' memory is needed
     noise = law.sd_mm(view)
     mask, mask_visible = stand_out(
-        instance, flawed.classes, depth, view.depth_mm, clean.depth_mm, noise, visible_at
+        instance, flawed.classes, depth, view.depth_mm, clean_mm, noise, visible_at
     )
-    gone = np.isnan(view.depth_mm) != np.isnan(clean.depth_mm)
     evidence = evidence_of(
-        len(flawed.flaws), instance, gone | (reason == HIDDEN_BY_FLAW), law, view, depth,
-        clean.depth_mm,
-    )  # fmt: skip
+        len(flawed.flaws), instance, reason == HIDDEN_BY_FLAW, law, view, depth, clean_mm
+    )
     intensity = None if brightness is None else brightness.levels(view, np.isfinite(depth))
     if intensity is not None and any(isinstance(e, RowRepeat) for e in sensor.effects):
         intensity = brightness_delivered(intensity, depth)
     return Scan(
         depth_mm=depth,
         depth_ideal_mm=view.depth_mm,
-        depth_clean_mm=clean.depth_mm,
+        depth_clean_mm=clean_mm,
         mask=mask,
         mask_visible=mask_visible,
         instance=instance,

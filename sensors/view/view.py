@@ -140,10 +140,10 @@ class View:
     @cached_property
     def depth_mm(self) -> Floats:
         """Sensor z of the hit, (n, m) mm; NaN without a hit or outside the working range."""
-        inside = self.in_range
-        if inside.all():
-            return np.asarray(self.hits.depth_mm)
-        return np.where(inside, self.hits.depth_mm, np.nan)
+        inside, depth_mm = self.in_range, self.hits.depth_mm
+        if np.count_nonzero(inside) == inside.size - np.count_nonzero(np.isnan(depth_mm)):
+            return np.asarray(depth_mm)  # no hit is beyond: not copied, for the memory's sake
+        return np.where(inside, depth_mm, np.nan)
 
     @cached_property
     def reason(self) -> NDArray[np.uint8]:
