@@ -12,7 +12,7 @@ import uuid
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import h5py
 import numpy as np
@@ -22,9 +22,10 @@ from files.hdf5_output import Output
 from files.whole_file import sync
 from pipeline.dataset.chunks import deflated
 from pipeline.dataset.compression import NEEDS, Compression, filters, opened, reader_needs
-from pipeline.scan.labelled_scan import CLASS_NAMES, REASON_NAMES, Scan
-from pipeline.scan.labels import counts_of
-from sensors.datasheet import Datasheet
+
+if TYPE_CHECKING:
+    from pipeline.scan.labelled_scan import Scan
+    from sensors.datasheet import Datasheet
 
 FORMAT, VERSION = "flawforge-shard", 1
 FINE_MM = 1e-4  # ideal and clean depths: counts of 0.1 µm
@@ -61,6 +62,8 @@ class DepthCode:
 
     def encode(self, depth_mm: NDArray[np.float64]) -> NDArray[np.unsignedinteger[Any]]:
         """Turn depths in mm (NaN = missing) into counts."""
+        from pipeline.scan.labels import counts_of
+
         counts = np.empty(depth_mm.shape, dtype=self.dtype)
         counts_of(depth_mm, self.scale_mm, self.first, self.missing, counts)
         return counts
@@ -76,13 +79,16 @@ class ShardWriter:
         self,
         path: Path,
         *,
-        datasheet: Datasheet,
+        datasheet: "Datasheet",
         shape: tuple[int, int, int],
         attributes: Mapping[str, Any],
         with_points: bool = False,
         with_intensity: bool = False,
         compression: Compression = "deflate",
     ) -> None:
+        # what simulates is loaded here: who reads a shard does without
+        from pipeline.scan.labelled_scan import CLASS_NAMES, REASON_NAMES
+
         self.path = path
         self._aside = path.with_name(f".{path.name}.{uuid.uuid4().hex}.part")
         self._count = 0
@@ -142,7 +148,7 @@ class ShardWriter:
             attributes["offset_mm"] = code.offset_mm
             attributes["missing"] = code.missing
 
-    def add(self, scan_id: str, scan: Scan) -> str:
+    def add(self, scan_id: str, scan: "Scan") -> str:
         """Append a scan and return the SHA-256 of its arrays."""
         reading = self._reading
         codes = {"depth": reading, "depth_ideal": self._fine, "depth_clean": self._fine}
@@ -236,6 +242,13 @@ def read_scan(path: Path, row: int) -> dict[str, Any]:
                 values = np.where(missing, np.nan, offset + values.astype(np.float64) * scale)
             found[name] = values.decode() if isinstance(values, bytes) else values
         return found
+
+
+def reason_names(path: Path) -> dict[int, str]:
+    """Return the names of the reasons of missing readings, by number, as a shard states them."""
+    with h5py.File(path, "r") as file:
+        named: dict[str, str] = json.loads(str(file.attrs["invalid_reasons"]))
+    return {int(number): name for number, name in named.items()}
 
 
 def scan_checksums(path: Path) -> dict[str, str]:

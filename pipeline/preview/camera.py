@@ -5,12 +5,13 @@ no perspective.
 """
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.casting.scene import Scene
+if TYPE_CHECKING:
+    from sensors.casting.scene import Scene
 
 Floats = NDArray[np.float64]
 
@@ -101,7 +102,7 @@ class Camera:
 
 
 def render(
-    scene: Scene,
+    scene: "Scene",
     camera: Camera,
     colours: Floats,
     *,
@@ -162,7 +163,7 @@ def light(normal: Floats) -> Floats:
 
 
 def smooth_normals(
-    scene: Scene,
+    scene: "Scene",
     points_mm: Floats,
     triangle: NDArray[np.int32],
     groups: NDArray[Any] | None = None,

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from files.errors import RecipeError
 from files.whole_file import whole
-from pipeline.dataset.shards import read_scan
+from pipeline.dataset.shards import read_scan, reason_names
 from pipeline.dataset.tables import read_table
-from pipeline.dataset.verify import read_dataset
 from pipeline.preview.annotation import COLOURS, colour_of, spread
 from pipeline.preview.chart import LONGEST_PX, Chart
 from pipeline.preview.cloud import DEPTH_MAP, draw_cloud
@@ -77,7 +76,8 @@ def scan_figure(folder: str | Path, scan_id: str | None = None) -> "Figure":
         some = ", ".join(names[:5] + ["..."] * (len(names) > 5))
         raise RecipeError("no such scan", where=folder, value=scan_id, allowed=some)
     row = found.iloc[0]
-    scan = read_scan(Path(folder) / str(row["shard"]), int(row["row"]))
+    shard = Path(folder) / str(row["shard"])
+    scan = read_scan(shard, int(row["row"]))
     own = flaws[flaws["scan_id"] == scan_id]
     chart = Chart.of(scan)
     stacked = chart.width_mm > WIDE * chart.height_mm
@@ -95,7 +95,7 @@ def scan_figure(folder: str | Path, scan_id: str | None = None) -> "Figure":
     depth_axes, label_axes = (figure.add_axes(box) for box in boxes)
     cut_axes, cloud_axes = (figure.add_axes(box) for box in below)
     kinds = {int(flaw["instance"]): str(flaw["kind"]) for _, flaw in own.iterrows()}
-    limits = _depth_image(figure, depth_axes, chart, scan)
+    limits = _depth_image(figure, depth_axes, chart, scan, reason_names(shard))
     _label_image(label_axes, chart, scan, kinds)
     draw_cut(cut_axes, chart, scan, kinds)
     draw_cloud(cloud_axes, scan, kinds, limits)
@@ -116,6 +116,8 @@ def _tables(folder: Path) -> tuple["pd.DataFrame", "pd.DataFrame"]:
     paths = [folder / f"{name}.parquet" for name in ("manifest", "flaws")]
     for path in paths:
         if not path.is_file():
+            from pipeline.dataset.verify import read_dataset
+
             read_dataset(folder)  # says it where the dataset isn't finished
             raise RecipeError(f"no dataset here ({path.name} is missing)", where=folder)
     return read_table(paths[0]), read_table(paths[1])
@@ -130,16 +132,15 @@ def _facts(row: "pd.Series[Any]", scan: Mapping[str, Any]) -> str:
 
 
 def _depth_image(
-    figure: "Figure", axes: "Axes", chart: Chart, scan: Mapping[str, Any]
-) -> tuple[float, float]:
+    figure: "Figure", axes: "Axes", chart: Chart, scan: Mapping[str, Any],
+    reasons: Mapping[int, str],
+) -> tuple[float, float]:  # fmt: skip
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
-    from pipeline.scan.labelled_scan import REASON_NAMES
-
     depth = chart.image(scan["depth"])
     reason = chart.image(scan["invalid_reason"])
-    named = {number: name for number, name in REASON_NAMES.items() if number > 0}
+    named = {number: name for number, name in reasons.items() if number > 0}
     shades = ListedColormap(["#FFFFFF", *(REASONS.get(n, "#CCCCCC") for n in named.values())])
     backdrop = chart.backdrop
     axes.imshow(reason, cmap=shades, vmin=-0.5, vmax=len(named) + 0.5, **backdrop)
