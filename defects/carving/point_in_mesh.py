@@ -16,7 +16,7 @@ _AXES = np.linalg.qr(
 """The ray's direction is the last row: one that no drawing uses, so that rays miss edges."""
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _side(px: float, py: float, plane: Floats, a: int, b: int) -> bool:
     """Return on which side of the edge a-b the point is.
 
@@ -30,7 +30,7 @@ def _side(px: float, py: float, plane: Floats, a: int, b: int) -> bool:
     return bool((turn >= 0.0) == (a < b))
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def face_bins(plane: Floats, faces: Ints, low: Floats, cell: float, nx: int, ny: int) -> tuple[
     Ints, Ints
 ]:
@@ -62,7 +62,7 @@ def face_bins(plane: Floats, faces: Ints, low: Floats, cell: float, nx: int, ny:
     return start, members
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _contains(
     points: Floats,
     plane: Floats,
@@ -102,7 +102,7 @@ def _contains(
     return inside
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def in_boxes(points_mm: Floats, boxes_mm: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """List which points lie in which boxes, in one pass over the points.
 

@@ -186,7 +186,7 @@ def _frame(cross: Floats) -> Floats:
     return np.stack([side, np.cross(up, side), up])
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _between(one: Floats, other: Floats, x: float, y: float, z: float) -> bool:
     """Return whether two triangles lie apart along a direction."""
     size = np.sqrt(x * x + y * y + z * z)
@@ -199,7 +199,7 @@ def _between(one: Floats, other: Floats, x: float, y: float, z: float) -> bool:
     return bool(max(low - most, least - high) > FLAT * size)
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _across(
     one: Floats, a: int, b: int, other: Floats, c: int, d: int
 ) -> tuple[float, float, float]:
@@ -209,7 +209,7 @@ def _across(
     return y * w - z * v, z * u - x * w, x * v - y * u
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _apart(one: Floats, other: Floats) -> bool:
     """Return whether a plane parallel to a face, or to an edge of each, parts two triangles."""
     i, j, k = int(np.int64(0)), int(np.int64(1)), int(np.int64(2))  # no literals: compiled once
@@ -227,7 +227,7 @@ def _apart(one: Floats, other: Floats) -> bool:
     return False
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _any_meet(
     others: Floats,
     places: Floats,

@@ -179,7 +179,7 @@ def filled(positions: Floats, beyond: int = 0) -> Floats:
     return found
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _own_errors(
     places: Floats, block: int, tolerance_mm: float, rings: bool, held: Bools, error: Floats
 ) -> None:
@@ -201,7 +201,7 @@ def _own_errors(
             error[i, j] = _own_error(places, i, j, down, right, tolerance_mm, rings)
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _hand_up(error: Floats, block: int, rings: bool) -> None:
     """Give each point (n, m) the greatest error of those that it leads to."""
     n, m = error.shape
@@ -225,7 +225,7 @@ def _hand_up(error: Floats, block: int, rings: bool) -> None:
         half = side
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _own_error(
     places: Floats, i: int, j: int, down: int, right: int, tolerance_mm: float, rings: bool
 ) -> float:

@@ -33,20 +33,20 @@ class Skin(NamedTuple):
     node: Ints
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _dot(a: Floats, b: Floats) -> float:
     """Return the scalar product of two vectors (3,)."""
     return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _copy(vector: Floats, out: Floats) -> None:
     """Copy a vector (3,): a slice's assignment would take a second to compile."""
     for c in range(3):
         out[c] = vector[c]
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _scale(vector: Floats) -> None:
     """Give a vector (3,) length 1; 0 stays."""
     length = np.sqrt(_dot(vector, vector))
@@ -54,7 +54,7 @@ def _scale(vector: Floats) -> None:
         vector[c] = vector[c] / length if length > 0.0 else vector[c]
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def blend_normals(
     vertices: Floats, faces: Ints, unit: Floats, area: Floats, start: Ints, corner: Ints
 ) -> Floats:
@@ -90,7 +90,7 @@ def blend_normals(
     return blended
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _smooth_normal(corner_normals: Floats, f: int, weight: Floats, out: Floats) -> None:
     """Write the unit normal (3,) that the corners' normals (F, 3, 3) blend to at weights (3,)."""
     for c in range(3):
@@ -102,7 +102,7 @@ def _smooth_normal(corner_normals: Floats, f: int, weight: Floats, out: Floats) 
     _scale(out)  # 0 on a face without area
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _place(vertices: Floats, faces: Ints, f: int, weight: Floats, out: Floats) -> None:
     """Write the point (3,) of a face at weights (3,)."""
     for c in range(3):
@@ -113,7 +113,7 @@ def _place(vertices: Floats, faces: Ints, f: int, weight: Floats, out: Floats) -
         )
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def drop(points: Floats, skin: Skin) -> tuple[Floats, Floats, Ints]:
     """Return the nearest points on the mesh (k, 3), their smooth normals and their faces."""
     vertices, faces, corner_normals, order, box, node = skin
@@ -130,7 +130,7 @@ def drop(points: Floats, skin: Skin) -> tuple[Floats, Floats, Ints]:
     return onto, normals, triangles
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def walk(
     start: Floats,
     start_normal: Floats,
@@ -188,7 +188,7 @@ def walk(
     return points, normals, directions, triangles, complete
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _turn(way: Floats, about: Floats, angle_rad: float) -> None:
     """Turn a vector (3,) to the left about a unit vector across it."""
     x, y, z = way[0], way[1], way[2]

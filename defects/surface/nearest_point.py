@@ -8,7 +8,7 @@ LEAF = 4
 """Largest number of triangles in a leaf of the tree."""
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _select(order: NDArray[np.int32], key: NDArray[np.float64], lo: int, hi: int, k: int) -> None:
     """Partly sort `order[lo:hi]` by `key` so that position `k` holds what it would in order."""
     hi -= 1
@@ -32,7 +32,7 @@ def _select(order: NDArray[np.int32], key: NDArray[np.float64], lo: int, hi: int
             return
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def build_tree(
     vertices: NDArray[np.float64], faces: NDArray[np.int32]
 ) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.int32]]:
@@ -102,7 +102,7 @@ def build_tree(
     return order, box[:used].copy(), node[:used].copy()
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def on_triangle(
     p: NDArray[np.float64],
     vertices: NDArray[np.float64],
@@ -154,7 +154,7 @@ def on_triangle(
     return float(gx * gx + gy * gy + gz * gz)
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _box_gap(p: NDArray[np.float64], box: NDArray[np.float64], at: int) -> float:
     total = 0.0
     for c in range(3):
@@ -163,7 +163,7 @@ def _box_gap(p: NDArray[np.float64], box: NDArray[np.float64], at: int) -> float
     return total
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def nearest(
     p: NDArray[np.float64],
     hint: int,

@@ -11,7 +11,7 @@ Counts = NDArray[np.int64]
 Labels = tuple[NDArray[np.uint8], NDArray[np.uint8]]
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def faces_hit(
     triangle: NDArray[np.int32],
     instance_of_face: NDArray[np.uint16],
@@ -88,7 +88,7 @@ def stand_out(
     return mask, visible
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def cross_boxes(from_mm: Floats, to_mm: Floats, boxes_mm: Floats) -> NDArray[np.bool_]:
     """Return which straight lines between points (k, 3) meet any of the boxes (b, 2, 3)."""
     out = np.zeros(len(from_mm), dtype=np.bool_)
@@ -178,7 +178,7 @@ def tally(
     )
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _count(
     instance: NDArray[np.uint16],
     mask_visible: NDArray[np.uint8],
@@ -216,7 +216,7 @@ def _count(
     return valid, total
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def counts_of(
     depth_mm: Floats, scale_mm: float, first: int, missing: int, out: NDArray[np.unsignedinteger]
 ) -> None:

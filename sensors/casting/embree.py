@@ -205,7 +205,7 @@ def _triangles_at_vertices(faces: Ints, count: int) -> tuple[NDArray[np.int64], 
     return start, (order // 3).astype(np.int32)
 
 
-@njit(cache=True, no_cfunc_wrapper=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _enter(
     rays: Rays, limits: Limits, low: Floats, high: Floats
 ) -> tuple[Floats, Floats, Floats, NDArray[np.int64]]:
@@ -251,7 +251,7 @@ def _single_precision(
     return where.astype(np.float32), way.astype(np.float32)
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _holds(values: Ints, size: int, wanted: int) -> bool:
     """Whether `wanted` is among the first `size` values."""
     i = 0
@@ -260,7 +260,7 @@ def _holds(values: Ints, size: int, wanted: int) -> bool:
     return i < size
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _judge(  # noqa: C901 - one compiled loop
     skin: Skin, rays: Rays, limits: Limits, search: Search,
     live: NDArray[np.int64], candidate: Ints, ahead: Floats, margin_mm: float, step_mm: float,
@@ -337,7 +337,7 @@ def _judge(  # noqa: C901 - one compiled loop
     return on[:count].copy()
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _try_all(
     skin: Skin, rays: Rays, limits: Limits, search: Search, live: NDArray[np.int64]
 ) -> None:

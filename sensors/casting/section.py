@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 
-@njit(cache=True, no_cfunc_wrapper=True, inline="always")
+@njit(cache=True, inline="always")
 def turn(frame: Floats, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Return the components of (x, y, z) along the rows of `frame` (3, 3)."""
     return (
@@ -31,7 +31,7 @@ def turn(frame: Floats, x: float, y: float, z: float) -> tuple[float, float, flo
     )
 
 
-@njit(cache=True, no_cfunc_wrapper=True, inline="always")
+@njit(cache=True, inline="always")
 def edge_slopes(
     x0: float, y0: float, z0: float, x1: float, y1: float, z1: float
 ) -> tuple[float, float]:
@@ -43,7 +43,7 @@ def edge_slopes(
     )
 
 
-@njit(cache=True, no_cfunc_wrapper=True, inline="always")
+@njit(cache=True, inline="always")
 def edge_point(
     x0: float, y0: float, z0: float, x1: float, y1: float, z1: float, y: float
 ) -> tuple[float, float]:
@@ -52,7 +52,7 @@ def edge_point(
     return x0 + (y - y0) * slope_x, z0 + (y - y0) * slope_z
 
 
-@njit(cache=True, no_cfunc_wrapper=True, inline="always")
+@njit(cache=True, inline="always")
 def segment(
     ax: float, ay: float, az: float,
     bx: float, by: float, bz: float,
@@ -86,7 +86,7 @@ def segment(
     return True, x0, z0, x1, z1
 
 
-@njit(cache=True, no_cfunc_wrapper=True, inline="always")
+@njit(cache=True, inline="always")
 def clipped(
     x0: float, z0: float, x1: float, z1: float
 ) -> tuple[bool, float, float, float, float]:
@@ -100,7 +100,7 @@ def clipped(
     return True, x0, z0, x1, z1
 
 
-@njit(cache=True, no_cfunc_wrapper=True, inline="always", error_model="numpy")
+@njit(cache=True, inline="always", error_model="numpy")
 def depth_on(
     x0: float, z0: float, dx: float, dz: float, low: float, high: float, x: float, slope: float
 ) -> float:
@@ -113,7 +113,7 @@ def depth_on(
     return depth if depth < high else high
 
 
-@njit(cache=True, no_cfunc_wrapper=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def ray_depth(
     vertices: Floats, faces: Ints, triangle: int,
     frame: Floats, origin: Floats, place: Floats, x: float, slope: float, outside: bool,
@@ -162,7 +162,7 @@ def ray_depth(
     return depth if depth > 0.0 else math.inf
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def passes_near(
     vertices: Floats, faces: Ints, triangle: int,
     frame: Floats, origin: Floats, place: Floats, x: float, slope: float, margin_mm: float,

@@ -159,7 +159,7 @@ def _lookup(values: Floats) -> tuple[Ints, float, float]:
     return np.searchsorted(values, edges).astype(np.int32), float(values[0]), scale
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def turned(vertices: Floats, frame: Floats) -> tuple[Floats, Floats, Floats]:
     """Vertices in the leg's axes, in the order of operations of `section.turn`."""
     count = len(vertices)
@@ -172,7 +172,7 @@ def turned(vertices: Floats, frame: Floats) -> tuple[Floats, Floats, Floats]:
     return x, y, z
 
 
-@njit(cache=True, no_cfunc_wrapper=True, inline="always")
+@njit(cache=True, inline="always")
 def _guess(table: Ints, origin: float, scale: float, value: float) -> int:
     """Return about how many entries lie below `value`."""
     cell = (value - origin) * scale
@@ -182,7 +182,7 @@ def _guess(table: Ints, origin: float, scale: float, value: float) -> int:
     return int(table[np.uint64(cell)]) if cell < last else int(table[last])
 
 
-@njit(cache=True, no_cfunc_wrapper=True, inline="always")
+@njit(cache=True, inline="always")
 def _not_above(values: Floats, table: Ints, origin: float, scale: float, value: float) -> int:
     """How many of the sorted `values` aren't above a value."""
     n = len(values)
@@ -195,7 +195,7 @@ def _not_above(values: Floats, table: Ints, origin: float, scale: float, value: 
     return i
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _runs(
     x: Floats, y: Floats, z: Floats, faces: Ints, slope_low: float, slope_high: float,
     profile_y: Floats, table: Ints, origin: float, scale: float,
@@ -224,7 +224,7 @@ def _runs(
     return which[:kept], low[:kept], high[:kept]
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _blocks(low: Ints, high: Ints, n: int) -> tuple[NDArray[np.int64], Ints]:
     """List the runs that each block of profiles meets, ascending; and where each list starts."""
     blocks = (n + _BLOCK - 1) // _BLOCK
@@ -245,7 +245,7 @@ def _blocks(low: Ints, high: Ints, n: int) -> tuple[NDArray[np.int64], Ints]:
     return start, members
 
 
-@njit(cache=True, no_cfunc_wrapper=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _left_of(
     x: Floats, z: Floats, count: int, fan: Fan, found: NDArray[np.int64]
 ) -> None:
@@ -293,7 +293,7 @@ def _left_of(
         found[k] = j
 
 
-@njit(cache=True, no_cfunc_wrapper=True, inline="always")
+@njit(cache=True, inline="always")
 def _risen(
     i: int, j: int, low: float, high: float
 ) -> tuple[int, int, float, float, bool]:
@@ -305,7 +305,7 @@ def _risen(
     )  # fmt: skip
 
 
-@njit(cache=True, no_cfunc_wrapper=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _fill(
     corners: Corners, runs: Runs, place: Floats, order: NDArray[np.int64], fan: Fan,
     buffers: Buffers, depth: Floats, triangle: Ints,
@@ -364,7 +364,7 @@ def _fill(
         _keep_nearest(depth, triangle, source, ends, spans, waiting, x_mm, slope_x)
 
 
-@njit(cache=True, no_cfunc_wrapper=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _keep_nearest(
     depth: Floats, triangle: Ints, source: NDArray[np.int64], ends: Floats,
     spans: NDArray[np.int64], count: int, x_mm: Floats, slope_x: Floats,

@@ -305,7 +305,7 @@ def _albedo(view: View, *, along_mm: float) -> Floats:
     return np.asarray(bright / FOOTPRINT[1].sum())
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _add(
     sums: Floats,
     joined: NDArray[np.bool_],

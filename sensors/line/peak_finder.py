@@ -106,7 +106,7 @@ def _read(
     return _counted(light, reading, np.fmax(wide, LEAST * own), image, least, merge_mm)
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _counted(
     light: Floats, reading: Floats, wide: Floats, image: Floats, least: float, merge_mm: float
 ) -> tuple[Floats, Floats]:

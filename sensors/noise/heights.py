@@ -69,7 +69,7 @@ def _slopes(knots: Floats, values: Floats) -> Floats:
     return slopes
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _apply(u: Floats, knots: Floats, values: Floats, slopes: Floats, cubic: Floats) -> None:
     """Replace u by heights; `cubic` (3, k - 1) are each interval's coefficients, s, s² and s³."""
     last = knots.size - 1

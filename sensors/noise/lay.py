@@ -66,7 +66,7 @@ def sample_lay(
     return out
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _mixed(h: np.uint64) -> np.uint64:
     """Finaliser of splitmix64 (Steele, Lea and Flood 2014)."""
     h = (h ^ (h >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -74,7 +74,7 @@ def _mixed(h: np.uint64) -> np.uint64:
     return h ^ (h >> np.uint64(31))
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _corner(key: np.uint64, row: int, column: int, dx: float, dy: float) -> float:
     """Dot product of a control point's unit gradient with the way from it (equation 4)."""
     h = _mixed(key + np.uint64(row) * np.uint64(0x9E3779B97F4A7C15))
@@ -83,12 +83,12 @@ def _corner(key: np.uint64, row: int, column: int, dx: float, dy: float) -> floa
     return math.cos(angle) * dx + math.sin(angle) * dy
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _fade(t: float) -> float:
     return t * t * t * (t * (6.0 * t - 15.0) + 10.0)
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _add_turned(
     out: Floats,
     gain: float,

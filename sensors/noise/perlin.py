@@ -215,7 +215,7 @@ def _even(place: Floats, limited: bool) -> Floats:
     return np.asarray(OCTAVE_SD / np.sqrt(variance))
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _mix(h: np.uint64) -> np.uint64:
     """Finaliser of splitmix64 (Steele, Lea and Flood 2014): every input bit reaches every other."""
     h = (h ^ (h >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -229,7 +229,7 @@ C0, C1, C2, C3, C4, C5, C6, C7 = ((-1.0) ** k / math.factorial(2 * k) for k in r
 S0, S1, S2, S3, S4, S5, S6 = ((-1.0) ** k / math.factorial(2 * k + 1) for k in range(7))
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _gradients(
     key: np.uint64, row: int, columns: NDArray[np.int64], gx: Floats, gy: Floats
 ) -> None:
@@ -248,7 +248,7 @@ def _gradients(
         gy[k] = sign * (cosine if swap else sine)
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _add_octave(
     out: Floats,
     gain_x: Floats,

@@ -18,7 +18,7 @@ FLAT = 0.2
 """Range of a window's means, over the noise, within which they are taken as equal."""
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def gaps_filled(depth_mm: Floats, most: int) -> Floats:
     """Fill gaps of up to `most` points along the line with the straight line between its ends.
 
@@ -40,7 +40,7 @@ def gaps_filled(depth_mm: Floats, most: int) -> Floats:
     return out
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def windowed_median(depth_mm: Floats, profiles: int, points: int) -> Floats:
     """Median of the readings in a window about each reading, (n, m)."""
     n, m = depth_mm.shape
@@ -56,7 +56,7 @@ def windowed_median(depth_mm: Floats, profiles: int, points: int) -> Floats:
     return out
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _gather(
     depth_mm: Floats, i: int, j: int, half_i: int, half_j: int, values: Floats
 ) -> int:
@@ -93,7 +93,7 @@ def weighted_sum(values: Floats, weights: Floats, axis: int) -> Floats:
     return np.asarray(correlate1d(values, weights, axis=axis, mode="constant"))
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def median_law(
     depth_mm: Floats, sd_mm: Floats, window: Ints
 ) -> tuple[Floats, Floats, Floats, Floats]:
@@ -147,7 +147,7 @@ def median_law(
     return middle, variance, down, across
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _at_level(values: Floats, level: float, sd: float) -> float:
     """Count values by their density at a level, over that at its peak; 1 at least."""
     total = 0.0
@@ -158,7 +158,7 @@ def _at_level(values: Floats, level: float, sd: float) -> float:
     return max(total, 1.0)
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _median_moments(values: Floats, sd: float) -> tuple[float, float]:
     """Mean of the median, and its variance over σ²; of an even number, both in the middle."""
     count = len(values)
@@ -168,7 +168,7 @@ def _median_moments(values: Floats, sd: float) -> tuple[float, float]:
     return 0.5 * (below[0] + above[0]), 0.25 * (below[1] + above[1]) * (1.0 + together)
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _order_law(values: Floats, sd: float, rank: int) -> tuple[float, float]:
     """Mean, and variance over σ², of the value of a rank from 0."""
     at = _balance(values, sd, rank + 0.5)
@@ -186,7 +186,7 @@ def _order_law(values: Floats, sd: float, rank: int) -> tuple[float, float]:
     return at, spread / density**2 * 2.0 * c / (2.0 * c + math.pi - 2.0)
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _balance(values: Floats, sd: float, number: float) -> float:
     """Solve Σ Φ((m - μ)/σ) = number by bisection."""
     low, high = values.min() - 4.0 * sd, values.max() + 4.0 * sd

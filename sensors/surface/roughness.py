@@ -102,7 +102,7 @@ def profile_roughness(
     return _profiles(rows, pitch_x_mm, peak_height_share)
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _profiles(rows: Floats, pitch: float, share: float) -> Floats:
     out = np.full((rows.shape[0], 7), np.nan)
     highest, lowest = np.empty(EXTREMES), np.empty(EXTREMES)
@@ -143,7 +143,7 @@ def _profiles(rows: Floats, pitch: float, share: float) -> Floats:
     return out
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _keep(largest: Floats, value: float) -> None:
     """Put a value among the largest so far (ascending), if it is one of them."""
     if value <= largest[0]:
@@ -155,7 +155,7 @@ def _keep(largest: Floats, value: float) -> None:
     largest[k] = value
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _count_maxima(row: Floats, ripple: float) -> int:
     """Count maxima between a rise and a fall of more than `ripple`; ends and gaps are neither."""
     found = 0

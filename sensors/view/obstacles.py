@@ -104,7 +104,7 @@ def _coarser(grid: Floats) -> Floats:
     return coarse
 
 
-@njit(cache=True, no_cfunc_wrapper=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _draw(
     x: Floats, y: Floats, z: Floats, faces: Ints, slant: Floats, deepest: float,
     corner: Floats, cell: float, grid: Floats,
@@ -169,7 +169,7 @@ def _draw(
                 grid[row, column] = min(grid[row, column], least)
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def is_free(
     box: Floats, begin: float, end: float, reach: float, ratio: float, screen: Obstacles
 ) -> bool:

@@ -97,7 +97,7 @@ def camera_visible(
     return seen
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _facing(
     normals: Floats, frame: Floats, x_mm: Floats, slope_x: Floats,
     depth: Floats, triangle: Ints, b: float,
@@ -130,7 +130,7 @@ def _facing(
     return state, box
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def facing_camera(
     normals: Floats, triangle: Ints, poses: Floats, x_mm: Floats, slope_x: Floats,
     depth: Floats, b: float,
@@ -161,7 +161,7 @@ def facing_camera(
     return out
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _screen(
     state: NDArray[np.uint8], lines: Lines, screen: Obstacles
 ) -> None:
@@ -194,7 +194,7 @@ def _screen(
                     _screen_part(box, state, lines, part, near, near_free, far_free, screen)
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _screen_part(
     box: Floats, state: NDArray[np.uint8], lines: Lines, part: tuple[int, int, int, int],
     near: float, near_free: bool, far_free: bool, screen: Obstacles,
@@ -219,7 +219,7 @@ def _screen_part(
                 state[i, j] = _SEEN
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _see(state: NDArray[np.uint8], first: int, last: int, begin: int, end: int) -> None:
     """Mark the open points of a tile as seen."""
     for i in range(first, last):
@@ -228,7 +228,7 @@ def _see(state: NDArray[np.uint8], first: int, last: int, begin: int, end: int) 
                 state[i, j] = _SEEN
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _bound(
     box: Floats, state: NDArray[np.uint8], lines: Lines,
     first: int, last: int, begin: int, end: int,
@@ -276,7 +276,7 @@ def _lines(
     return rays, length
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _line_frames(
     poses: Floats, x_mm: Floats, slope_x: Floats, depth: Floats,
     profile: NDArray[np.int64], point: NDArray[np.int64], b: float,

@@ -144,7 +144,7 @@ def _overlapping(box: NDArray[np.float64], pairs: NDArray[np.int64]) -> NDArray[
     return pairs
 
 
-@njit(cache=True, no_cfunc_wrapper=True)
+@njit(cache=True)
 def _straddling(
     corners: NDArray[np.float64], pairs: NDArray[np.int64], tolerance_mm: float
 ) -> NDArray[np.bool_]:
