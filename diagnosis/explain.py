@@ -141,7 +141,7 @@ def explain(
             break
         state = further
     ws = fitted_part(state.patches, noise)
-    channels = channels_seen(ws.patches, noise, state.model, first)
+    channels: Sequence[Channel] = channels_seen(ws.patches, noise, state.model, first)
     if usual:
         channels, scales = beside_baselines(channels, usual, scales)
     named, odd = reported(assessed_rates(channels, scales, withheld=withheld))

@@ -3,40 +3,11 @@
 import numpy as np
 import pytest
 
-from diagnosis.components.component import Component, components_of
-from diagnosis.evidence.glm import Responses
 from diagnosis.evidence.mean_causes import Scales
 from diagnosis.evidence.noise_and_loss_causes import RateMember, RateSearch
-from diagnosis.evidence.noise_and_loss_channels import Channel, RateCandidate, RateVariant
+from diagnosis.evidence.noise_and_loss_channels import Channel
 from diagnosis.settings import SETTINGS
-
-CELLS, COUNT = 8, 40_000
-U = np.linspace(-1.0, 1.0, CELLS)
-LINEAR = U / np.sqrt(np.mean(U**2))
-
-
-def component(channel: str, effect: str) -> Component:
-    return next(c for c in components_of(channel) if c.effect == effect)
-
-
-def channel_with(change: float, kind: str, effect: str, columns: np.ndarray, seed: int) -> Channel:
-    """Readings in eight cells over a covariate, off edges; the predictor changes by columns."""
-    rng = np.random.default_rng(seed)
-    owner = rng.integers(0, CELLS, COUNT)
-    eta = change * columns[owner, 0]
-    if kind == "scale":
-        seen, usual = np.square(rng.standard_normal(COUNT) * np.exp(eta)), np.ones(COUNT)
-    else:
-        usual = np.full(COUNT, 0.02)
-        seen = (rng.random(COUNT) < usual * np.exp(eta)).astype(float)
-    name = "scale" if kind == "scale" else "missing"
-    variant = RateVariant(owner=owner, count=CELLS, level=np.tile([1.0, 0.0], (CELLS, 1)),
-                          columns=columns)  # fmt: skip
-    responses = Responses(kind=kind, seen=seen, usual=usual, dispersion=1.0)  # type: ignore[arg-type]
-    return Channel(
-        name=name, responses=responses, level_sd=SETTINGS.level_sd(name), picks=(),
-        candidates=(RateCandidate(component=component(name, effect), variants=(variant,)),),
-    )  # fmt: skip
+from tests.support.cell_readings import CELLS, LINEAR, channel_with
 
 
 def found_in(channel: Channel, withheld: frozenset[str] = frozenset()) -> list[RateMember]:

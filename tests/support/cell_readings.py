@@ -1,0 +1,37 @@
+"""Readings of noise or losses that follow one covariate, in cells, as a channel has them."""
+
+import numpy as np
+
+from diagnosis.components.component import Component, components_of
+from diagnosis.evidence.glm import Responses
+from diagnosis.evidence.noise_and_loss_channels import Channel, RateCandidate, RateVariant
+from diagnosis.settings import SETTINGS
+
+CELLS, COUNT = 8, 40_000
+U = np.linspace(-1.0, 1.0, CELLS)
+LINEAR = U / np.sqrt(np.mean(U**2))
+
+
+def component(channel: str, effect: str) -> Component:
+    return next(c for c in components_of(channel) if c.effect == effect)
+
+
+def channel_with(change: float, kind: str, effect: str, columns: np.ndarray, seed: int, *,
+                 count: int = COUNT) -> Channel:
+    """Readings in eight cells over a covariate, off edges; the predictor changes by columns."""
+    rng = np.random.default_rng(seed)
+    owner = rng.integers(0, CELLS, count)
+    eta = change * columns[owner, 0]
+    if kind == "scale":
+        seen, usual = np.square(rng.standard_normal(count) * np.exp(eta)), np.ones(count)
+    else:
+        usual = np.full(count, 0.02)
+        seen = (rng.random(count) < usual * np.exp(eta)).astype(float)
+    name = "scale" if kind == "scale" else "missing"
+    variant = RateVariant(owner=owner, count=CELLS, level=np.tile([1.0, 0.0], (CELLS, 1)),
+                          columns=columns)  # fmt: skip
+    responses = Responses(kind=kind, seen=seen, usual=usual, dispersion=1.0)  # type: ignore[arg-type]
+    return Channel(
+        name=name, responses=responses, level_sd=SETTINGS.level_sd(name), picks=(),
+        candidates=(RateCandidate(component=component(name, effect), variants=(variant,)),),
+    )  # fmt: skip
