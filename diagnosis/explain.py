@@ -14,6 +14,7 @@ from diagnosis.evidence.assess import Assessment, assessed_mean, assessed_rates
 from diagnosis.evidence.mean_causes import Member
 from diagnosis.evidence.noise_and_loss_baselines import beside_baselines
 from diagnosis.evidence.noise_and_loss_channels import Channel
+from diagnosis.evidence.noise_level import unchanged_level
 from diagnosis.evidence.reported_causes import Cause, Strange, reported, without_kin
 from diagnosis.evidence.seen import Seen, channels_seen, seen
 from diagnosis.fields import Field
@@ -279,7 +280,7 @@ def _good(
     """
     if before is None:
         return population.of_kinds(kinds_of(population, mean_factors(first), good=False))
-    return informed(population, mean_factors(before), rate_factors(usual))
+    return informed(population, mean_factors(before), rate_factors(usual)) | unchanged_level()
 
 
 def _is_law(cause: Cause) -> bool:

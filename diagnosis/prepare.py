@@ -1,14 +1,18 @@
 """From files to readings that can be weighed: checked, registered, looked at, noise calibrated."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.claims.plate_noise import level_change
 from diagnosis.data.albedo import with_brightness
 from diagnosis.data.inputs import check_overlap, checked, lateral_mm, tiles
 from diagnosis.data.patch import Patch, in_range
 from diagnosis.data.recorded import Recorded
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.noise.calibration import calibrated_noise
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.register.placement import Placement
@@ -111,13 +115,20 @@ def prepared(inputs: Inputs, notes: list[str], progress: Progress) -> Prepared:
     check_overlap(baseline)
     progress("calibrating the noise")
     noise, nominal = calibrated_noise(patches, known.plates, notes)
-    if baseline and nominal is None:
-        nominal, _ = calibrated_noise(baseline, (), [])
+    if baseline:
+        nominal = _nominal_of(baseline)
     return Prepared(
         recorded=recorded, placed=placed, patches=tuple(patches), baseline=tuple(baseline),
         noise=noise, nominal=nominal, surface=known.surface,
         fitted=tuple(r.name for r in fit_on), held=tuple(r.name for r in held), single=single,
     )  # fmt: skip
+
+
+def _nominal_of(baseline: Sequence[Patch]) -> NoiseModel:
+    """Noise of the part when the instrument was good, of a size measured as a change of it is."""
+    noise, _ = calibrated_noise(baseline, (), [])
+    change = level_change(Workspace.build(baseline, noise), Model(), noise.sd_mm)
+    return replace(noise, sd_mm=noise.sd_mm * math.exp(change))
 
 
 def _registered(

@@ -51,6 +51,13 @@ def claimed_sizes() -> dict[str, Floats]:
     return {AGAINST_PLATES: weights / weights.sum()}
 
 
+def unchanged_level() -> dict[str, Floats]:
+    """Probability of each size by which a part's noise is off that in baselines of the part."""
+    weights = np.zeros(len(SETTINGS.rate_sizes()))
+    weights[0] = 1.0
+    return {AGAINST_PLATES: weights}
+
+
 def level_unsure(noise: NoiseModel) -> float:
     """Return the standard deviation of the logarithm of a measured noise's size.
 
