@@ -53,7 +53,7 @@ class Whitener:
     @classmethod
     def build(cls, noise: NoiseModel, used: Mask) -> "Whitener":
         """Solve the conditionals for the patterns of neighbours that `used` shows."""
-        pattern = _patterns(used, NEIGHBOURS)
+        pattern = _patterns(used)
         met = np.flatnonzero(np.bincount(pattern[used], minlength=1))
         solved = _SOLVED.get(noise, None, lambda: _Conditionals(noise))
         solved.solve(met)
@@ -69,7 +69,6 @@ class Whitener:
             self.pattern,
             self.weights,
             self.deviation,
-            NEIGHBOURS,
         )
 
     def columns(self, fields: Sequence[Field | Single], sd_mm: Field) -> NDArray[np.float32]:
@@ -79,17 +78,14 @@ class Whitener:
         for field, row in zip(fields, out, strict=True):
             wide = np.broadcast_to(np.asarray(field, dtype=np.float64), self.used.shape)
             _column(
-                wide, sd_mm, scaled, self.used, self.pattern, self.weights, self.deviation,
-                NEIGHBOURS, row,
-            )  # fmt: skip
+                wide, sd_mm, scaled, self.used, self.pattern, self.weights, self.deviation, row
+            )
         return out
 
     def stacked(self, fields: Field, sd_mm: Field) -> NDArray[np.float32]:
         """Innovations (n, m, k) of k fields in mm that lie side by side; 0 where not used."""
         return np.asarray(
-            _stacked(
-                fields, sd_mm, self.used, self.pattern, self.weights, self.deviation, NEIGHBOURS
-            )
+            _stacked(fields, sd_mm, self.used, self.pattern, self.weights, self.deviation)
         )
 
     def indicators(self, field: Field, row: Groups, column: Groups) -> sparse.csr_matrix:
@@ -103,7 +99,7 @@ class Whitener:
         count = int(self.used.sum())
         value, owner, start = _indicators(
             np.ascontiguousarray(field, dtype=np.float64), row, column, self.used, self.pattern,
-            self.weights, self.deviation, NEIGHBOURS, count,
+            self.weights, self.deviation, count,
         )  # fmt: skip
         shape = count, int(row[-1] + column[-1]) + 1
         return sparse.csr_matrix((value, owner, start), shape=shape)
@@ -151,7 +147,7 @@ def _between(noise: NoiseModel, lag: NDArray[np.int64]) -> Field:
 
 
 @njit(cache=True)
-def _patterns(used: Mask, neighbours: NDArray[np.int64]) -> NDArray[np.int32]:
+def _patterns(used: Mask) -> NDArray[np.int32]:
     n, m = used.shape
     out = np.zeros((n, m), dtype=np.int32)
     for i in range(n):
@@ -159,8 +155,8 @@ def _patterns(used: Mask, neighbours: NDArray[np.int64]) -> NDArray[np.int32]:
             if not used[i, j]:
                 continue
             code = 0
-            for k in range(neighbours.shape[0]):
-                a, b = i + neighbours[k, 0], j + neighbours[k, 1]
+            for k in range(len(NEIGHBOURS)):
+                a, b = i + NEIGHBOURS[k, 0], j + NEIGHBOURS[k, 1]
                 if a >= 0 and 0 <= b < m and used[a, b]:
                     code |= 1 << k
             out[i, j] = code
@@ -174,13 +170,12 @@ def _apply(
     pattern: NDArray[np.int32],
     weights: Field,
     deviation: Field,
-    neighbours: NDArray[np.int64],
 ) -> Field:
     n, m = field.shape
     out = np.zeros((n, m))
     row = np.empty(m)
     for i in range(n):
-        _innovate(i, field, used, pattern, weights, deviation, neighbours, row)
+        _innovate(i, field, used, pattern, weights, deviation, row)
         for j in range(m):
             if used[i, j]:
                 out[i, j] = row[j]
@@ -195,18 +190,17 @@ def _innovate(
     pattern: NDArray[np.int32],
     weights: Field,
     deviation: Field,
-    neighbours: NDArray[np.int64],
     row: Field,
 ) -> None:
     """Fill `row` (m,) with the innovations of profile i where used.
 
     As if no neighbour were missing, which is fast; then anew where one is.
     """
-    m, count = field.shape[1], neighbours.shape[0]
+    m, count = field.shape[1], len(NEIGHBOURS)
     whole = (1 << count) - 1
     row[:] = field[i]
     for k in range(count):
-        a, shift, weight = i + neighbours[k, 0], neighbours[k, 1], weights[whole, k]
+        a, shift, weight = i + NEIGHBOURS[k, 0], NEIGHBOURS[k, 1], weights[whole, k]
         if a >= 0:
             low, high = max(0, -shift), min(m, m - shift)
             ours, theirs = row[low:high], field[a, low + shift : high + shift]
@@ -218,7 +212,7 @@ def _innovate(
             value = field[i, j]
             for k in range(count):
                 if code >> k & 1:
-                    value -= weights[code, k] * field[i + neighbours[k, 0], j + neighbours[k, 1]]
+                    value -= weights[code, k] * field[i + NEIGHBOURS[k, 0], j + NEIGHBOURS[k, 1]]
             row[j] = value
         row[j] /= deviation[code]
 
@@ -232,7 +226,6 @@ def _column(
     pattern: NDArray[np.int32],
     weights: Field,
     deviation: Field,
-    neighbours: NDArray[np.int64],
     out: NDArray[np.float32],
 ) -> None:
     """Fill `out` (N,) with the innovations of a field; `scaled` (n, m) is room to work in."""
@@ -244,7 +237,7 @@ def _column(
     at = 0
     row = np.empty(m)
     for i in range(n):
-        _innovate(i, scaled, used, pattern, weights, deviation, neighbours, row)
+        _innovate(i, scaled, used, pattern, weights, deviation, row)
         for j in range(m):
             if used[i, j]:
                 out[at] = row[j]
@@ -259,7 +252,6 @@ def _stacked(
     pattern: NDArray[np.int32],
     weights: Field,
     deviation: Field,
-    neighbours: NDArray[np.int64],
 ) -> NDArray[np.float32]:
     n, m, count = fields.shape
     out = np.zeros((n, m, count), dtype=np.float32)
@@ -272,9 +264,9 @@ def _stacked(
             scale = 1.0 / sd[i, j]
             for c in range(count):
                 value[c] = scale * fields[i, j, c]
-            for k in range(neighbours.shape[0]):
+            for k in range(len(NEIGHBOURS)):
                 if code >> k & 1:
-                    a, b = i + neighbours[k, 0], j + neighbours[k, 1]
+                    a, b = i + NEIGHBOURS[k, 0], j + NEIGHBOURS[k, 1]
                     scale = weights[code, k] / sd[a, b]
                     for c in range(count):
                         value[c] -= scale * fields[a, b, c]
@@ -292,11 +284,10 @@ def _indicators(
     pattern: NDArray[np.int32],
     weights: Field,
     deviation: Field,
-    neighbours: NDArray[np.int64],
     count: int,
 ) -> tuple[Field, NDArray[np.int32], NDArray[np.int32]]:
     """Rows of the sparse matrix: a reading's own group, and those of its neighbours."""
-    most = neighbours.shape[0] + 1
+    most = len(NEIGHBOURS) + 1
     value, owner = np.empty(count * most), np.empty(count * most, dtype=np.int32)
     start = np.zeros(count + 1, dtype=np.int32)
     n, m = used.shape
@@ -309,10 +300,10 @@ def _indicators(
             owner[end] = row[i] + column[j]
             value[end] = field[i, j] / deviation[code]
             end += 1
-            for k in range(neighbours.shape[0]):
+            for k in range(len(NEIGHBOURS)):
                 if not code >> k & 1:
                     continue
-                a, b = i + neighbours[k, 0], j + neighbours[k, 1]
+                a, b = i + NEIGHBOURS[k, 0], j + NEIGHBOURS[k, 1]
                 whose, place = row[a] + column[b], begin
                 while place < end and owner[place] != whose:
                     place += 1
@@ -334,7 +325,6 @@ def transposed(whitener: Whitener, innovations: Field) -> Field:
             whitener.pattern,
             whitener.weights,
             whitener.deviation,
-            NEIGHBOURS,
         )
     )
 
@@ -346,7 +336,6 @@ def _transposed(
     pattern: NDArray[np.int32],
     weights: Field,
     deviation: Field,
-    neighbours: NDArray[np.int64],
 ) -> Field:
     n, m = innovations.shape
     out = np.zeros((n, m))
@@ -357,7 +346,7 @@ def _transposed(
             code = pattern[i, j]
             value = innovations[i, j] / deviation[code]
             out[i, j] += value
-            for k in range(neighbours.shape[0]):
+            for k in range(len(NEIGHBOURS)):
                 if code >> k & 1:
-                    out[i + neighbours[k, 0], j + neighbours[k, 1]] -= weights[code, k] * value
+                    out[i + NEIGHBOURS[k, 0], j + NEIGHBOURS[k, 1]] -= weights[code, k] * value
     return out
