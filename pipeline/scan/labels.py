@@ -74,17 +74,16 @@ def stand_out(
     -------
     mask, mask_visible : (n, m)
     """
-    at = np.flatnonzero(instance)
+    at = np.divmod(np.flatnonzero(instance), instance.shape[1])
     depth, clean, noise, reading = (
-        values.reshape(-1)[at] for values in (depth_mm, clean_mm, noise_mm, reading_mm)
+        values[at] for values in (depth_mm, clean_mm, noise_mm, reading_mm)
     )
     gone = np.isnan(depth) != np.isnan(clean)
     shown = gone | ((np.abs(depth - clean) > visible_at * noise) & ~np.isnan(reading))
     mask = np.zeros(instance.shape, dtype=np.uint8)
     visible = np.zeros(instance.shape, dtype=np.uint8)
-    classes = class_of_instance[instance.reshape(-1)[at]]
-    mask.reshape(-1)[at] = classes
-    visible.reshape(-1)[at] = np.where(shown, classes, 0)
+    mask[at] = class_of_instance[instance[at]]
+    visible[at] = np.where(shown, mask[at], 0)
     return mask, visible
 
 
@@ -159,12 +158,18 @@ def tally(
     hiding
         The two reasons that say that the camera doesn't see a point.
     """
-    counts, squares = np.zeros((4, flaws + 1), np.int64), np.zeros(flaws + 1)
-    valid, total = _count(
-        instance, mask_visible, reason, *hiding, reading_mm, depth_mm, clean_mm, noise_mm,
-        counts, squares,
-    )  # fmt: skip
-    pixels, visible, hidden, both = counts
+    valid, total = _valid_and_sum(reason, reading_mm)
+    at = np.divmod(np.flatnonzero(instance), instance.shape[1])
+    number, seen, why, flawed, clean, noise = (
+        values[at] for values in (instance, mask_visible, reason, depth_mm, clean_mm, noise_mm)
+    )
+    off = (flawed - clean) / np.maximum(noise, 1e-9)
+    finite = np.isfinite(off)
+    pixels, visible, hidden, both = (
+        np.bincount(chosen, minlength=flaws + 1)
+        for chosen in (number, number[seen > 0], number[np.isin(why, hiding)], number[finite])
+    )
+    squares = np.bincount(number[finite], weights=off[finite] ** 2, minlength=flaws + 1)
     with np.errstate(invalid="ignore"):
         ratio = np.sqrt(squares / both)
     return Tally(
@@ -179,39 +184,16 @@ def tally(
 
 
 @njit(cache=True)
-def _count(
-    instance: NDArray[np.uint16],
-    mask_visible: NDArray[np.uint8],
-    reason: NDArray[np.uint8],
-    hidden: int,
-    hidden_too: int,
-    reading_mm: Floats,
-    depth_mm: Floats,
-    clean_mm: Floats,
-    noise_mm: Floats,
-    counts: Counts,
-    squares: Floats,
-) -> tuple[int, float]:
-    """Add up counts (4, k + 1) and squares (k + 1,); return valid points and their depths' sum."""
-    n, m = instance.shape
+def _valid_and_sum(reason: NDArray[np.uint8], reading_mm: Floats) -> tuple[int, float]:
+    """Return the number of valid points and the sum of their readings, row by row."""
+    n, m = reason.shape
     valid, total = 0, 0.0
     for i in range(n):
         row = 0.0
         for j in range(m):
-            why = reason[i, j]
-            if why == 0:
+            if reason[i, j] == 0:
                 valid += 1
                 row += reading_mm[i, j]
-            number = instance[i, j]
-            if number == 0:
-                continue
-            counts[0, number] += 1
-            counts[1, number] += mask_visible[i, j] > 0
-            counts[2, number] += why in (hidden, hidden_too)
-            off = (depth_mm[i, j] - clean_mm[i, j]) / max(noise_mm[i, j], 1e-9)
-            if np.isfinite(off):
-                counts[3, number] += 1
-                squares[number] += off * off
         total += row
     return valid, total
 

@@ -206,7 +206,7 @@ def _runs(
     """
     count, kept = len(faces), 0
     which = np.empty(count, dtype=np.int32)
-    low, high = np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32)
+    span = np.empty((2, count), dtype=np.int32)
     for t in range(count):
         i0, i1, i2 = faces[t, 0], faces[t, 1], faces[t, 2]
         a, b, c = y[i0], y[i1], y[i2]
@@ -218,10 +218,11 @@ def _runs(
         if away > 1e-9 * (size_x + size_z):
             continue
         which[kept] = t
-        low[kept] = _not_above(profile_y, table, origin, scale, min(a, b, c))
-        high[kept] = _not_above(profile_y, table, origin, scale, max(a, b, c))
-        kept += int(low[kept] < high[kept])
-    return which[:kept], low[:kept], high[:kept]
+        for end in range(2):
+            value = max(a, b, c) if end else min(a, b, c)
+            span[end, kept] = _not_above(profile_y, table, origin, scale, value)
+        kept += int(span[0, kept] < span[1, kept])
+    return which[:kept], span[0, :kept], span[1, :kept]
 
 
 @njit(cache=True)

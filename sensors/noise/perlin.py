@@ -136,7 +136,7 @@ class PerlinField:
         (n, m) array
             Heights in mm.
         """
-        return self.samples(x_mm, y_mm, rng, 1)[0]
+        return np.asarray(self.samples(x_mm, y_mm, rng, 1)[0])
 
     def samples(
         self, x_mm: Floats, y_mm: Floats, rng: np.random.Generator, count: int

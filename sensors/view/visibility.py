@@ -112,13 +112,14 @@ def _facing(
     for i in range(n):
         x0, s0, z0 = np.inf, np.inf, np.inf
         x1, s1, z1 = -np.inf, -np.inf, -np.inf
+        turned = frame[i]
         for j in range(m):
             t = triangle[i, j]
             if t < 0:
                 continue
             z = depth[i, j]
             x = x_mm[j] + slope_x[j] * z
-            nx, ny, nz = turn(frame[i], normals[t, 0], normals[t, 1], normals[t, 2])
+            nx, ny, nz = turn(turned, normals[t, 0], normals[t, 1], normals[t, 2])
             if ny * b - nx * x - nz * z > 0.0:
                 state[i, j] = _OPEN
                 s = x / z

@@ -78,7 +78,8 @@ def _normals(u: Floats, v: Floats) -> Floats:
     out = np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2],
                     u[0] * v[1] - u[1] * v[0]])  # fmt: skip
     size = np.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
-    return np.divide(out, size, out=np.zeros_like(out), where=size > 0.0)
+    unit: Floats = np.divide(out, size, out=np.zeros_like(out), where=size > 0.0)
+    return unit
 
 
 def _on_triangles(p: Floats, short: Bools, s: Floats, t: Floats) -> Floats:
