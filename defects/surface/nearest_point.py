@@ -8,7 +8,7 @@ LEAF = 4
 """Largest number of triangles in a leaf of the tree."""
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _select(order: NDArray[np.int32], key: NDArray[np.float64], lo: int, hi: int, k: int) -> None:
     """Partly sort `order[lo:hi]` by `key` so that position `k` holds what it would in order."""
     hi -= 1

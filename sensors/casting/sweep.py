@@ -314,14 +314,13 @@ def _fill(
     """Fill the z-buffer, one block of profiles after another."""
     x, y, z, faces = corners
     which, low, high, start, members = runs
-    x_mm, slope_x = fan.x_mm, fan.slope_x
     n = len(depth)
-    source, ends, clip, spans = buffers
+    source, ends, clip, _ = buffers
     for block in range(len(start) - 1):
         first, last = block * _BLOCK, min(n, (block + 1) * _BLOCK)
         for row in range(first, last):
             r = np.uint64(order[row])
-            for j in range(len(x_mm)):  # a slice's assignment takes long to compile
+            for j in range(depth.shape[1]):  # a slice's assignment takes long to compile
                 depth[r, j], triangle[r, j] = np.nan, -1
         waiting = int(np.int64(0))  # no literal: one type, compiled once
         for member in range(start[block], start[block + 1]):
@@ -356,25 +355,18 @@ def _fill(
                 clip[2, waiting], clip[3, waiting] = bu, bw
                 waiting += int(there)
                 if waiting == _WAITING:
-                    for end in range(2):
-                        _left_of(clip[2 * end], clip[2 * end + 1], waiting, fan, spans[end])
-                    _keep_nearest(depth, triangle, source, ends, spans, waiting, x_mm, slope_x)
+                    _store(buffers, waiting, fan, depth, triangle)
                     waiting = int(np.int64(0))  # no literal: one type, compiled once
-        for end in range(2):
-            _left_of(clip[2 * end], clip[2 * end + 1], waiting, fan, spans[end])
-        _keep_nearest(depth, triangle, source, ends, spans, waiting, x_mm, slope_x)
+        _store(buffers, waiting, fan, depth, triangle)
 
 
 @njit(cache=True, error_model="numpy")
-def _keep_nearest(
-    depth: Floats, triangle: Ints, source: NDArray[np.int64], ends: Floats,
-    spans: NDArray[np.int64], count: int, x_mm: Floats, slope_x: Floats,
-) -> None:  # fmt: skip
-    """Store the segments' depths where they are nearer than the stored ones.
-
-    `source` holds each segment's row and triangle; `ends` x and z of its left and right end;
-    `spans` its first point and the one behind its last.
-    """
+def _store(buffers: Buffers, count: int, fan: Fan, depth: Floats, triangle: Ints) -> None:
+    """Store the depths of `count` segments where they are nearer than the stored ones."""
+    source, ends, clip, spans = buffers
+    x_mm, slope_x = fan.x_mm, fan.slope_x
+    for end in range(2):
+        _left_of(clip[2 * end], clip[2 * end + 1], count, fan, spans[end])
     for k in range(count):
         if spans[0, k] >= spans[1, k]:
             continue

@@ -195,7 +195,7 @@ def _screen(
                     _screen_part(box, state, lines, part, near, near_free, far_free, screen)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _screen_part(
     box: Floats, state: NDArray[np.uint8], lines: Lines, part: tuple[int, int, int, int],
     near: float, near_free: bool, far_free: bool, screen: Obstacles,
@@ -220,7 +220,7 @@ def _screen_part(
                 state[i, j] = _SEEN
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _see(state: NDArray[np.uint8], first: int, last: int, begin: int, end: int) -> None:
     """Mark the open points of a tile as seen."""
     for i in range(first, last):
@@ -277,31 +277,24 @@ def _lines(
     return rays, length
 
 
-@njit(cache=True)
 def _line_frames(
     poses: Floats, x_mm: Floats, slope_x: Floats, depth: Floats,
     profile: NDArray[np.int64], point: NDArray[np.int64], b: float,
 ) -> tuple[Floats, Floats, Floats]:  # fmt: skip
     """Frames (k, 3, 3) with z along the sight line, its start (k, 3), its length (k,)."""
-    count = len(profile)
-    frame = np.empty((count, 3, 3))
-    origin = np.empty((count, 3))
-    length = np.empty(count)
-    for r in range(count):
-        i, j = profile[r], point[r]
-        z = depth[i, j]
-        x = x_mm[j] + slope_x[j] * z
-        size = np.sqrt(x * x + b * b + z * z)
-        flat = np.sqrt(x * x + z * z)
-        length[r] = size
-        # Sensor frame: along (-x, b, -z), across (z, 0, -x); the third makes it right-handed.
-        ax, ay, az = -x / size, b / size, -z / size
-        cx, cz = z / flat, -x / flat
-        ux, uy, uz = ay * cz, az * cx - ax * cz, -ay * cx
-        for k in range(3):
-            p = poses[i, k]
-            origin[r, k] = p[0] * x + p[2] * z + p[3]
-            frame[r, 0, k] = p[0] * cx + p[2] * cz
-            frame[r, 1, k] = p[0] * ux + p[1] * uy + p[2] * uz
-            frame[r, 2, k] = p[0] * ax + p[1] * ay + p[2] * az
-    return frame, origin, length
+    z = depth[profile, point]
+    x = x_mm[point] + slope_x[point] * z
+    size = np.sqrt(x * x + b * b + z * z)
+    flat = np.sqrt(x * x + z * z)
+    # Sensor frame: along (-x, b, -z), across (z, 0, -x); the third makes it right-handed.
+    ax, ay, az = -x / size, b / size, -z / size
+    cx, cz = z / flat, -x / flat
+    ux, uy, uz = ay * cz, az * cx - ax * cz, -ay * cx
+    frame, origin = np.empty((len(z), 3, 3)), np.empty((len(z), 3))
+    for k in range(3):
+        p = poses[profile, k].T
+        origin[:, k] = p[0] * x + p[2] * z + p[3]
+        frame[:, 0, k] = p[0] * cx + p[2] * cz
+        frame[:, 1, k] = p[0] * ux + p[1] * uy + p[2] * uz
+        frame[:, 2, k] = p[0] * ax + p[1] * ay + p[2] * az
+    return frame, origin, size
