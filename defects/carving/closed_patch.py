@@ -83,9 +83,10 @@ class FaceBoxes:
     """The axis-parallel boxes of a solid's faces, to find those that meet a box."""
 
     def __init__(self, vertices_mm: Floats, faces: NDArray[np.integer]) -> None:
-        corner = [np.ascontiguousarray(vertices_mm[:, axis])[faces] for axis in range(3)]
-        self._low = [values.min(axis=1) for values in corner]
-        self._high = [values.max(axis=1) for values in corner]
+        turned = np.ascontiguousarray(faces.T)  # a row each: least and greatest of long rows
+        corner = [np.ascontiguousarray(vertices_mm[:, axis])[turned] for axis in range(3)]
+        self._low = [values.min(axis=0) for values in corner]
+        self._high = [values.max(axis=0) for values in corner]
         self._longest = int(np.argmax(np.ptp(vertices_mm, axis=0)))
         # Along the longest axis faces are sorted: the search is in a slab of the solid.
         self._order = np.argsort(self._low[self._longest], kind="stable")
