@@ -8,7 +8,13 @@ import numpy as np
 from diagnosis.components.free_curve import Curve
 from diagnosis.data.patch import Patch
 from diagnosis.data.recorded import Recorded
-from diagnosis.discrepancy.good_instrument import informed, kinds_of, mean_factors, rate_factors
+from diagnosis.discrepancy.good_instrument import (
+    informed,
+    kinds_of,
+    mean_factors,
+    rate_factors,
+    rectified,
+)
 from diagnosis.discrepancy.population import Population
 from diagnosis.evidence.assess import Assessment, assessed_mean, assessed_rates
 from diagnosis.evidence.mean_causes import Member
@@ -121,6 +127,8 @@ def explain(
     before = seen(baseline, noise, Model(), like=first) if baseline else None
     usual = channels_seen(baseline, noise, Model(), first) if baseline else ()
     scales = _good(population, first, before, usual)
+    if not baseline:
+        scales = rectified(scales, ready.recorded.datasheet)
     state = _State(
         recorded=ready.recorded, patches=ready.patches, placed=ready.placed, model=Model(),
         causes=(), now=first, before=before,

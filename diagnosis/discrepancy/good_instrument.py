@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from diagnosis.components.component import components_of
 from diagnosis.discrepancy.population import Population
 from diagnosis.evidence.candidates import Candidate
 from diagnosis.evidence.mean_causes import Scales
@@ -18,6 +19,7 @@ from diagnosis.evidence.noise_and_loss_channels import Channel
 from diagnosis.evidence.posterior import Posterior, Term
 from diagnosis.evidence.seen import Seen
 from diagnosis.settings import SETTINGS
+from sensors.datasheet import Datasheet
 
 Floats = NDArray[np.float64]
 
@@ -118,6 +120,26 @@ def informed(
         log = np.log(np.maximum(weights, 1e-300)) + likelihood
         own = np.exp(log - logsumexp(log, axis=1, keepdims=True))
         out[name] = kinds @ own
+    return out
+
+
+def rectified(usual: Mapping[str, Floats], sheet: Datasheet) -> dict[str, Floats]:
+    """Let the noise change along the line as far as interpolation to even places makes it.
+
+    A share f of the way between independent readings their mean has the variance f² + (1 - f)² of
+    theirs, and f runs through 0 to 1 along the line. Not every instrument interpolates so: one in
+    two is taken to.
+    """
+    out = dict(usual)
+    if sheet.columns != "even_x":
+        return out
+    f = np.linspace(0.0, 1.0, 101)
+    change = 0.5 * np.log(f**2 + (1.0 - f) ** 2)
+    upto = SETTINGS.rate_sizes() <= change.std()
+    for c in components_of("scale"):
+        key = f"scale: {c.name}"
+        if key in out and ("x" in c.relaxed.along or c.relaxed.each == "column"):
+            out[key] = 0.5 * out[key] + 0.5 * upto / upto.sum()
     return out
 
 

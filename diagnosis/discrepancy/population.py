@@ -77,16 +77,22 @@ class Population:
         return {n: shares @ w for n in sorted(names) if (w := self.weights(n)) is not None}
 
 
-def _where(component: str) -> tuple[str, bool, bool]:
-    """Channel of a component's key, and whether it is a law of light at edges, and listed."""
+@cache
+def _where(component: str) -> tuple[str, bool, str]:
+    """Tell with which components one is weighed alike: those of like values.
+
+    Sizes of losses and outliers are ratios to what is expected of each: no two are alike. Nor are
+    values that are free for each profile or column and curves, where the noise follows them.
+    """
     channel, _, name = component.rpartition(": ")
     plain = name.removesuffix(" (listed)")
-    return channel, plain.partition(" at ")[0] in _laws_at_edges(), plain != name
-
-
-@cache
-def _laws_at_edges() -> frozenset[str]:
-    return frozenset(c.name for c in components_of("mean") if c.relaxed.spanned)
+    known = {c.name: c.relaxed for c in components_of(channel or "mean")}
+    relaxed = known.get(plain.partition(" at ")[0])
+    at_edges = relaxed is not None and relaxed.spanned
+    if channel in ("missing", "outliers"):
+        return channel, at_edges, name
+    free = relaxed.each if channel and relaxed is not None else ""
+    return channel, at_edges, free + name[len(plain) :]
 
 
 @cache
