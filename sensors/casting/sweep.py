@@ -207,9 +207,12 @@ def _runs(
     count, kept = len(faces), 0
     which = np.empty(count, dtype=np.int32)
     span = np.empty((2, count), dtype=np.int32)
+    first_y, last_y = profile_y[0], profile_y[-1]
     for t in range(count):
         i0, i1, i2 = faces[t, 0], faces[t, 1], faces[t, 2]
         a, b, c = y[i0], y[i1], y[i2]
+        if max(a, b, c) < first_y or min(a, b, c) >= last_y:
+            continue  # beside all profiles
         left, right = (b - a) * (z[i2] - z[i0]), (z[i1] - z[i0]) * (c - a)
         normal_x, size_x = left - right, abs(left) + abs(right)
         left, right = (x[i1] - x[i0]) * (c - a), (b - a) * (x[i2] - x[i0])
@@ -365,8 +368,8 @@ def _store(buffers: Buffers, count: int, fan: Fan, depth: Floats, triangle: Ints
     """Store the depths of `count` segments where they are nearer than the stored ones."""
     source, ends, clip, spans = buffers
     x_mm, slope_x = fan.x_mm, fan.slope_x
-    for end in range(2):
-        _left_of(clip[2 * end], clip[2 * end + 1], count, fan, spans[end])
+    for side in range(2):
+        _left_of(clip[2 * side], clip[2 * side + 1], count, fan, spans[side])
     for k in range(count):
         if spans[0, k] >= spans[1, k]:
             continue

@@ -115,15 +115,20 @@ def _draw(
     base does, stands in no line's way.
     """
     rows, columns = grid.shape
+    x_low, y_low = corner[0] - 2 * _PAD_MM, corner[1] - 2 * _PAD_MM
+    x_high = corner[0] + columns * cell + 2 * _PAD_MM
+    y_high = corner[1] + rows * cell + 2 * _PAD_MM
     px, py, pz = np.empty(3), np.empty(3), np.empty(3)
     for t in range(len(faces)):
-        for k in range(3):
-            v = faces[t, k]
-            px[k], py[k], pz[k] = x[v], y[v], z[v]
-        if min(pz[0], pz[1], pz[2]) - _PAD_MM > deepest:
+        a, b, c = np.uint64(faces[t, 0]), np.uint64(faces[t, 1]), np.uint64(faces[t, 2])
+        if min(z[a], z[b], z[c]) - _PAD_MM > deepest:
             continue
-        ux, uy, uz = px[1] - px[0], py[1] - py[0], pz[1] - pz[0]
-        vx, vy, vz = px[2] - px[0], py[2] - py[0], pz[2] - pz[0]
+        if max(y[a], y[b], y[c]) < y_low or min(y[a], y[b], y[c]) > y_high:
+            continue  # beside the grid
+        if max(x[a], x[b], x[c]) < x_low or min(x[a], x[b], x[c]) > x_high:
+            continue
+        ux, uy, uz = x[b] - x[a], y[b] - y[a], z[b] - z[a]
+        vx, vy, vz = x[c] - x[a], y[c] - y[a], z[c] - z[a]
         nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
         size = (abs(ux) + abs(uy) + abs(uz)) * (abs(vx) + abs(vy) + abs(vz))
         facing = (
@@ -131,6 +136,9 @@ def _draw(
         )  # fmt: skip
         if facing > 1e-9 * size * (1.0 + abs(slant[2]) + abs(slant[3])):
             continue
+        for k in range(3):
+            v = faces[t, k]
+            px[k], py[k], pz[k] = x[v], y[v], z[v]
         gx, gy = -nx / nz, -ny / nz
         tilted = abs(nz) > 1e-3 * (abs(nx) + abs(ny))
         first = max(0, int(np.floor((min(py[0], py[1], py[2]) - _PAD_MM - corner[1]) / cell)))
