@@ -98,6 +98,7 @@ class ShardWriter:
         low, high = datasheet.depth_min_mm, datasheet.depth_max_mm
         self._reading = DepthCode(datasheet.step_mm, low, high) if datasheet.step_mm else None
         self._fine = DepthCode(FINE_MM, low, high)
+        self._datasets: dict[str, Any] = {}
         self._output = Output(self._aside)
         self._file = h5py.File(self._output, "w", libver="v110")
         for key, value in attributes.items():
@@ -132,7 +133,7 @@ class ShardWriter:
     def _make(self, name: str, scans: int, shape: tuple[int, ...], dtype: Any) -> None:
         row_bytes = int(np.prod(shape[1:], dtype=np.int64)) * np.dtype(dtype).itemsize
         rows = min(shape[0], max(1, CHUNK_BYTES // row_bytes))
-        self._file.create_dataset(
+        self._datasets[name] = self._file.create_dataset(
             name,
             shape=(scans, *shape),
             maxshape=(scans, *shape),
@@ -142,7 +143,7 @@ class ShardWriter:
         )
 
     def _note_code(self, name: str, code: DepthCode | None) -> None:
-        attributes = self._file[name].attrs
+        attributes = self._datasets[name].attrs
         if code is not None:
             attributes["scale_mm"] = code.scale_mm
             attributes["offset_mm"] = code.offset_mm
@@ -166,14 +167,14 @@ class ShardWriter:
             "ray_x_mm": scan.laser.x_mm,
             "ray_slope": scan.laser.slope_x,
         }
-        if "points_part" in self._file:
+        if "points_part" in self._datasets:
             arrays["points_part"] = scan.points_part_mm().astype(np.float32)
         if scan.intensity is not None:
             arrays["intensity"] = scan.intensity
         digest = hashlib.sha256()
         for name in CHECKED:
             if name in arrays:
-                dataset = self._file[name]
+                dataset = self._datasets[name]
                 values, code = arrays[name], codes.get(name)
                 if code is not None:
                     values = code.encode(values)  # one at a time: memory

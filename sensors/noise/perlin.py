@@ -13,6 +13,7 @@ control points and the quintic smoothstep between them. Three things are added t
   map of the heights.
 """
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -111,7 +112,7 @@ class PerlinField:
         """Return mean and standard deviation on a grid of these steps, mm."""
         if self.heights is None:
             return 0.0, self.amplitude_mm * self.sd(pitch_x_mm, pitch_y_mm)
-        nodes, weights = np.polynomial.hermite_e.hermegauss(60)
+        nodes, weights = _normal_nodes()
         heights = self.amplitude_mm * self.heights(nodes)
         weights = weights / weights.sum()
         mean = weights @ heights
@@ -176,6 +177,13 @@ class PerlinField:
         if self.heights is not None:
             self.heights.apply(out, self.amplitude_mm)
         return out
+
+
+@functools.cache
+def _normal_nodes() -> tuple[Floats, Floats]:
+    """Return nodes and weights of Gauss-Hermite quadrature over a standard normal variable."""
+    nodes, weights = np.polynomial.hermite_e.hermegauss(60)
+    return nodes, weights
 
 
 def grid_pitch(positions_mm: Floats) -> float:
