@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.components.component import Component
 from diagnosis.components.free_curve import Curve
 from diagnosis.data.patch import Patch
 from diagnosis.data.recorded import Recorded
@@ -28,13 +29,14 @@ from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.assumed_camera import assumed_sheets, seen_by
-from diagnosis.physics.joint_fit import fit_laws, refit, strongest_law
+from diagnosis.physics.joint_fit import among_laws, fit_laws, refit, strongest_law
 from diagnosis.physics.remainder import curves_of, is_curve, remainder
 from diagnosis.predict.edges import BESIDE_EDGES, EDGE_COVARIATES
 from diagnosis.prepare import Prepared
 from diagnosis.register.placement import Placement
 from diagnosis.reregister.reregistration import log_density, settled
 from diagnosis.settings import SETTINGS
+from sensors.effects import CATALOGUE
 
 Progress = Callable[[str], None]
 SETTLED = EDGE_COVARIATES | BESIDE_EDGES | {"wall_distance"}
@@ -190,6 +192,8 @@ def _further(
         state.recorded, state.patches, new, noise, state.model, notes
     )
     state = replace(state, recorded=recorded, patches=patches)
+    if _is_law(new[0]):
+        new = [among_laws(new[0], _laws_of(state, found), fitted_part(patches, noise), state.model)]
     model, new = fit_laws(new, fitted_part(patches, noise), state.model)
     without = replace(state, refuted=state.refuted | {new[0].name})
     if _is_law(new[0]) and new[0].name not in model.names():
@@ -201,6 +205,17 @@ def _further(
             return without
     again = _seen_again(state, model, (*state.causes, *new), noise)
     return replace(again, explained=explained)
+
+
+def _laws_of(state: _State, found: Assessment) -> list[Component]:
+    """Components of laws at edges that may be named yet, by what the sensor's file states."""
+    sheet = state.recorded.datasheet
+    free = {*found.effects["mean"].values()} - {*state.names, *state.refuted, ""}
+    return [
+        c for c in state.now.components
+        if c.relaxed.spanned and c.effect in free
+        and all(getattr(sheet, key) is not None for key in CATALOGUE[c.effect].needs)
+    ]  # fmt: skip
 
 
 def _seen_again(

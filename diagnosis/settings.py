@@ -138,6 +138,11 @@ class Settings:
         default=0.7, unit="1", low=0.0,
         source="two laws of one cause differ there by most of its size (calibration cases)",
     )  # fmt: skip
+    doubt_of_laws: float = quantity(
+        "share of a law's gain by which the right one of another formula may fall short",
+        default=0.1, unit="1", low=0.0,
+        source="blurs by two formulas, fitted by laws of three causes (calibration cases)",
+    )  # fmt: skip
     doubt_of_rates: float = quantity(
         "the same for the change of the noise and of the losses",
         default=0.1, unit="1", low=0.0,

@@ -78,21 +78,21 @@ class Population:
 
 
 @cache
-def _where(component: str) -> tuple[str, bool, str]:
+def _where(component: str) -> tuple[str, ...]:
     """Tell with which components one is weighed alike: those of like values.
 
-    Sizes of losses and outliers are ratios to what is expected of each: no two are alike. Nor are
-    values that are free for each profile or column and curves, where the noise follows them.
+    Sizes of losses and outliers are ratios to what is expected of each, and laws of light at edges
+    act on as many readings as the part has edges: no two are alike. Nor are values that are free
+    for each profile or column and curves, where the noise follows them.
     """
     channel, _, name = component.rpartition(": ")
     plain = name.removesuffix(" (listed)")
     known = {c.name: c.relaxed for c in components_of(channel or "mean")}
     relaxed = known.get(plain.partition(" at ")[0])
-    at_edges = relaxed is not None and relaxed.spanned
-    if channel in ("missing", "outliers"):
-        return channel, at_edges, name
+    if channel in ("missing", "outliers") or (relaxed is not None and relaxed.spanned):
+        return channel, name
     free = relaxed.each if channel and relaxed is not None else ""
-    return channel, at_edges, free + name[len(plain) :]
+    return channel, free, name[len(plain) :]
 
 
 @cache

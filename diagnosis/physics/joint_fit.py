@@ -1,9 +1,11 @@
 """The full laws of named causes, fitted on the readings from where their components point."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from diagnosis.components.component import Component
 from diagnosis.evidence.reported_causes import Cause
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
@@ -83,6 +85,43 @@ def strongest_law(causes: Sequence[Cause], ws: Workspace, model: Model) -> Cause
         return -np.inf if fitted is None else fitted.gain - fitted.free
 
     return max(causes, key=gain)
+
+
+def among_laws(
+    cause: Cause, others: Sequence[Component], ws: Workspace, model: Model
+) -> Cause:
+    """Return a cause that was weighed by the span of its law, named by laws as they are fitted.
+
+    A law at points of its grid isn't the law: what several laws at edges do there is alike. Each is
+    fitted; a law of another formula than nature's falls short by a share of what it gains, so that
+    gains which differ by less tell nothing.
+
+    Parameters
+    ----------
+    others : components of the other laws that may be its place
+    """
+    few = ws.thin(SETTINGS.fitted_readings)
+    gains: dict[str, float] = {}
+    components = {c.effect: c for c in (cause.component, *others) if c is not None}
+    for name in components:
+        fitted = fit_law(replace(cause, name=name, repeats=0.0), few, model)
+        if fitted is not None and not fitted.effect.is_null:
+            gains[name] = fitted.gain - fitted.free
+    best = max(gains.values(), default=0.0)
+    if best <= 0:
+        return cause
+    apart = 1.0 + SETTINGS.doubt_of_laws * best
+    likely = {name: np.exp((gain - best) / apart) for name, gain in gains.items()}
+    named = {cause.name: cause.probability, **dict(cause.alternatives)}
+    together = sum(p for n, p in named.items() if n in components)
+    total = sum(likely.values())
+    shares = {n: p for n, p in named.items() if n not in components}
+    shares |= {n: float(together * p / total) for n, p in likely.items()}
+    order = sorted(shares, key=lambda n: -shares[n])
+    return replace(
+        cause, name=order[0], component=components.get(order[0]), probability=shares[order[0]],
+        alternatives=tuple((n, shares[n]) for n in order[1:] if shares[n] > SETTINGS.offered),
+    )  # fmt: skip
 
 
 def refit(ws: Workspace, model: Model) -> Model:
