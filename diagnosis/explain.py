@@ -88,6 +88,7 @@ class _State:
     now : recordings under the model
     before : baselines, while the model is nominal
     explained : whitened rms of what the laws explain
+    gained : what laws of light at edges gain, nats
     refuted : effects whose laws, fitted, do nothing here: what goes with them is a remainder
     """
 
@@ -99,6 +100,7 @@ class _State:
     now: Seen
     before: Seen | None
     explained: float = 0.0
+    gained: float = 0.0
     refuted: frozenset[str] = frozenset()
 
     @property
@@ -192,8 +194,14 @@ def _further(
         state.recorded, state.patches, new, noise, state.model, notes
     )
     state = replace(state, recorded=recorded, patches=patches)
+    gain = 0.0
     if _is_law(new[0]):
-        new = [among_laws(new[0], _laws_of(state, found), fitted_part(patches, noise), state.model)]
+        laws = _laws_of(state, found)
+        named_by_law, gain = among_laws(new[0], laws, fitted_part(patches, noise), state.model)
+        if gain <= SETTINGS.doubt_of_laws * state.gained:
+            # no more than what a law at edges leaves where its formula is another
+            return replace(state, refuted=state.refuted | {new[0].name, *(c.effect for c in laws)})
+        new = [named_by_law]
     model, new = fit_laws(new, fitted_part(patches, noise), state.model)
     without = replace(state, refuted=state.refuted | {new[0].name})
     if _is_law(new[0]) and new[0].name not in model.names():
@@ -204,7 +212,7 @@ def _further(
         if not new:
             return without
     again = _seen_again(state, model, (*state.causes, *new), noise)
-    return replace(again, explained=explained)
+    return replace(again, explained=explained, gained=state.gained + gain)
 
 
 def _laws_of(state: _State, found: Assessment) -> list[Component]:

@@ -89,8 +89,8 @@ def strongest_law(causes: Sequence[Cause], ws: Workspace, model: Model) -> Cause
 
 def among_laws(
     cause: Cause, others: Sequence[Component], ws: Workspace, model: Model
-) -> Cause:
-    """Return a cause that was weighed by the span of its law, named by laws as they are fitted.
+) -> tuple[Cause, float]:
+    """Name a cause that was weighed by the span of its law by laws as they are fitted.
 
     A law at points of its grid isn't the law: what several laws at edges do there is alike. Each is
     fitted; a law of another formula than nature's falls short by a share of what it gains, so that
@@ -98,7 +98,11 @@ def among_laws(
 
     Parameters
     ----------
-    others : components of the other laws that may be its place
+    others : components of the other laws that may be in its place
+
+    Returns
+    -------
+    the cause, and what the likeliest law gains, nats
     """
     few = ws.thin(SETTINGS.fitted_readings)
     gains: dict[str, float] = {}
@@ -109,7 +113,7 @@ def among_laws(
             gains[name] = fitted.gain - fitted.free
     best = max(gains.values(), default=0.0)
     if best <= 0:
-        return cause
+        return cause, best
     apart = 1.0 + SETTINGS.doubt_of_laws * best
     likely = {name: np.exp((gain - best) / apart) for name, gain in gains.items()}
     named = {cause.name: cause.probability, **dict(cause.alternatives)}
@@ -121,7 +125,7 @@ def among_laws(
     return replace(
         cause, name=order[0], component=components.get(order[0]), probability=shares[order[0]],
         alternatives=tuple((n, shares[n]) for n in order[1:] if shares[n] > SETTINGS.offered),
-    )  # fmt: skip
+    ), best  # fmt: skip
 
 
 def refit(ws: Workspace, model: Model) -> Model:
