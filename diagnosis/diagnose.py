@@ -218,8 +218,7 @@ def _judged(
     nominal = candidates.placed(Model())
     before = judge(nominal.held, plain_noise, Model(), share_own=share_own)
     found, after = found_effects(ws, model, causes, candidates)
-    idle = {f.name for f in found if f.heldout_gain < 0}
-    if idle and len(idle) < len(found):
+    while len(found) > 1 and (idle := _idle(found)):
         # what is of no use on held-out readings beside a law that is, is that one's remainder
         notes.append(f"{', '.join(sorted(idle))}: fitted, but of no use on held-out readings")
         causes = [c for c in causes if c.name not in idle]
@@ -231,6 +230,14 @@ def _judged(
         model=model, causes=causes, found=found, before=before, after=after,
         candidates=candidates, nominal=nominal,
     )  # fmt: skip
+
+
+def _idle(found: Sequence[FoundEffect]) -> set[str]:
+    """Name what held-out readings are better off without; of several that all are, the worst."""
+    idle = [f for f in found if f.heldout_gain < 0]
+    if len(idle) == len(found):
+        idle = [min(idle, key=lambda f: f.heldout_gain)]
+    return {f.name for f in idle}
 
 
 def _maps(

@@ -198,7 +198,7 @@ def _further(
     if _is_law(new[0]):
         laws = _laws_of(state, found)
         named_by_law, gain = among_laws(new[0], laws, fitted_part(patches, noise), state.model)
-        if gain <= SETTINGS.doubt_of_laws * state.gained:
+        if state.gained > 0 and gain <= SETTINGS.doubt_of_laws * state.gained:
             # no more than what a law at edges leaves where its formula is another
             return replace(state, refuted=state.refuted | {new[0].name, *(c.effect for c in laws)})
         new = [named_by_law]

@@ -49,6 +49,16 @@ class Camera:
     bits: int = 12
 
     @property
+    def footprint_mm(self) -> float:
+        """Spread along the line of what a delivered reading is the mean of, mm.
+
+        The lens's, and that of interpolation between neighbours at shares f and 1 - f, whose
+        variance f (1 - f) is 1/6 of a squared pitch on average.
+        """
+        pitch = self.x_fov_mm / (self.columns - 1)
+        return float(pitch * np.hypot(self.blur_columns, 1 / np.sqrt(6)))
+
+    @property
     def even_mm(self) -> Floats:
         """Even places along the line that a rectified profile is delivered at, mm."""
         return np.linspace(-self.x_fov_mm / 2, self.x_fov_mm / 2, self.columns)

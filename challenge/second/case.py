@@ -217,7 +217,8 @@ def datasheet(device: Device, travel: Travel, noise: NoiseLaw) -> dict[str, Any]
         "effects": [
             {"name": "camera_occlusion", "triangulation_angle_deg": round(theta, 4),
              "camera_side": side, "line_sd_um": spread_um},
-            {"name": "finite_spot", "line_sd_um": spread_um},
+            {"name": "finite_spot", "line_sd_um": spread_um,
+             "along_um": round(1e3 * camera.footprint_mm, 1)},
             {"name": "edge_mixing", "line_sd_um": spread_um},
             {"name": "incidence_noise", "exponent": noise.exponent, "lean": noise.lean},
         ],

@@ -112,8 +112,8 @@ def among_laws(
         if fitted is not None and not fitted.effect.is_null:
             gains[name] = fitted.gain - fitted.free
     best = max(gains.values(), default=0.0)
-    if best <= 0:
-        return cause, best
+    if gains.get(cause.name, 0.0) <= 0:
+        return cause, 0.0  # its own law does nothing: no other stands in for it
     apart = 1.0 + SETTINGS.doubt_of_laws * best
     likely = {name: np.exp((gain - best) / apart) for name, gain in gains.items()}
     named = {cause.name: cause.probability, **dict(cause.alternatives)}
@@ -124,6 +124,7 @@ def among_laws(
     order = sorted(shares, key=lambda n: -shares[n])
     return replace(
         cause, name=order[0], component=components.get(order[0]), probability=shares[order[0]],
+        nats=max(cause.nats, float(gains.get(order[0], 0.0))),
         alternatives=tuple((n, shares[n]) for n in order[1:] if shares[n] > SETTINGS.offered),
     ), best  # fmt: skip
 
