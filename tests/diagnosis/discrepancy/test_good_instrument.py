@@ -1,10 +1,14 @@
 """What an instrument has when it is good: sizes told by its own recordings."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from diagnosis.discrepancy.good_instrument import informed, mean_factors
+from diagnosis.discrepancy.good_instrument import informed, mean_factors, rectified
 from diagnosis.discrepancy.population import Kind, Population
+from diagnosis.settings import SETTINGS
 from tests.support.linear_readings import LinearReadings
+from tests.support.small_parts import datasheet
 
 
 def likeliest(readings: LinearReadings, name: str) -> float:
@@ -42,3 +46,16 @@ def test_a_baseline_moves_the_probability_to_the_size_that_it_shows() -> None:
     assert own.sum() > 1 - 1e-9
     near = (readings.sizes > 0.1) & (readings.sizes < 1.6)
     assert own[near].sum() > 0.98
+
+
+def test_interpolated_profiles_have_noise_that_changes_along_the_line() -> None:
+    sizes = SETTINGS.rate_sizes()
+    sharp = np.zeros(sizes.size)
+    sharp[0] = 1.0
+    usual = {"scale: light_falloff": sharp, "scale: incidence_noise": sharp}
+    assert rectified(usual, datasheet()) == usual
+    even = rectified(usual, replace(datasheet(), columns="even_x"))
+    # ½ ln(f² + (1 - f)²) has the standard deviation 0.109 over f
+    assert even["scale: light_falloff"][sizes < 0.109].sum() == 1.0
+    assert even["scale: light_falloff"][sizes == 0.08] > 0.1
+    assert (even["scale: incidence_noise"] == sharp).all()
