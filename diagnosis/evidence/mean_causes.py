@@ -160,19 +160,15 @@ class CauseSearch:
 
         A good instrument departs in one of the components more than most do; the one that explains
         the readings best stands for it. Where there are baselines it departs as they do, and what
-        its recordings share doesn't change.
+        its recordings share changes by no more than it departs.
         """
         sizes = self.scales.sizes
         found: dict[str, tuple[float, int, float]] = {}
         nothing = 0.0
         for c in candidates:
             factors, usual = c.log_factors(posteriors[c.at_edges].cavity(Term(at=c.at)), sizes)
-            # where edges lie is known anew, and a little otherwise, in each recording
-            shared = not c.of_recordings and not c.at_edges
-            known = self._worlds[c.at_edges].baseline is not None and shared
-            if not known:
-                quiet = np.log(np.maximum(self.scales.of(c.key), 1e-300))
-                nothing = max(nothing, float(logsumexp(usual + quiet)))
+            quiet = np.log(np.maximum(self.scales.of(c.key), 1e-300))
+            nothing = max(nothing, float(logsumexp(usual + quiet)))
             variant, k = np.unravel_index(int(np.argmax(factors)), factors.shape)
             nats = float(logsumexp(usual + np.log(self.scales.changed(c.key))))
             found[c.name] = nats, int(variant), float(sizes[k])
