@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from diagnosis.discrepancy.good_instrument import informed, kinds_of, mean_factors
-from diagnosis.discrepancy.population import population
+from diagnosis.discrepancy.population import Kind, Population, population
 from diagnosis.evidence.assess import assessed_mean
 from diagnosis.evidence.seen import seen
 from diagnosis.model.model import Model
@@ -58,6 +58,12 @@ def test_a_refuted_cause_is_no_candidate() -> None:
 def test_what_baselines_have_as_well_is_no_change() -> None:
     readings = LinearReadings.drawn({"line_bow": 0.3}, seed=1)
     again = LinearReadings.drawn({"line_bow": 0.3}, seed=1, noise_seed=2)
-    usual = {"line_bow": np.full(readings.sizes.size, 1.0 / readings.sizes.size)}
-    assert assessed_mean(readings.seen, usual, LinearReadings.drawn({}, seed=1).seen).mean
-    assert not assessed_mean(readings.seen, usual, again.seen).mean
+    any_size = np.full(readings.sizes.size, 1.0 / readings.sizes.size)
+    kinds = Population(kinds=(Kind(name="any", weights={"line_bow": any_size}),))
+
+    def changed(baseline: LinearReadings) -> bool:
+        usual = informed(kinds, mean_factors(baseline.seen), {})
+        return bool(assessed_mean(readings.seen, usual, baseline.seen).mean)
+
+    assert changed(LinearReadings.drawn({}, seed=1))
+    assert not changed(again)
