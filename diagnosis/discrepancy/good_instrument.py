@@ -70,7 +70,7 @@ def rate_factors(channels: Sequence[Channel]) -> dict[str, Floats]:
     """Return the same of the scale, the losses and the outliers."""
     out: dict[str, Floats] = {}
     for channel in channels:
-        for _, found in in_turn(channel):
+        for found in in_turn(channel):
             out |= {key: one.factors for key, one in found.items()}
     return out
 

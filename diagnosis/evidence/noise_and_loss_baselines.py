@@ -37,7 +37,7 @@ def _width(variant: RateVariant) -> int:
 def _without(channel: Channel, usual: Channel) -> Channel:
     """Move the responses by the curves that stand out in the baselines."""
     responses, own = channel.responses, {c.key: c for c, _ in _both(channel, usual)}
-    for _, found in in_turn(usual):
+    for found in in_turn(usual):
         key = likeliest(found)
         if found[key].stands_out and key in own:
             variant = own[key].variants[found[key].variant]

@@ -174,18 +174,18 @@ class RateSearch:
         return found
 
 
-def in_turn(channel: Channel) -> Iterator[tuple[Responses, dict[str, Sized]]]:
+def in_turn(channel: Channel) -> Iterator[dict[str, Sized]]:
     """Weigh all candidates; take the likeliest as given, and weigh all again while one stands out.
 
     Yields
     ------
-    the responses so far, and each candidate by its key; the last beside all that stands out
+    each candidate by its key; the last beside all that stands out
     """
     search = RateSearch(channel, Scales(sizes=SETTINGS.rate_sizes(), weights={}))
     responses, waiting = channel.responses, {c.key: c for c in channel.candidates}
     while waiting:
         found = {key: search.sizes(responses, c) for key, c in waiting.items()}
-        yield responses, found
+        yield found
         best = likeliest(found)
         if not found[best].stands_out:
             break
