@@ -6,7 +6,7 @@ Pereyra 1973). What acts on variance, tails or missing returns is searched on th
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -227,18 +227,31 @@ def _polish_linear(
             best = fitted
         return -fitted.gain
 
+    _search(cost, len(names), most=14 * len(names) + 8, step=0.01, nats=0.05)
+    return best
+
+
+def _search(
+    cost: Callable[[Field], float], size: int, *, most: int, step: float, nats: float
+) -> None:
+    """Let a simplex of unit steps look for the least cost; `cost` keeps the best it has seen.
+
+    Parameters
+    ----------
+    most : evaluations
+    step, nats : a simplex so small, and so level, is settled
+    """
     minimize(
         cost,
-        np.zeros(len(names)),
+        np.zeros(size),
         method="Nelder-Mead",
         options={
-            "initial_simplex": np.vstack([np.zeros(len(names)), np.eye(len(names))]),
-            "maxfev": 14 * len(names) + 8,
-            "xatol": 0.01,
-            "fatol": 0.05,
+            "initial_simplex": np.vstack([np.zeros(size), np.eye(size)]),
+            "maxfev": most,
+            "xatol": step,
+            "fatol": nats,
         },
     )
-    return best
 
 
 def _bounds(effect: Effect, name: str, ws: Workspace) -> tuple[float, float]:
@@ -337,16 +350,6 @@ def _fit_searched(
             top = (value, trial)
         return -value
 
-    minimize(
-        cost,
-        np.zeros(len(names)),
-        method="Nelder-Mead",
-        options={
-            "initial_simplex": np.vstack([np.zeros(len(names)), np.eye(len(names))]),
-            "maxfev": 5 * len(names) ** 2 + 15,
-            "xatol": 0.02,
-            "fatol": 0.3,
-        },
-    )
+    _search(cost, len(names), most=5 * len(names) ** 2 + 15, step=0.02, nats=0.3)
     return Fitted(effect=top[1], own={}, gain=top[0], free=len(names))
 

@@ -1,5 +1,7 @@
 """Readings of noise or losses that follow one covariate, in cells, as a channel has them."""
 
+from typing import Literal
+
 import numpy as np
 
 from diagnosis.components.component import Component, components_of
@@ -16,8 +18,10 @@ def component(channel: str, effect: str) -> Component:
     return next(c for c in components_of(channel) if c.effect == effect)
 
 
-def channel_with(change: float, kind: str, effect: str, columns: np.ndarray, seed: int, *,
-                 count: int = COUNT) -> Channel:
+def channel_with(
+    change: float, kind: Literal["scale", "rate"], effect: str, columns: np.ndarray, seed: int, *,
+    count: int = COUNT,
+) -> Channel:  # fmt: skip
     """Readings in eight cells over a covariate, off edges; the predictor changes by columns."""
     rng = np.random.default_rng(seed)
     owner = rng.integers(0, CELLS, count)
@@ -30,7 +34,7 @@ def channel_with(change: float, kind: str, effect: str, columns: np.ndarray, see
     name = "scale" if kind == "scale" else "missing"
     variant = RateVariant(owner=owner, count=CELLS, level=np.tile([1.0, 0.0], (CELLS, 1)),
                           columns=columns)  # fmt: skip
-    responses = Responses(kind=kind, seen=seen, usual=usual, dispersion=1.0)  # type: ignore[arg-type]
+    responses = Responses(kind=kind, seen=seen, usual=usual, dispersion=1.0)
     return Channel(
         name=name, responses=responses, level_sd=SETTINGS.level_sd(name), picks=(),
         candidates=(RateCandidate(component=component(name, effect), variants=(variant,)),),
