@@ -123,7 +123,7 @@ class Device:
         clock = travel.start_s + travel.time_s
         turned, drifted = self.warmth.at(clock)
         images = self.air.shifts(x, clock, rng) + drifted[:, None]
-        found = np.full((travel.profiles, camera.columns), np.nan)
+        found = np.full((travel.profiles, x.size), np.nan)
         bright, factor, before = np.zeros(found.shape), 1.0, np.nan
         for p in range(travel.profiles):
             loose = self._flying(rng)
@@ -137,7 +137,7 @@ class Device:
                     lit, travel, p, (begin, exposed), shift[p], turn[p], float(turned[p]),
                     images[p], step,
                 )  # fmt: skip
-                noise = rng.standard_normal((camera.columns, camera.rows))
+                noise = rng.standard_normal((x.size, camera.rows))
                 shots.append(self._image(light, rows, loose, factor * part, float(clock[p]), noise))
             found[p], bright[p] = shots[0] if len(shots) == 1 else self.exposures.merged(*shots)
             seen = shots[0][1][np.isfinite(shots[0][0])]
@@ -202,7 +202,7 @@ class Device:
         if self.sparks == 0:
             return np.zeros((0, 3))
         camera = self.camera
-        column = np.flatnonzero(rng.random(camera.columns) < self.sparks)
+        column = np.flatnonzero(rng.random(camera.columns_mm.size) < self.sparks)
         row = rng.uniform(2, camera.rows - 3, column.size)
         full = camera.full_well / camera.electrons * 2 * np.pi * camera.blur_rows
         return np.stack([column, row, full * rng.uniform(2, 4, column.size)], -1)
@@ -247,7 +247,7 @@ class Device:
             row, _ = cold.rows(plate, Facets(), travel, rng, specimen=int(rng.integers(2**31)) + k)
             u.append(2 * camera.columns_mm / camera.x_fov_mm)
             v.append(2 * np.nanmean(row, axis=0) / camera.rows - 1)
-            z.append(np.full(camera.columns, height))
+            z.append(np.full(camera.columns_mm.size, height))
         basis = np.polynomial.legendre.legvander2d(np.concatenate(u), np.concatenate(v), [4, 3])
         found = np.linalg.lstsq(basis, np.concatenate(z), rcond=None)[0]
         return replace(self, calibration=found.reshape(5, 4))
@@ -286,8 +286,9 @@ def expected(device: Device, solid: Solid, travel: Travel, misplaced: Floats) ->
 
 def rectified(camera: Camera, values: Floats) -> Floats:
     """Interpolate profiles (n, columns) linearly onto even x; NaN beside a missing reading."""
-    at = np.interp(camera.even_mm, camera.columns_mm, np.arange(camera.columns))
-    left = np.minimum(at.astype(int), camera.columns - 2)
+    chip = camera.columns_mm
+    at = np.interp(camera.even_mm, chip, np.arange(chip.size))
+    left = np.minimum(at.astype(int), chip.size - 2)
     part = at - left
     low, high = values[:, left], values[:, left + 1]
     mixed = low * (1 - part) + high * part

@@ -4,45 +4,55 @@ Every other test takes a recording's rigid misplacement as a nuisance. Where the
 several recordings agree in the sensor's frame, far better than they scatter, it isn't the part that
 lay wrong each time but the sensor that sits wrong: pose_error.
 
-An error is what all share, what the faces of a part leave open, and how that part lies, by as much
-along each axis: a random effects model. Placements are few; their readings, however many, settle
-each of them once.
+The error of recording k, in the sensor's frame, is
+
+    e_k = m + J_k (c + a_k) + u_k,
+
+m what the mounting is off, c how the part lay in all recordings (a fixture, the CAD's zero), a_k
+how it lay in this one, J_k how a part's displacement looks from the sensor, u_k what registration
+leaves open. All are normal. Nobody knows beforehand how far parts and sensors are off: the odds are
+averaged over sizes of m and a that are equally probable on a logarithmic scale, up to how far a
+commanded pose may be off at all. Recordings in one orientation can't tell m from c, and the odds
+say so. Placements are few; their readings, however many, settle each of them once.
 """
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
-from scipy.special import fdtrc, stdtrit
+from scipy.special import logsumexp, ndtr
 
 from diagnosis.data.patch import Patch
 from diagnosis.fields import Field
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
-from diagnosis.physics.uncertainty import Estimate
+from diagnosis.physics.uncertainty import LEVEL, Estimate
 from diagnosis.register.placement import PRIOR_SD, Placement
 from diagnosis.register.pose_derivative import travel_columns
-from diagnosis.validate.found_effects import FoundEffect, plainly_found
+from diagnosis.validate.found_effects import FoundEffect, plainly_found, probability
 from sensors.effects.motion_blur import MotionBlur
 from sensors.effects.pose_error import PoseError
 from sensors.recording import Recording
 
 NAMES = ("yaw_deg", "roll_deg", "pitch_deg", "x_mm", "y_mm", "z_mm")
-LEVEL = 5e-3
-"""Probability of as large an error by chance; held-out placements have to bear it out, too."""
-LEAST = np.array([0.02, 0.02, 0.02, 0.04, 0.04, 0.04])
-"""Smallest turns (degrees) and offsets (mm) that are worth telling."""
-LEAST_NATS = 1.0
-"""What it must gain on held-out placements: they are more than twice as likely with it."""
 SLACK = np.array([0.01, 0.01, 0.01, 0.01, 0.01, 0.02])
 """What registration alone scatters: turns in degrees, offsets in mm."""
+UNIT = np.array([*np.degrees(PRIOR_SD[3:6]), *PRIOR_SD[:3]])
+"""How far a commanded pose may be off, degrees and mm."""
+SCATTERS = np.geomspace(1e-3, 1.0, 10)
+"""Sizes of a, its shift and its turn, in `UNIT`: from far below `SLACK`."""
+TINY = 1e-9
+"""What counts as no deviation, degrees and mm."""
+OFFSETS = np.append(0.0, np.geomspace(0.01, 1.0, 7))
+"""Sizes of m, its shift and its turn, in `UNIT`: none, or from 0.02 mm and 0.01 degrees."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class _Seen:
+class Seen:
     """Where one recording was found to lie, in the sensor's frame.
 
     Attributes
@@ -61,160 +71,97 @@ class _Seen:
     slopes: Field
 
     @classmethod
-    def of(cls, commanded: Field, placement: Placement, travel_mm: float = 0.0) -> "_Seen":
+    def of(cls, commanded: Field, placement: Placement, travel_mm: float = 0.0) -> "Seen":
+        """Express a placement; `travel_mm` is how far along the travel its poses may be off."""
         slopes = _slopes(commanded, placement)
         unsettled = slopes @ placement.covariance @ slopes.T + np.diag(SLACK**2)
         unsettled[4, 4] += travel_mm**2
         error = _in_sensor(commanded, placement)
         return cls(error=error, unsettled=unsettled, slopes=slopes[:, :6])
 
-    def covariance(self, lies: Field) -> Field:
-        """Covariance (6, 6) of the error of a part that lies off by (2,) mm and rad."""
-        return np.asarray(self.unsettled + (self.slopes * np.repeat(lies**2, 3)) @ self.slopes.T)
-
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Mounting:
-    """A common error of the mounting with its intervals.
+    """What placements say of the mounting.
 
     Attributes
     ----------
-    unsure : (6, 6) float64
-        Covariance of what the fitted recordings say of it.
-    lies, lies_off : (2,) float64
-        How parts lie off along each axis, mm and rad: about the mounting, and if there is none.
+    nats : log Bayes factor of a mounting that is off against one that isn't
+    weights : (s,) float64
+        Probability of each pair of sizes (of the parts' scatter, of the mounting's error).
+    means, covariances : (s, 6), (s, 6, 6) float64
+        The mounting's error, given each of them.
     """
 
-    effect: PoseError
-    intervals: dict[str, Estimate]
-    unsure: Field
-    lies: Field
-    lies_off: Field
+    nats: float
+    weights: Field
+    means: Field
+    covariances: Field
 
-    def gain(self, commanded: Field, placement: Placement) -> float:
-        """Nats that the mounting gains on where another recording was found to lie.
+    @property
+    def error(self) -> Field:
+        """Most probable error (6,); what may as well be none is zero, and the rest fitted so."""
+        mean = self.weights @ self.means
+        off = self.means - mean
+        covariance = np.einsum("s,sij->ij", self.weights, self.covariances)
+        weight = np.linalg.pinv(covariance + np.einsum("s,si,sj->ij", self.weights, off, off))
+        sides = np.array([[self.below(k, 0.0), self.below(k, 0.0, up=True)] for k in range(6)])
+        kept = np.flatnonzero(sides.min(axis=1) < (1 - LEVEL) / 2)
+        out = np.zeros(6)
+        out[kept] = np.linalg.solve(weight[np.ix_(kept, kept)], (weight @ mean)[kept])
+        return out
 
-        A placement is one number per direction, however many readings it was settled by. Either
-        the part lies off from the mounting as the fitted ones do, or from nothing.
-        """
-        seen = _Seen.of(commanded, placement)
-        told = np.array([getattr(self.effect, name) for name in NAMES])
-        with_it = seen.covariance(self.lies) + self.unsure
-        without = seen.covariance(self.lies_off)
-        return _log_normal(seen.error - told, with_it) - _log_normal(seen.error, without)
+    def interval(self, k: int) -> tuple[float, float]:
+        """95 % interval of number k, by the distribution averaged over sizes."""
+        mean, sd = self.means[:, k], np.sqrt(self.covariances[:, k, k])
+        ends = (mean - 10 * sd).min() - TINY, (mean + 10 * sd).max() + TINY
+        rest = (1 - LEVEL) / 2
+        low, high = (
+            brentq(lambda value, s=s: self.below(k, value) - s, *ends) for s in (rest, 1 - rest)
+        )
+        return float(low), float(high)
+
+    def below(self, k: int, value: float, *, up: bool = False) -> float:
+        """Probability that number k isn't above a value, or isn't below (`up`)."""
+        sd = np.maximum(np.sqrt(self.covariances[:, k, k]), TINY)
+        side = -1.0 if up else 1.0
+        return float(self.weights @ ndtr((side * (value - self.means[:, k]) + 8 * TINY) / sd))
 
 
-def _log_normal(off: Field, covariance: Field) -> float:
-    """Log density of a normal distribution at an offset from its mean, but for a constant."""
-    _, size = np.linalg.slogdet(covariance)
-    return -0.5 * float(off @ np.linalg.solve(covariance, off) + size)
+def mounting_error(seen: Sequence[Seen]) -> Mounting:
+    """Weigh whether the mounting is off; see the module's equation.
 
+    Placements' errors, stacked, have the covariance D + X P X', D that of each recording by itself,
+    X = [J | 1] what the recordings share, P how large that may be. With G = X'D⁻¹X, v = X'D⁻¹e
 
-def mounting_error(
-    commanded: Sequence[Field], placements: Sequence[Placement], *, travel_mm: float = 0.0
-) -> Mounting | None:
-    """Find a mounting error that recordings in different orientations share; None without one.
-
-    With one recording, or all in one orientation, sensor and part can't be told apart.
-
-    Parameters
-    ----------
-    travel_mm : how far along the travel a reading may lie from its stated pose
+        2 ln p(e) = -ln|D| - ln|I + G P| - e'D⁻¹e + v'(P⁻¹ + G)⁻¹v + constant.
     """
-    if len(placements) < 2 or _spread_deg(commanded) < 15:
-        return None
-    seen = [_Seen.of(p, q, travel_mm) for p, q in zip(commanded, placements, strict=True)]
-    lies = _scatter(seen, shared=True)
-    mean, shared, dof = _agreed(seen, lies)
-    tail = float(fdtrc(6, dof, mean @ np.linalg.solve(shared, mean) / 6))
-    reach = float(stdtrit(dof, 0.975))
-    sd = np.sqrt(np.diag(shared))
-    certain = _certain(shared * reach**2, mean)
-    if tail > LEVEL or not (np.abs(certain) > LEAST).any():
-        return None
-    bounds = {p.name: (p.low, p.high) for p in PoseError.parameters()}
-    values = {n: float(np.clip(v, *bounds[n])) for n, v in zip(NAMES, certain, strict=True) if v}
-    effect = PoseError.none().with_parameters(values)
-    return Mounting(
-        effect=effect,
-        intervals={
-            n: Estimate(value=float(v), low=float(v - reach * s), high=float(v + reach * s))
-            for n, v, s in zip(NAMES, mean, sd, strict=True)
-        },
-        unsure=shared,
-        lies=lies,
-        lies_off=_scatter(seen, shared=False),
-    )
-
-
-def _agreed(seen: Sequence[_Seen], lies: Field) -> tuple[Field, Field, int]:
-    """Mean (6,) of the errors, its covariance by their scatter, and its degrees of freedom."""
-    errors, weights, mean, shared = _weighed(seen, lies)
-    dof = 6 * (len(errors) - 1)
-    return mean, max(_square(errors - mean, weights) / dof, 1.0) * shared, dof
-
-
-def _weighed(seen: Sequence[_Seen], lies: Field) -> tuple[Field, Field, Field, Field]:
-    """Errors (k, 6), their weights (k, 6, 6), the mean (6,) by these and its covariance (6, 6)."""
     errors = np.stack([s.error for s in seen])
-    weights = np.asarray(np.linalg.inv([s.covariance(lies) for s in seen]), np.float64)
-    shared = np.asarray(np.linalg.inv(weights.sum(axis=0)), np.float64)
-    return errors, weights, shared @ np.einsum("kij,kj->i", weights, errors), shared
-
-
-def _square(rest: Field, weights: Field) -> float:
-    """Sum of squares of what is left (k, 6), weighted."""
-    return float(np.einsum("ki,kij,kj->", rest, weights, rest))
-
-
-def _scatter(seen: Sequence[_Seen], *, shared: bool) -> Field:
-    """How far parts lie off along each axis, mm and rad (2,), by restricted likelihood.
-
-    Twice its negative logarithm is Σ ln|S_k| + ln|Σ S_k⁻¹| + Σ r_k' S_k⁻¹ r_k, S_k the covariance
-    of recording k, r_k its error beyond the shared one (Patterson, Thompson, Biometrika 58 (1971)
-    545).
-
-    Parameters
-    ----------
-    shared : about an error that all share, else about none
-    """
-
-    def unlikely(log_lies: Field) -> float:
-        errors, weights, mean, unsure = _weighed(seen, np.exp(log_lies))
-        cost = -float(np.linalg.slogdet(weights)[1].sum())
-        if not shared:
-            return cost + _square(errors, weights)
-        return cost - float(np.linalg.slogdet(unsure)[1]) + _square(errors - mean, weights)
-
-    least, most = 1e-3 * PRIOR_SD[[0, 3]], PRIOR_SD[[0, 3]]
-    found = minimize(
-        unlikely, np.log(0.03 * most), method="L-BFGS-B",
-        bounds=list(zip(np.log(least), np.log(most), strict=True)),
-    )  # fmt: skip
-    return np.asarray(np.exp(found.x))
-
-
-def _certain(bounds: Field, mean: Field) -> Field:
-    """Return the mean (6,) with what isn't certain at zero, the rest solved anew for that.
-
-    Parameters
-    ----------
-    bounds : (6, 6), covariance of the mean, scaled so that its root is the interval's half width
-    """
-    weight = np.linalg.inv(bounds)
-    right = weight @ mean
-    kept = np.arange(mean.size)
-    while kept.size:
-        inverse = np.linalg.inv(weight[np.ix_(kept, kept)])
-        solved = inverse @ right[kept]
-        share = np.abs(solved) / np.sqrt(np.diag(inverse))
-        if share.min() > 1:
-            break
-        kept = np.delete(kept, share.argmin())
-    out = np.zeros(mean.size)
-    if kept.size:
-        out[kept] = solved
-    return out
+    shared = np.stack([np.hstack([s.slopes, np.eye(6)]) for s in seen])
+    part = np.repeat(PRIOR_SD[[0, 3]], 3) ** 2
+    scatters, offs = list(product(SCATTERS, repeat=2)), list(product(OFFSETS, repeat=2))
+    logs = np.empty((len(scatters), len(offs)))
+    means, covariances = np.empty((*logs.shape, 6)), np.empty((*logs.shape, 6, 6))
+    for i, (far, turned) in enumerate(scatters):
+        lies = np.repeat([far, turned], 3) ** 2 * part
+        own = np.stack([s.unsettled + (s.slopes * lies) @ s.slopes.T for s in seen])
+        inverse = np.linalg.inv(own)
+        gram = np.einsum("kia,kij,kjb->ab", shared, inverse, shared)
+        right = np.einsum("kia,kij,kj->a", shared, inverse, errors)
+        alone = -np.linalg.slogdet(own)[1].sum() - np.einsum("ki,kij,kj", errors, inverse, errors)
+        for j, (shift, turn) in enumerate(offs):
+            scale = np.concatenate([np.sqrt(part), np.repeat([turn, shift], 3) * UNIT])
+            inner = np.eye(12) + scale[:, None] * gram * scale
+            posterior = scale[:, None] * np.linalg.inv(inner) * scale
+            logs[i, j] = 0.5 * (alone - np.linalg.slogdet(inner)[1] + right @ posterior @ right)
+            means[i, j], covariances[i, j] = (posterior @ right)[6:], posterior[6:, 6:]
+    off = logs[:, 1:]
+    return Mounting(
+        nats=float(logsumexp(off) - np.log(off.shape[1]) - logsumexp(logs[:, 0])),
+        weights=np.exp(off - logsumexp(off)).ravel(),
+        means=means[:, 1:].reshape(-1, 6),
+        covariances=covariances[:, 1:].reshape(-1, 6, 6),
+    )
 
 
 def _in_sensor(commanded: Field, placement: Placement) -> Field:
@@ -244,13 +191,6 @@ def _slopes(commanded: Field, placement: Placement) -> Field:
     )
 
 
-def _spread_deg(commanded: Sequence[Field]) -> float:
-    """Largest turn between the recordings' orientations."""
-    first = Rotation.from_matrix(commanded[0][0, :3, :3])
-    turns = [(first.inv() * Rotation.from_matrix(p[0, :3, :3])).magnitude() for p in commanded]
-    return math.degrees(max(turns))
-
-
 def mounted(
     ws: Workspace,
     model: Model,
@@ -258,27 +198,43 @@ def mounted(
     placed: Mapping[str, Placement],
     held: Sequence[Patch],
 ) -> list[FoundEffect]:
-    """Return the mounting error that fitted recordings share, if held-out recordings support it."""
+    """Return the mounting error that recordings share, if those held out support it.
+
+    Its numbers and its probability are those of the fitted recordings. What it gains on held-out
+    ones is how much more probable their placements are, given the fitted ones.
+    """
     moved = ws.placements(model)
-    fitted = [placed[recordings[k].name].further(moved[k]) for k in moved]
-    mounting = mounting_error(
-        [recordings[k].poses for k in moved], fitted, travel_mm=travelled_mm(ws, model)
-    )
-    if mounting is None:
+    seen = [
+        Seen.of(
+            recordings[k].poses, placed[recordings[k].name].further(step), travelled_mm(ws, model)
+        )
+        for k, step in moved.items()
+    ]
+    mounting = mounting_error(seen)
+    sure, error = probability(mounting.nats, "pose_error"), mounting.error
+    if sure <= 0.5 or not error.any():
         return []
     apart = Workspace.build(held, ws.noise)
     moved = apart.placements(model, [p.counted & ~p.edge for p in held])
-    gain = sum(
-        mounting.gain(recordings[k].poses, placed[recordings[k].name].further(step))
+    others = [
+        Seen.of(recordings[k].poses, placed[recordings[k].name].further(step))
         for k, step in moved.items()
-    )
-    if gain < LEAST_NATS:
+    ]
+    every = mounting_error([*seen, *others]).nats
+    if probability(every, "pose_error") <= 0.5:
         return []
-    per_reading = gain / max(sum(int(p.counted.sum()) for p in held), 1)
+    bounds = {p.name: (p.low, p.high) for p in PoseError.parameters()}
+    values = {n: float(np.clip(v, *bounds[n])) for n, v in zip(NAMES, error, strict=True) if v}
+    ends = [mounting.interval(k) for k in range(6)]
     return [
         plainly_found(
-            mounting.effect, per_reading, mounting.intervals,
-            probability=1.0 - np.exp(-gain),
+            PoseError.none().with_parameters(values),
+            (every - mounting.nats) / max(sum(int(p.counted.sum()) for p in held), 1),
+            {
+                n: Estimate(value=values.get(n, 0.0), low=low, high=high)
+                for n, (low, high) in zip(NAMES, ends, strict=True)
+            },
+            probability=sure,
         )
     ]  # fmt: skip
 

@@ -154,6 +154,22 @@ def test_a_tilted_plane_is_read_without_bias(device, slope):
     assert abs(np.nanmean(rest)) < 4 * error + 5e-4
 
 
+def test_the_end_columns_of_a_slope_along_the_line_read_like_all_others(device):
+    # light beyond the last reading reaches it through the lens as light from inside does
+    path, slope = travel(pitch=0.1), 0.5
+    x, y = np.meshgrid([-40.0, 40.0], [-60.0, 60.0])
+    level = DISTANCE + tan(THETA) * (y - 1.8)
+    corners = np.stack([x, y, level + slope * x], -1).reshape(-1, 3)
+    plane = Solid(vertices_mm=corners, faces=np.array([[0, 2, 1], [1, 2, 3]]))
+    got, _ = device.scan(plane, Facets(), path, np.random.default_rng(1), specimen=5)
+    at = path.travel_mm * device.way[1]
+    truth = expected(device, path, lambda y: DISTANCE + tan(THETA) * (y - 1.8))
+    rest = got - truth[:, None] - slope * device.camera.even_mm
+    columns = np.nanmean(rest, axis=0)
+    usual = np.nanstd(columns[2:-2])
+    assert np.abs(columns[[0, 1, -2, -1]] - np.nanmean(columns)).max() < 4 * usual
+
+
 def test_a_shadow_is_as_long_as_the_tangent_says(device):
     # a wall of height h along the sheet hides the floor behind it over h tan θ
     high = 2.0

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from diagnosis.claims.mounting import _scatter, _Seen, blurs, mounted, mounting_error, travelled_mm
+from diagnosis.claims.mounting import (
+    Mounting,
+    Seen,
+    blurs,
+    mounted,
+    mounting_error,
+    travelled_mm,
+)
 from diagnosis.fields import Field
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
@@ -38,23 +45,37 @@ def placed(poses: Field, shift_mm: Field, sd: Field) -> Placement:
     )  # fmt: skip
 
 
+def weighed(poses: list[Field], lay: list[Placement]) -> Mounting:
+    return mounting_error([Seen.of(p, q) for p, q in zip(poses, lay, strict=True)])
+
+
 def test_a_shared_offset_is_the_mounting_s() -> None:
     poses = [commanded(t) for t in TURNS_DEG]
-    found = mounting_error(poses, [placed(p, np.array([0.1, 0.0, -0.2]), KNOWN) for p in poses])
-    assert found is not None
-    assert np.isclose(found.effect.x_mm, 0.1, atol=1e-3)
-    assert np.isclose(found.effect.z_mm, -0.2, atol=1e-3)
-    y = found.intervals["y_mm"]
-    assert y.low is not None
-    assert y.high is not None
-    assert y.low < 0 < y.high
+    found = weighed(poses, [placed(p, np.array([0.1, 0.0, -0.2]), KNOWN) for p in poses])
+    assert found.nats > np.log(20)
+    assert np.allclose(found.error[[3, 4]], [0.1, 0.0], atol=5e-3)
+    low, high = found.interval(4)
+    assert low < 0 < high
+
+
+def test_a_height_may_be_the_part_s_or_the_mounting_s() -> None:
+    # however a part is turned about its normal: it may lie too low, or its CAD's zero may
+    poses = [commanded(t) for t in TURNS_DEG]
+    found = weighed(poses, [placed(p, np.array([0.0, 0.0, -0.2]), KNOWN) for p in poses])
+    assert found.nats < 1
+    assert found.error[5] == 0
 
 
 def test_parts_that_lay_elsewhere_each_time_are_none() -> None:
     poses = [commanded(t) for t in TURNS_DEG]
-    shifts = np.random.default_rng(3).normal(0, 0.1, (3, 3))
-    lay = [placed(p, s, KNOWN) for p, s in zip(poses, shifts, strict=True)]
-    assert mounting_error(poses, lay) is None
+    shifts = np.random.default_rng(3).normal(0, 0.1, (40, 3, 3))
+    nats = [
+        weighed(poses, [placed(p, s, KNOWN) for p, s in zip(poses, each, strict=True)]).nats
+        for each in shifts
+    ]
+    assert np.mean(nats) < 0
+    # odds of 20 against, by chance in at most one of 20: a Bayes factor's own bound
+    assert np.mean(np.array(nats) > np.log(20)) <= 0.05
 
 
 def test_what_the_part_s_faces_leave_open_is_none() -> None:
@@ -62,52 +83,46 @@ def test_what_the_part_s_faces_leave_open_is_none() -> None:
     open_xy = KNOWN.copy()
     open_xy[:2] = 1.0  # a flat part lies anywhere along its face
     offset = np.array([0.3, 0.0, 0.0])
-    assert mounting_error(poses, [placed(p, offset, KNOWN) for p in poses]) is not None
-    assert mounting_error(poses, [placed(p, offset, open_xy) for p in poses]) is None
+    assert weighed(poses, [placed(p, offset, KNOWN) for p in poses]).nats > 5
+    assert weighed(poses, [placed(p, offset, open_xy) for p in poses]).nats < 1
 
 
 def test_one_orientation_tells_nothing() -> None:
-    poses = [commanded(t) for t in (0.0, 5.0, 10.0)]
-    assert mounting_error(poses, [placed(p, np.array([0.1, 0, 0]), KNOWN) for p in poses]) is None
+    poses = [commanded(0.0)] * 3
+    found = weighed(poses, [placed(p, np.array([0.1, 0, 0]), KNOWN) for p in poses])
+    assert abs(found.nats) < 2
 
 
 def test_what_scatters_is_left_at_zero() -> None:
     poses = [commanded(t) for t in TURNS_DEG]
     shifts = [np.array([0.3, 0.0, z]) for z in (0.12, -0.03, 0.06)]
-    found = mounting_error(poses, [placed(p, s, KNOWN) for p, s in zip(poses, shifts, strict=True)])
-    assert found is not None
-    assert found.effect.z_mm == 0
-    assert np.isclose(found.effect.x_mm, 0.3, atol=0.02)
+    found = weighed(poses, [placed(p, s, KNOWN) for p, s in zip(poses, shifts, strict=True)])
+    assert found.error[5] == 0
+    assert np.isclose(found.error[3], 0.3, atol=0.1)
 
 
-def test_a_recording_that_lies_as_told_bears_the_mounting_out() -> None:
-    poses = [commanded(t) for t in TURNS_DEG]
+def test_recordings_that_lie_as_told_bear_the_mounting_out() -> None:
+    poses = [commanded(t) for t in (*TURNS_DEG, 45.0)]
     offset, scatter = np.array([0.3, 0.0, 0.0]), np.diag([0.02, 0.02, 0.02])
-    fitted = [placed(p, offset + s, KNOWN) for p, s in zip(poses, scatter, strict=True)]
-    found = mounting_error(poses, fitted)
-    assert found is not None
-    other = commanded(45.0)
-    assert found.gain(other, placed(other, offset, KNOWN)) > 1
-    assert found.gain(other, placed(other, np.zeros(3), KNOWN)) < 0
+    fitted = [placed(p, offset + s, KNOWN) for p, s in zip(poses[:3], scatter, strict=True)]
+    nats = weighed(poses[:3], fitted).nats
+    assert weighed(poses, [*fitted, placed(poses[3], offset, KNOWN)]).nats > nats + 1
+    assert weighed(poses, [*fitted, placed(poses[3], np.zeros(3), KNOWN)]).nats < nats
     # nor does one that says nothing
     open_all = np.array([2.0] * 3 + [0.02] * 3 + [1e-4] * 3)
-    assert abs(found.gain(other, placed(other, offset, open_all))) < 0.5
+    beside = weighed(poses, [*fitted, placed(poses[3], offset, open_all)]).nats
+    assert abs(beside - nats) < 0.5
 
 
-def test_how_parts_lie_is_measured() -> None:
-    rng, lies = np.random.default_rng(5), np.array([0.05, 4e-4])
-    sure = np.diag((1e-3 * KNOWN) ** 2)
-    seen = []
-    for turn in rng.uniform(0, 360, 60):
-        poses, shift = commanded(turn), np.zeros(PRIOR_SD.size)
-        shift[:6] = rng.normal(0, np.repeat(lies, 3))
-        placement = Placement(shift=shift, centre_mm=np.zeros(3), covariance=sure, poses=poses)
-        seen.append(_Seen.of(poses, placement))
-    # what registration scatters by itself, 0.01 degrees at 100 mm, is told apart
-    assert np.allclose(_scatter(seen, shared=True) / lies, 1.0, atol=0.15)
-    assert np.allclose(_scatter(seen, shared=False) / lies, 1.0, atol=0.15)
-
-
+def test_intervals_hold_what_mountings_are_off() -> None:
+    rng, held = np.random.default_rng(8), []
+    for _ in range(60):
+        poses = [commanded(t) for t in rng.uniform(0, 360, 4)]
+        off = rng.normal(0, 0.2)
+        lay = [placed(p, np.array([off, 0, 0]) + rng.normal(0, 0.05, 3), KNOWN) for p in poses]
+        low, high = weighed(poses, lay).interval(3)
+        held.append(low < off < high)
+    assert np.mean(held) >= 0.85
 
 
 def ready(*effects: dict[str, object]) -> Prepared:
