@@ -71,9 +71,9 @@ def edge_softness(
             chance[np.isfinite(side) != np.isfinite(middle)] = UNSURE
     chance[sd > 1.0] = 0.1
     own = np.where(edge, np.nan_to_num(np.abs(plain_mm - middle)), 0.0)
-    seen = np.isfinite(plain_mm)
+    seen = _with_border(view, np.isfinite(plain_mm))
     outline = binary_dilation(seen, np.ones((3, 3))) & binary_dilation(~seen, np.ones((3, 3)))
-    chance[outline] = UNSURE
+    chance[outline[1:-1, 1:-1]] = UNSURE
     return np.hypot(sd, TRUST * own), chance
 
 
@@ -82,7 +82,7 @@ def near_edges(view: View, plain_mm: Field) -> Mask:
 
     The reach is three standard deviations of the laser line, two points at least.
     """
-    seen = np.isfinite(plain_mm)
+    seen = _with_border(view, np.isfinite(plain_mm))
     depth = view.depth_mm
     width_um = view.datasheet.line_width_um
     line_sd_mm = LINE_SD_MM if width_um is None else 1e-3 * width_um / 4
@@ -99,10 +99,29 @@ def near_edges(view: View, plain_mm: Field) -> Mask:
         with np.errstate(invalid="ignore"):
             bent[inner] = second > max(BEND * pitch, 6 * typical)
         rough |= bent
-        flip = np.diff(seen.astype(np.int8), axis=axis) != 0
+        around = (slice(None), slice(1, -1)) if axis == 0 else (slice(1, -1), slice(None))
+        flip = np.diff(seen[around].astype(np.int8), axis=axis) != 0
         ahead = (slice(0, -1), slice(None)) if axis == 0 else (slice(None), slice(0, -1))
         behind = (slice(1, None), slice(None)) if axis == 0 else (slice(None), slice(1, None))
-        rough[ahead] |= flip
-        rough[behind] |= flip
+        rough |= flip[ahead] | flip[behind]
     window = np.ones((2 * reach[0] + 1, 2 * reach[1] + 1), dtype=bool)
     return np.asarray(binary_dilation(rough, window))
+
+
+def _with_border(view: View, seen: Mask) -> Mask:
+    """Surround what is seen (n, m) by what would be, one profile and one column on: (n+2, m+2).
+
+    Where a part ends beside the first column, a pose that is a little off moves its outline in.
+    """
+    out = np.pad(seen, 1, mode="edge")
+    columns = np.abs(np.diff(view.column_x_mm))
+    if columns.size:
+        pitch = float(np.median(columns))
+        for place, end, sign in ((0, 0, -1.0), (-1, -1, 1.0)):
+            out[1:-1, place] = np.isfinite(view.shifted(dx_mm=sign * pitch).depth_mm[:, end])
+    step = view.travel_step_mm
+    if step.size:
+        for place, part, sign in ((0, slice(0, 1), -1.0), (-1, slice(-1, None), 1.0)):
+            beside = view.rows(part).shifted(dy_mm=sign * float(step[part][0]))
+            out[place, 1:-1] = np.isfinite(beside.depth_mm[0])
+    return out

@@ -10,6 +10,7 @@ from sensors.casting.laser import Laser
 from sensors.effects.base import MotionEffect
 from sensors.effects.parameter import parameter
 from sensors.effects.relaxed import Relaxed
+from sensors.view.covariates import shift_x
 from sensors.view.view import View
 
 Floats = NDArray[np.float64]
@@ -44,7 +45,7 @@ class LateralError(MotionEffect):
     also: ClassVar = ("missing",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "slope_x"
-    relaxed: ClassVar = (Relaxed(channel="mean", along=("x",), times="slope_x"),)
+    relaxed: ClassVar = (Relaxed(channel="mean", along=("x",), times="shift_x"),)
     rivals: ClassVar = ("lens_distortion", "pose_error", "incidence_bias")
     separating: ClassVar = (
         "scan a plate tilted along the line, then tilted the other way: an error of x changes "
@@ -84,9 +85,7 @@ class LateralError(MotionEffect):
         """Return the slope along the line times δx of each parameter: first order in δx."""
         along = self._along(view)
         away = (view.depth_mm - view.datasheet.working_distance_mm) / self._half_range_mm(view)
-        slope = 1e-3 * view.slope_x
-        # the ray is inclined: its x changes with the depth
-        slope = slope / (1.0 - view.slope_x * view.laser.slope_x)
+        slope = 1e-3 * shift_x(view)
         return slope, slope * along, slope * along * away
 
     def moved(self, view: View) -> View:

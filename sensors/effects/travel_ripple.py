@@ -36,7 +36,7 @@ class TravelRipple(MotionEffect):
     frame: ClassVar = "travel"
     covariate: ClassVar = "travel"
     relaxed: ClassVar = (
-        Relaxed(channel="mean", each="profile", periodic=True, period="period_mm", times="slope_y"),
+        Relaxed(channel="mean", each="profile", periodic=True, period="period_mm", times="shift_y"),
     )
     rivals: ClassVar = ("stage_vibration", "form_error", "incidence_bias")
     separating: ClassVar = (

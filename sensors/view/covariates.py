@@ -73,14 +73,32 @@ def hidden_from(view: View, camera_y_mm: float) -> Floats:
     return np.where(view.valid, (~view.visible_from(camera_y_mm)).astype(np.float64), np.nan)
 
 
-MOST_RAISED = 3.0
-"""Change of depth, in units of what the surface is raised by, beyond which no wall is steeper."""
+STEEPEST = 3.0
+"""Change of depth, in units of what moves the surface, beyond which no wall is steeper.
+
+On an upright wall a micrometre aside is a millimetre deeper, if the wall is there at all.
+"""
+
+
+def shift_x(view: View) -> Floats:
+    """Return the change of depth (n, m) by a ray moved along the line, for walls up to `STEEPEST`.
+
+    dz = dx s / (1 - s r): the ray's x changes with the depth, r its own slope.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = view.slope_x / (1.0 - view.slope_x * view.laser.slope_x)
+    return np.clip(along, -STEEPEST, STEEPEST)
+
+
+def shift_y(view: View) -> Floats:
+    """Return the change of depth (n, m) by a ray moved along the travel, as `shift_x`."""
+    return np.clip(view.slope_y, -STEEPEST, STEEPEST)
 
 
 def raised(view: View) -> Floats:
     """Return the change of depth (n, m) by a surface raised along the part's thinnest side."""
     low, high = view.scene.vertices_mm.min(axis=0), view.scene.vertices_mm.max(axis=0)
-    return raised_along(view, int(np.argmin(high - low)), most=MOST_RAISED)
+    return raised_along(view, int(np.argmin(high - low)), most=STEEPEST)
 
 
 def raised_along(view: View, axis: int, *, most: float, by: float = 1.0) -> Floats:
@@ -137,6 +155,20 @@ ALL = (
         unit="",
         frame="sensor",
         values=lambda v: v.slope_y,
+    ),
+    Covariate(
+        name="shift_x",
+        words="slope along the laser line as its rays meet it",
+        unit="",
+        frame="sensor",
+        values=shift_x,
+    ),
+    Covariate(
+        name="shift_y",
+        words="slope along the travel as rays meet it",
+        unit="",
+        frame="sensor",
+        values=shift_y,
     ),
     Covariate(
         name="incidence",

@@ -17,7 +17,7 @@ ROOMS = ("components", "discrepancy", "evidence")
 FILES = sorted(file for room in ROOMS for file in (ROOT / room).glob("*.py"))
 FORM = {"COMB", "REACH", "LEFT", "NEAR", "ROUNDING", "IMITATED", "STEPS", "SETTLED", "SPREADS",
         "AT_ONCE", "ROUNDED", "SPARSE", "TRAVEL", "BLOCK", "SURROUNDINGS",
-        "MOST_RAISED", "BINS", "LEAST_CYCLES", "FEWEST"}  # fmt: skip
+        "BINS", "LEAST_CYCLES", "FEWEST"}  # fmt: skip
 """Constants of arithmetic: how a sum is formed, when an iteration ends."""
 
 
