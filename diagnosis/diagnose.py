@@ -197,8 +197,9 @@ def _against_claims(
         # what the model takes for physics is no misplacement; a warped part's low waves turn and
         # shift it, so that how it lies can't be told from how the sensor sits
         beside += mounted(
-            ws, model, ready.recorded.recordings, explanation.placed, explanation.held
-        )
+            ws, model, [*ready.recorded.recordings, *ready.good],
+            {**ready.placed, **explanation.placed}, explanation.held, ready.baseline,
+        )  # fmt: skip
     return model, beside, plain_noise
 
 

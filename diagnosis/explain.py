@@ -10,6 +10,7 @@ from diagnosis.components.free_curve import Curve
 from diagnosis.data.patch import Patch
 from diagnosis.data.recorded import Recorded
 from diagnosis.discrepancy.good_instrument import (
+    alike_at_edges,
     informed,
     kinds_of,
     mean_factors,
@@ -308,7 +309,9 @@ def _good(
     """
     if before is None:
         return population.of_kinds(kinds_of(population, mean_factors(first), good=False))
-    return informed(population, mean_factors(before), rate_factors(usual)) | unchanged_level()
+    factors = mean_factors(before)
+    own = informed(population, factors, rate_factors(usual)) | unchanged_level()
+    return alike_at_edges(own, factors, before.candidates)
 
 
 def _is_law(cause: Cause) -> bool:

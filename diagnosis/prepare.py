@@ -57,6 +57,7 @@ class Prepared:
     Attributes
     ----------
     placed : placements by name
+    good : the baselines, as they are named in `placed`
     patches, baseline : recordings and baselines, looked at from there
     noise, nominal : of the recordings; of plates or baselines where there are any
     surface : with its noise
@@ -66,6 +67,7 @@ class Prepared:
 
     recorded: Recorded
     placed: Mapping[str, Placement]
+    good: tuple[Recording, ...]
     patches: tuple[Patch, ...]
     baseline: tuple[Patch, ...]
     noise: NoiseModel
@@ -118,7 +120,8 @@ def prepared(inputs: Inputs, notes: list[str], progress: Progress) -> Prepared:
     if baseline:
         nominal = _nominal_of(baseline)
     return Prepared(
-        recorded=recorded, placed=placed, patches=tuple(patches), baseline=tuple(baseline),
+        recorded=recorded, placed=placed, good=tuple(good),
+        patches=tuple(patches), baseline=tuple(baseline),
         noise=noise, nominal=nominal, surface=known.surface,
         fitted=tuple(r.name for r in fit_on), held=tuple(r.name for r in held), single=single,
     )  # fmt: skip

@@ -58,11 +58,21 @@ class Camera:
     def footprint_mm(self) -> float:
         """Spread along the line of what a delivered reading is the mean of, mm.
 
-        The lens's, and that of interpolation between neighbours at shares f and 1 - f, whose
-        variance f (1 - f) is 1/6 of a squared pitch on average.
+        The lens's, and that of interpolation between neighbours at shares f and 1 - f: f (1 - f)
+        of a squared pitch, mean over the line. Little where the barrel moves less than a column.
         """
         pitch = self.x_fov_mm / (self.columns - 1)
-        return float(pitch * np.hypot(self.blur_columns, 1 / np.sqrt(6)))
+        _, share = self.between
+        interpolated = float(np.mean(share * (1 - share)))
+        return float(pitch * np.hypot(self.blur_columns, np.sqrt(interpolated)))
+
+    @property
+    def between(self) -> tuple[NDArray[np.int64], Floats]:
+        """Chip column before each place on even x, and the share of the next one in a reading."""
+        chip = self.columns_mm
+        at = np.interp(self.even_mm, chip, np.arange(chip.size))
+        left = np.minimum(at.astype(np.int64), chip.size - 2)
+        return left, at - left
 
     @property
     def even_mm(self) -> Floats:

@@ -286,10 +286,7 @@ def expected(device: Device, solid: Solid, travel: Travel, misplaced: Floats) ->
 
 def rectified(camera: Camera, values: Floats) -> Floats:
     """Interpolate profiles (n, columns) linearly onto even x; NaN beside a missing reading."""
-    chip = camera.columns_mm
-    at = np.interp(camera.even_mm, chip, np.arange(chip.size))
-    left = np.minimum(at.astype(int), chip.size - 2)
-    part = at - left
+    left, part = camera.between
     low, high = values[:, left], values[:, left + 1]
     mixed = low * (1 - part) + high * part
     return np.asarray(np.where(part == 0, low, np.where(part == 1, high, mixed)))

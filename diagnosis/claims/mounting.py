@@ -6,14 +6,15 @@ lay wrong each time but the sensor that sits wrong: pose_error.
 
 The error of recording k, in the sensor's frame, is
 
-    e_k = m + J_k (c + a_k) + u_k,
+    e_k = m + b + J_k (c + a_k) + u_k,
 
 m what the mounting is off, c how the part lay in all recordings (a fixture, the CAD's zero), a_k
 how it lay in this one, J_k how a part's displacement looks from the sensor, u_k what registration
-leaves open. All are normal. Nobody knows beforehand how far parts and sensors are off: the odds are
-averaged over sizes of m and a that are equally probable on a logarithmic scale, up to how far a
-commanded pose may be off at all. Recordings in one orientation can't tell m from c, and the odds
-say so. Placements are few; their readings, however many, settle each of them once.
+leaves open. All are normal. Where there are baselines, they have b and no m, so that m is what has
+changed; without them there is no b. Nobody knows beforehand how far parts and sensors are off: the
+odds are averaged over sizes of m and a that are equally probable on a logarithmic scale, up to how
+far a commanded pose may be off at all. Recordings in one orientation can't tell m from c, and the
+odds say so. Placements are few; their readings, however many, settle each of them once.
 """
 
 import math
@@ -128,16 +129,26 @@ class Mounting:
         return float(self.weights @ ndtr((side * (value - self.means[:, k]) + 8 * TINY) / sd))
 
 
-def mounting_error(seen: Sequence[Seen]) -> Mounting:
+def mounting_error(seen: Sequence[Seen], good: Sequence[Seen] = ()) -> Mounting:
     """Weigh whether the mounting is off; see the module's equation.
 
     Placements' errors, stacked, have the covariance D + X P X', D that of each recording by itself,
-    X = [J | 1] what the recordings share, P how large that may be. With G = X'D⁻¹X, v = X'D⁻¹e
+    X = [J | b | m] what the recordings share, P how large that may be. With G = X'D⁻¹X,
+    v = X'D⁻¹e
 
         2 ln p(e) = -ln|D| - ln|I + G P| - e'D⁻¹e + v'(P⁻¹ + G)⁻¹v + constant.
+
+    Parameters
+    ----------
+    good : of the baselines, with the mounting as it was
     """
+    same, none = np.eye(6), np.zeros((6, 6))
+    shared = np.stack([
+        *(np.hstack([s.slopes, same if good else none, same]) for s in seen),
+        *(np.hstack([s.slopes, same, none]) for s in good),
+    ])  # fmt: skip
+    seen = [*seen, *good]
     errors = np.stack([s.error for s in seen])
-    shared = np.stack([np.hstack([s.slopes, np.eye(6)]) for s in seen])
     part = np.repeat(PRIOR_SD[[0, 3]], 3) ** 2
     scatters, offs = list(product(SCATTERS, repeat=2)), list(product(OFFSETS, repeat=2))
     logs = np.empty((len(scatters), len(offs)))
@@ -150,11 +161,11 @@ def mounting_error(seen: Sequence[Seen]) -> Mounting:
         right = np.einsum("kia,kij,kj->a", shared, inverse, errors)
         alone = -np.linalg.slogdet(own)[1].sum() - np.einsum("ki,kij,kj", errors, inverse, errors)
         for j, (shift, turn) in enumerate(offs):
-            scale = np.concatenate([np.sqrt(part), np.repeat([turn, shift], 3) * UNIT])
-            inner = np.eye(12) + scale[:, None] * gram * scale
+            scale = np.concatenate([np.sqrt(part), UNIT, np.repeat([turn, shift], 3) * UNIT])
+            inner = np.eye(18) + scale[:, None] * gram * scale
             posterior = scale[:, None] * np.linalg.inv(inner) * scale
             logs[i, j] = 0.5 * (alone - np.linalg.slogdet(inner)[1] + right @ posterior @ right)
-            means[i, j], covariances[i, j] = (posterior @ right)[6:], posterior[6:, 6:]
+            means[i, j], covariances[i, j] = (posterior @ right)[12:], posterior[12:, 12:]
     off = logs[:, 1:]
     return Mounting(
         nats=float(logsumexp(off) - np.log(off.shape[1]) - logsumexp(logs[:, 0])),
@@ -197,30 +208,39 @@ def mounted(
     recordings: Sequence[Recording],
     placed: Mapping[str, Placement],
     held: Sequence[Patch],
+    baseline: Sequence[Patch] = (),
 ) -> list[FoundEffect]:
     """Return the mounting error that recordings share, if those held out support it.
 
     Its numbers and its probability are those of the fitted recordings. What it gains on held-out
     ones is how much more probable their placements are, given the fitted ones.
+
+    Parameters
+    ----------
+    recordings : baselines included
     """
-    moved = ws.placements(model)
-    seen = [
-        Seen.of(
-            recordings[k].poses, placed[recordings[k].name].further(step), travelled_mm(ws, model)
-        )
-        for k, step in moved.items()
-    ]
-    mounting = mounting_error(seen)
+    commanded = {r.name: r.poses for r in recordings}
+
+    def lie(patches: Sequence[Patch], steps: Mapping[int, Field], travel: float) -> list[Seen]:
+        of = {p.recording: p.name for p in patches}
+        return [
+            Seen.of(commanded[of[k]], placed[of[k]].further(step), travel)
+            for k, step in steps.items()
+        ]
+
+    seen = lie(ws.patches, ws.placements(model), travelled_mm(ws, model))
+    good = (
+        lie(baseline, Workspace.build(baseline, ws.noise).placements(Model()), 0.0)
+        if baseline else []
+    )  # fmt: skip
+    mounting = mounting_error(seen, good)
     sure, error = probability(mounting.nats, "pose_error"), mounting.error
     if sure <= 0.5 or not error.any():
         return []
     apart = Workspace.build(held, ws.noise)
     moved = apart.placements(model, [p.counted & ~p.edge for p in held])
-    others = [
-        Seen.of(recordings[k].poses, placed[recordings[k].name].further(step))
-        for k, step in moved.items()
-    ]
-    every = mounting_error([*seen, *others]).nats
+    others = lie(held, moved, 0.0)
+    every = mounting_error([*seen, *others], good).nats
     if probability(every, "pose_error") <= 0.5:
         return []
     bounds = {p.name: (p.low, p.high) for p in PoseError.parameters()}

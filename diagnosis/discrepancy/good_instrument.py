@@ -123,6 +123,28 @@ def informed(
     return out
 
 
+def alike_at_edges(
+    usual: Mapping[str, Floats], factors: Mapping[str, Floats], candidates: Sequence[Candidate]
+) -> dict[str, Floats]:
+    """Let laws of light at edges have a share of what baselines show of all of them together.
+
+    At the few points of their grids these laws are alike, and none is exactly nature's: how what an
+    instrument does at edges is shared out among them is another from one recording to the next.
+
+    Parameters
+    ----------
+    usual : probability of each component's sizes in a good instrument
+    factors : of the mean in the baselines
+    """
+    out, sizes = dict(usual), SETTINGS.mean_sizes()
+    keys = [c.key for c in candidates if c.at_edges and c.key in factors]
+    shown = [sizes[int(factors[k].argmax())] for k in keys if factors[k].max() >= 1.0]
+    upto = sizes <= SETTINGS.doubt_at_edges * float(np.linalg.norm(shown))
+    for key in keys if upto.any() else ():
+        out[key] = 0.5 * out[key] + 0.5 * upto / upto.sum()
+    return out
+
+
 def rectified(usual: Mapping[str, Floats], sheet: Datasheet) -> dict[str, Floats]:
     """Let the noise change along the line as far as interpolation to even places makes it.
 

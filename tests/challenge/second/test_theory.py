@@ -162,7 +162,6 @@ def test_the_end_columns_of_a_slope_along_the_line_read_like_all_others(device):
     corners = np.stack([x, y, level + slope * x], -1).reshape(-1, 3)
     plane = Solid(vertices_mm=corners, faces=np.array([[0, 2, 1], [1, 2, 3]]))
     got, _ = device.scan(plane, Facets(), path, np.random.default_rng(1), specimen=5)
-    at = path.travel_mm * device.way[1]
     truth = expected(device, path, lambda y: DISTANCE + tan(THETA) * (y - 1.8))
     rest = got - truth[:, None] - slope * device.camera.even_mm
     columns = np.nanmean(rest, axis=0)

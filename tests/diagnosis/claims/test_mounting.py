@@ -160,3 +160,14 @@ def test_a_pose_is_uncertain_by_half_the_way_of_an_exposure() -> None:
     assert blurs(Model(effects=(BLUR,))) == [BLUR]
     # 0.7 mm of travel in 5 ms between profiles, over 2 ms
     assert travelled_mm(ws, Model(effects=(BLUR,))) == pytest.approx(0.5 * 0.7 * 2 / 5, rel=0.05)
+
+
+def test_what_baselines_have_is_no_change_of_the_mounting() -> None:
+    off, more = np.array([0.3, 0.0, 0.0]), np.array([0.5, 0.0, 0.0])
+    poses = [commanded(t) for t in TURNS_DEG]
+    good = [Seen.of(p, placed(p, off, KNOWN)) for p in poses]
+    same = mounting_error([Seen.of(p, placed(p, off, KNOWN)) for p in poses], good)
+    assert same.nats < 0
+    changed = mounting_error([Seen.of(p, placed(p, more, KNOWN)) for p in poses], good)
+    assert changed.nats > np.log(20)
+    assert changed.error[3] == pytest.approx(0.2, abs=0.02)
