@@ -10,6 +10,8 @@ from challenge.instrument.rays import Tree, nearest
 from challenge.second.facets import Facets
 
 Floats = NDArray[np.float64]
+GRAIN_MM = 0.01
+"""How far a surface moves until its speckle is another: a speckle's size on the part."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -49,6 +51,17 @@ def cast(tree: Tree, x: Floats, y: Floats) -> tuple[Floats, Floats]:
     return depth, tree.normal[which]
 
 
+def speckle_rng(specimen: int, start: Floats) -> np.random.Generator:
+    """Return the generator of a specimen's speckle as it is seen from one place.
+
+    Speckle is the part's. A scan from the same place meets the same speckle, one from elsewhere (by
+    a grain or more) another. Were it the scan's grid's, all recordings of a specimen would share
+    it, column by column.
+    """
+    place = np.round(start / GRAIN_MM).astype(np.int64).ravel()
+    return np.random.default_rng([specimen, 2, *(place % 2**32).tolist()])
+
+
 def lit_cells(
     tree: Tree, facets: Facets, x: Floats, y: Floats, start: Floats, to_camera: Floats,
     specimen: int,
@@ -68,7 +81,7 @@ def lit_cells(
     lay = lay - (normal @ lay)[..., None] * normal
     lay = lay / np.maximum(np.linalg.norm(lay, axis=-1, keepdims=True), 1e-9)
     base, specular = facets.towards(normal, lay, np.array([0.0, 0.0, -1.0]), to_camera)
-    grain = facets.speckle(depth.shape, np.random.default_rng([specimen, 2]))
+    grain = facets.speckle(depth.shape, speckle_rng(specimen, start))
     shown = visible(depth, y, to_camera) * np.nan_to_num(facets.albedo_pattern(points)) * grain
     if facets.coat is None:
         whole = np.where(np.isfinite(depth), shown * (base + specular), 0.0)

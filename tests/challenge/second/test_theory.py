@@ -347,3 +347,20 @@ def test_a_slip_reads_its_length_times_the_slope_along_the_travel(device, slope)
     )
     moved = np.nanmean(slipped - steady, axis=1)
     assert moved.std() == pytest.approx(0.02 / sqrt(2) * abs(slope), rel=0.1)
+
+
+def test_speckle_is_the_part_s_and_not_the_grid_s(device):
+    # two scans from places a profile apart share no column's noise; two from one place share all
+    def noise(y_mm, seed):
+        def plane(y):
+            return DISTANCE + tan(THETA) * (y - 1.8)
+
+        path = travel(pitch=0.3, y_mm=y_mm)
+        rng = np.random.default_rng(seed)
+        got, _ = device.scan(sheet(plane), Facets(), path, rng, specimen=5)
+        rest = got - expected(device, path, plane)[:, None]
+        return (rest - np.nanmean(rest)).ravel()
+
+    here, again, beside = noise(0.0, 1), noise(0.0, 2), noise(0.05, 3)
+    assert np.corrcoef(here, again)[0, 1] > 0.5
+    assert abs(np.corrcoef(here, beside)[0, 1]) < 4 / sqrt(here.size / 6)
