@@ -26,6 +26,7 @@ from diagnosis.validate.found_effects import FoundEffect, at_limits, found_effec
 from diagnosis.validate.heldout import Judgement, judge
 from diagnosis.validate.placement_candidates import Candidates, Placed, candidates_of
 from sensors.datasheet import Datasheet
+from sensors.effects.axis_quantisation import AxisQuantisation
 from sensors.effects.form_error import FormError
 from sensors.recording import Recording
 from sensors.surface.surface import Surface
@@ -73,6 +74,8 @@ def diagnose(
         notes, progress,
     )  # fmt: skip
     by_form = delivered(ready.recorded.recordings, datasheet, notes, baselines)
+    for coarse in (f.effect for f in by_form if isinstance(f.effect, AxisQuantisation)):
+        ready = ready.in_steps(1e-3 * coarse.step_um)
     usual_sizes = population()
     explanation = explain(ready, usual_sizes, withheld=withheld, notes=notes, progress=progress)
     progress("judging on held-out readings")

@@ -77,6 +77,10 @@ class Prepared:
     held: tuple[str, ...]
     single: bool
 
+    def in_steps(self, step_mm: float) -> "Prepared":
+        """Expect the error of counting in steps that plates and baselines don't have."""
+        return replace(self, nominal=self.nominal and self.nominal.rounded(step_mm))
+
 
 def prepared(inputs: Inputs, notes: list[str], progress: Progress) -> Prepared:
     """Check inputs, register recordings, calibrate the noise.

@@ -6,9 +6,10 @@ from the recordings' own residuals; its Fourier transform draws the null fields 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import RegularGridInterpolator
 from scipy.ndimage import uniform_filter
 
 from diagnosis.fields import Field, Mask
@@ -69,14 +70,18 @@ class NoiseModel:
             float(np.clip(self.acf[ly], 0, None).sum()),
         )
 
+    def rounded(self, step_mm: float) -> "NoiseModel":
+        """Add the error of counting in steps: white, of the variance step²/12."""
+        power = self.sd_mm**2 + step_mm**2 / 12
+        acf = self.acf * self.sd_mm**2
+        acf[self.lags] += step_mm**2 / 12
+        return replace(self, sd_mm=float(np.sqrt(power)), acf=acf / power)
+
     def at_pitch(self, pitch_x_mm: float, pitch_y_mm: float) -> "NoiseModel":
         """Rescale the lags to another pitch; within 10 % it is left alone."""
         ratio_x, ratio_y = pitch_x_mm / self.pitch_x_mm, pitch_y_mm / self.pitch_y_mm
         if abs(np.log(ratio_x)) < 0.1 and abs(np.log(ratio_y)) < 0.1:
             return self
-        from dataclasses import replace
-
-        from scipy.interpolate import RegularGridInterpolator
 
         ly, lx = self.lags
         grid = RegularGridInterpolator(

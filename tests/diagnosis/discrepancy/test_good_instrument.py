@@ -3,10 +3,19 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from diagnosis.discrepancy.good_instrument import informed, mean_factors, rectified
+from diagnosis.components.component import Component
+from diagnosis.discrepancy.good_instrument import (
+    alike_at_edges,
+    informed,
+    mean_factors,
+    rectified,
+)
 from diagnosis.discrepancy.population import Kind, Population
+from diagnosis.evidence.candidates import Candidate
 from diagnosis.settings import SETTINGS
+from sensors.effects.relaxed import Relaxed
 from tests.support.linear_readings import LinearReadings
 from tests.support.small_parts import datasheet
 
@@ -59,3 +68,28 @@ def test_interpolated_profiles_have_noise_that_changes_along_the_line() -> None:
     assert even["scale: light_falloff"][sizes < 0.109].sum() == 1.0
     assert even["scale: light_falloff"][sizes == 0.08] > 0.1
     assert (even["scale: incidence_noise"] == sharp).all()
+
+
+def test_what_baselines_show_at_edges_any_law_there_may_have_a_share_of() -> None:
+    sizes = SETTINGS.mean_sizes()
+    sharp = np.zeros(sizes.size)
+    sharp[0] = 1.0
+    shown = np.where(sizes == sizes[6], 20.0, 0.0)
+    nothing = np.zeros(sizes.size)
+
+    def candidate(name: str, at_edges: bool) -> Candidate:
+        component = Component(name=name, effect=name, relaxed=Relaxed(channel="mean", spanned=True))
+        return Candidate(
+            name=name, effect=name, component=component, at=np.arange(1), at_edges=at_edges
+        )
+
+    three = [candidate("a", True), candidate("b", True), candidate("c", False)]
+    usual = dict.fromkeys("abc", sharp)
+    own = alike_at_edges(usual, {"a": shown, "b": nothing, "c": nothing}, three)
+    share = sizes <= SETTINGS.doubt_at_edges * sizes[6]
+    assert own["b"].sum() == pytest.approx(1.0)
+    assert own["b"][share][-1] > 0.05
+    assert own["b"][~share].sum() == 0
+    assert np.array_equal(own["c"], sharp)
+    calm = alike_at_edges(usual, dict.fromkeys("abc", nothing), three)
+    assert np.array_equal(calm["b"], sharp)

@@ -43,3 +43,15 @@ def test_drawn_fields_have_the_autocorrelation() -> None:
     for row, column in ((0, 1), (1, 0), (1, 2), (0, 5)):
         product = np.mean(drawn[row:, column:] * drawn[: 300 - row, : 400 - column])
         assert product == pytest.approx(model.acf[ly + row, lx + column], abs=0.03)
+
+
+def test_counting_in_steps_adds_white_noise() -> None:
+    field = correlated(np.random.default_rng(7), (400, 400))
+    everywhere = [np.ones(field.shape, bool)]
+    made = [
+        calibrate([f], everywhere, pitch_mm=(0.1, 0.1), missing_share=0.0, from_reference=False)
+        for f in (field, np.round(field / 0.012) * 0.012)
+    ]
+    told = made[0].rounded(0.012)
+    assert told.sd_mm == pytest.approx(made[1].sd_mm, rel=0.03)
+    assert np.allclose(told.acf, made[1].acf, atol=0.05)

@@ -5,6 +5,7 @@ import pytest
 
 from diagnosis.predict.edges import edge_softness, near_edges
 from diagnosis.predict.prediction import law_of
+from sensors.casting.laser import Laser
 from sensors.model import SensorModel
 from sensors.view.view import View
 from tests.support.small_parts import datasheet, part, poses
@@ -56,3 +57,20 @@ def test_whether_a_point_beside_an_outline_is_seen_is_open() -> None:
     assert border.any()
     assert (chance[:, 1:][border] > 0).all()
     assert np.isfinite(sd).all()
+
+
+def test_an_outline_just_outside_a_recording_is_one() -> None:
+    view, _ = seen("domes")
+    view = view.shifted(dx_mm=0.5 * np.ptp(view.scene.vertices_mm[:, 0]))  # past the part's end
+    whole = np.isfinite(view.depth_mm)
+    last = int(np.flatnonzero(whole.all(axis=0))[-1])
+    # the same scan, cut where the part ends: its last column is beside the outline
+    cut = view.along(
+        Laser(x_mm=view.laser.x_mm[: last + 1], slope_x=view.laser.slope_x[: last + 1])
+    )
+    assert np.isfinite(cut.depth_mm).all()
+    assert not whole[:, last + 1].any()
+    _, chance = edge_softness(cut, cut.depth_mm, near_edges(cut, cut.depth_mm), 0.01)
+    assert (chance[:, -1] > 0).all()
+    assert (chance[:, last // 2] == 0).all()
+    assert near_edges(cut, cut.depth_mm)[:, -1].all()
