@@ -30,6 +30,7 @@ from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.assumed_camera import assumed_sheets, seen_by
 from diagnosis.physics.joint_fit import among_laws, fit_laws, refit, strongest_law
+from diagnosis.physics.linear_fit import Fitted
 from diagnosis.physics.remainder import curves_of, is_curve, remainder
 from diagnosis.predict.edges import BESIDE_EDGES, EDGE_COVARIATES
 from diagnosis.prepare import Prepared
@@ -192,15 +193,16 @@ def _further(
         state.recorded, state.patches, new, noise, state.model, notes
     )
     state = replace(state, recorded=recorded, patches=patches)
-    gain = 0.0
+    gain, known = 0.0, dict[str, Fitted]()
     if _is_law(new[0]):
         laws = _laws_of(state, found)
-        named_by_law, gain = among_laws(new[0], laws, fitted_part(patches, noise), state.model)
+        ws = fitted_part(patches, noise)
+        named_by_law, gain, known = among_laws(new[0], laws, ws, state.model)
         if state.gained > 0 and gain <= SETTINGS.doubt_of_laws * state.gained:
             # no more than what a law at edges leaves where its formula is another
             return replace(state, refuted=state.refuted | {new[0].name, *(c.effect for c in laws)})
         new = [named_by_law]
-    model, new = fit_laws(new, fitted_part(patches, noise), state.model)
+    model, new = fit_laws(new, fitted_part(patches, noise), state.model, known=known)
     without = replace(state, refuted=state.refuted | {new[0].name})
     if _is_law(new[0]) and new[0].name not in model.names():
         # what was weighed is the law itself at points of its grid: fitted, it does nothing

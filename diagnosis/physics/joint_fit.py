@@ -1,6 +1,6 @@
 """The full laws of named causes, fitted on the readings from where their components point."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,15 +16,25 @@ from diagnosis.settings import SETTINGS
 from sensors.effects import CATALOGUE
 from sensors.effects.base import Effect
 
+PROMISING = 0.25
+"""Share of the best law's gain that a law reaches on its grid if it is worth a search of its own:
+a search rarely doubles a gain, and half of the best law's tells that it is another one's."""
+
 
 def fit_laws(
-    causes: Sequence[Cause], ws: Workspace, model: Model, *, polish: bool = True
+    causes: Sequence[Cause],
+    ws: Workspace,
+    model: Model,
+    *,
+    polish: bool = True,
+    known: Mapping[str, Fitted] | None = None,
 ) -> tuple[Model, list[Cause]]:
     """Add the law of each cause to a model, strongest first, then refit all together.
 
     Parameters
     ----------
     polish : search beyond the laws' grids; otherwise the best points of the grids stand
+    known : laws that have been fitted beside this model
 
     Returns
     -------
@@ -33,7 +43,9 @@ def fit_laws(
     few = ws.thin(SETTINGS.fitted_readings)
     out = []
     for cause in causes:
-        fitted = fit_law(cause, few, model, polish=polish)
+        fitted = (known or {}).get(cause.name)
+        if fitted is None:
+            fitted = fit_law(cause, few, model, polish=polish)
         if fitted is None or fitted.effect.is_null:
             out.append(cause.doubted("Its law doesn't fit these recordings."))
             continue
@@ -89,7 +101,7 @@ def strongest_law(causes: Sequence[Cause], ws: Workspace, model: Model) -> Cause
 
 def among_laws(
     cause: Cause, others: Sequence[Component], ws: Workspace, model: Model
-) -> tuple[Cause, float]:
+) -> tuple[Cause, float, dict[str, Fitted]]:
     """Name a cause that was weighed by the span of its law by laws as they are fitted.
 
     A law at points of its grid isn't the law: what several laws at edges do there is alike. Each is
@@ -102,18 +114,25 @@ def among_laws(
 
     Returns
     -------
-    the cause, and what the likeliest law gains, nats
+    the cause, what the likeliest law gains, nats, and the laws as they are fitted
     """
     few = ws.thin(SETTINGS.fitted_readings)
-    gains: dict[str, float] = {}
     components = {c.effect: c for c in (cause.component, *others) if c is not None}
-    for name in components:
-        fitted = fit_law(replace(cause, name=name, repeats=0.0), few, model)
-        if fitted is not None and not fitted.effect.is_null:
-            gains[name] = fitted.gain - fitted.free
+
+    def law(name: str, *, polish: bool) -> Fitted | None:
+        found = fit_law(replace(cause, name=name, repeats=0.0), few, model, polish=polish)
+        return None if found is None or found.effect.is_null else found
+
+    rough = {n: f for n in components if (f := law(n, polish=False)) is not None}
+    fitted: dict[str, Fitted] = {}
+    for name in sorted(rough, key=lambda n: -rough[n].gain):
+        most = max((f.gain for f in fitted.values()), default=0.0)
+        if name == cause.name or rough[name].gain > PROMISING * most:
+            fitted[name] = law(name, polish=True) or rough[name]
+    gains = {n: f.gain - f.free for n, f in fitted.items()}
     best = max(gains.values(), default=0.0)
     if gains.get(cause.name, 0.0) <= 0:
-        return cause, 0.0  # its own law does nothing: no other stands in for it
+        return cause, 0.0, fitted  # its own law does nothing: no other stands in for it
     apart = 1.0 + SETTINGS.doubt_of_laws * best
     likely = {name: np.exp((gain - best) / apart) for name, gain in gains.items()}
     named = {cause.name: cause.probability, **dict(cause.alternatives)}
@@ -126,7 +145,7 @@ def among_laws(
         cause, name=order[0], component=components.get(order[0]), probability=shares[order[0]],
         nats=max(cause.nats, float(gains.get(order[0], 0.0))),
         alternatives=tuple((n, shares[n]) for n in order[1:] if shares[n] > SETTINGS.offered),
-    ), best  # fmt: skip
+    ), best, fitted  # fmt: skip
 
 
 def refit(ws: Workspace, model: Model) -> Model:

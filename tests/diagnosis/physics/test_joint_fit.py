@@ -26,7 +26,7 @@ def blurred() -> Workspace:
 
 
 def test_the_law_that_fits_is_named_whatever_span_was_weighed(blurred: Workspace) -> None:
-    cause, gain = among_laws(named("finite_spot"), AT_EDGES, blurred, Model())
+    cause, gain, _ = among_laws(named("finite_spot"), AT_EDGES, blurred, Model())
     assert cause.name == "finite_spot"
     assert gain > 50.0
     assert cause.nats == pytest.approx(gain)
@@ -36,7 +36,7 @@ def test_the_law_that_fits_is_named_whatever_span_was_weighed(blurred: Workspace
 
 def test_no_law_stands_in_for_one_that_does_nothing() -> None:
     still = bench_workspace("domes")
-    cause, gain = among_laws(named("interreflection"), AT_EDGES, still, Model())
+    cause, gain, _ = among_laws(named("interreflection"), AT_EDGES, still, Model())
     assert (cause.name, gain) == ("interreflection", 0.0)
 
 
