@@ -64,9 +64,12 @@ def test_interpolated_profiles_have_noise_that_changes_along_the_line() -> None:
     usual = {"scale: light_falloff": sharp, "scale: incidence_noise": sharp}
     assert rectified(usual, datasheet()) == usual
     even = rectified(usual, replace(datasheet(), columns="even_x"))
-    # ½ ln(f² + (1 - f)²) has the standard deviation 0.109 over f
-    assert even["scale: light_falloff"][sizes < 0.109].sum() == 1.0
-    assert even["scale: light_falloff"][sizes == 0.08] > 0.1
+    f = np.linspace(0.0, 1.0, 101)
+    evenly = np.std(0.5 * np.log(f**2 + (1.0 - f) ** 2))
+    halves = np.std([0.0, 0.5 * np.log(0.5)])  # half of the line at a reading, half between two
+    assert 0.1 < evenly < halves < 0.174
+    assert even["scale: light_falloff"][sizes < halves].sum() == pytest.approx(1.0)
+    assert even["scale: light_falloff"][sizes == 0.16] > 0.05
     assert (even["scale: incidence_noise"] == sharp).all()
 
 
