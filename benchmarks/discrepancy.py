@@ -66,9 +66,9 @@ def _factors(ready: Prepared) -> dict[str, np.ndarray]:
     found = mean_factors(one) | rate_factors(channels_seen(patches, ready.noise, Model(), one))
     if ready.nominal is not None:
         ws = Workspace.build(patches, ready.noise)
-        unsure = np.hypot(level_unsure(ready.noise), level_unsure(ready.nominal))
         change = level_change(ws, Model(), ready.nominal.sd_mm)
-        found[AGAINST_PLATES] = level_factors(change, float(unsure))
+        unsure = np.hypot(change.unsure, level_unsure(ready.nominal))
+        found[AGAINST_PLATES] = level_factors(change.log, float(unsure))
     return found
 
 

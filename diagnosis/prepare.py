@@ -135,7 +135,7 @@ def _nominal_of(baseline: Sequence[Patch]) -> NoiseModel:
     """Noise of the part when the instrument was good, of a size measured as a change of it is."""
     noise, _ = calibrated_noise(baseline, (), [])
     change = level_change(Workspace.build(baseline, noise), Model(), noise.sd_mm)
-    return replace(noise, sd_mm=noise.sd_mm * math.exp(change))
+    return replace(noise, sd_mm=noise.sd_mm * math.exp(change.log))
 
 
 def _registered(

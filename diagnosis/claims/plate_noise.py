@@ -2,14 +2,16 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from diagnosis.data.patch import Patch
+from diagnosis.evidence.noise_level import level_unsure
 from diagnosis.fields import Field, Mask
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
-from diagnosis.noise.noise_model import mad_sd
+from diagnosis.noise.noise_model import robust_sd
 from sensors.effects.base import Effect
 from sensors.effects.motion_blur import MotionBlur
 from sensors.effects.pixel_locking import PixelLocking
@@ -24,8 +26,22 @@ BRIGHT = 0.6
 """Share of the readings hit squarely that are darker than those whose noise is compared."""
 
 
-def level_change(ws: Workspace, model: Model, nominal_sd_mm: float) -> float:
-    """Return the logarithm of the part's noise over a nominal one that is sure.
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LevelChange:
+    """How much larger a part's noise is than a nominal one.
+
+    Attributes
+    ----------
+    log : logarithm of the ratio
+    unsure : its standard deviation, by the readings that it was measured on
+    """
+
+    log: float
+    unsure: float
+
+
+def level_change(ws: Workspace, model: Model, nominal_sd_mm: float) -> LevelChange:
+    """Measure the part's noise over a nominal one.
 
     Measured where the part is bright and hit squarely, in each recording, by the readings' scatter
     and by what neighbours leave of it: a wrong mean adds to the one, a wrong spectrum to the
@@ -56,14 +72,18 @@ def level_change(ws: Workspace, model: Model, nominal_sd_mm: float) -> float:
             found.setdefault((patch.recording, name, part), []).append(
                 (state.innovations[mask] * size_mm, state.residual_mm[mask])
             )
-    changes = [
-        math.log(max(_scatter_mm(np.concatenate(kind)), 1e-9) / nominal_sd_mm)
-        for values in found.values()
-        for kind in zip(*values, strict=True)
-        if sum(v.size for v in kind) > LEAST_READINGS
-    ]
-    alike = changes and (min(changes) > 0 or max(changes) < 0)
-    return min(changes, key=abs) if alike else 0.0
+    changes = []
+    for values in found.values():
+        for kind in zip(*values, strict=True):
+            each = np.concatenate(kind)
+            if each.size > LEAST_READINGS:
+                log = math.log(max(_scatter_mm(each), 1e-9) / nominal_sd_mm)
+                unsure = level_unsure(replace(ws.noise, readings=each.size))
+                changes.append(LevelChange(log=log, unsure=unsure))
+    logs = [c.log for c in changes]
+    if not logs or min(logs) <= 0 <= max(logs):
+        return LevelChange(log=0.0, unsure=level_unsure(ws.noise))
+    return min(changes, key=lambda c: abs(c.log))
 
 
 def _parts(
@@ -84,7 +104,7 @@ def _parts(
 def _scatter_mm(values_mm: Field) -> float:
     """Return the standard deviation of values of which some are spikes, mm."""
     around = values_mm - np.median(values_mm)
-    cap = 3 * mad_sd(values_mm)
+    cap = 3 * robust_sd(values_mm)
     return float(np.sqrt(np.minimum(np.square(around), cap**2).mean() / 0.995))
 
 

@@ -109,11 +109,11 @@ def texture_effects(
     effects: list[Effect] = []
     white = sigma_mm(ws.patches[0].view.datasheet)
     if nominal_sd_mm > 0:
-        ratio = level_change(ws, model, nominal_sd_mm)
-        size = nominal_sd_mm * math.exp(ratio)
-        unsure = math.hypot(level_unsure(own), plates_doubt(model, ws.patches[0].view))
+        change = level_change(ws, model, nominal_sd_mm)
+        size = nominal_sd_mm * math.exp(change.log)
+        unsure = math.hypot(change.unsure, plates_doubt(model, ws.patches[0].view))
         unsure = math.hypot(unsure, 0.0 if nominal is None else level_unsure(nominal))
-        if level_odds(ratio, unsure, claimed_sizes() if nominal is None else usual) > 0:
+        if level_odds(change.log, unsure, claimed_sizes() if nominal is None else usual) > 0:
             amplitude = math.sqrt(
                 max(size**2 - white**2, 1e-12) / max(nominal_sd_mm**2 - white**2, 1e-12)
             )

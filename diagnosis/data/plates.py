@@ -8,15 +8,24 @@ from diagnosis.data.patch import in_range
 from diagnosis.fields import Field
 from files.errors import RecipeError
 from sensors.casting.laser import Laser
+from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
+from sensors.model import SensorModel
 from sensors.recording import Recording, repeated_rows
+from sensors.view.view import View
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Plate:
-    """Residual of a plate's readings, (n, m) mm, NaN where missing or off the plate."""
+    """Residual of a plate's readings, (n, m) mm, NaN where missing or off the plate.
+
+    Attributes
+    ----------
+    view : the scan of an endless plane where the plate lay; a sensor may look at it askew
+    """
 
     residual_mm: Field
+    view: View
     missing_share: float
     pitch_mm: tuple[float, float]
 
@@ -64,8 +73,24 @@ def plate_residual(recording: Recording, datasheet: Datasheet) -> Plate:
     box = (slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1))
     step = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
     x = laser.x_mm + datasheet.working_distance_mm * laser.slope_x
+    towards = poses[:, :3, 3].mean(axis=0) - centre
+    plane = _plane(centre, axes, 2 * float(np.ptp(cloud, axis=0).max()), towards)
     return Plate(
         residual_mm=np.where(on_plate, residual, np.nan),
+        view=View(plane, SensorModel(datasheet), poses, recording.time_s, laser=laser),
         missing_share=float(1 - known[box].mean()),
         pitch_mm=(float(np.median(np.abs(np.diff(x)))), float(np.median(step))),
     )
+
+
+def _plane(centre: Field, axes: Field, reach_mm: float, towards: Field) -> Scene:
+    """Two triangles about a centre along the first two axes, wider than all that was scanned.
+
+    Parameters
+    ----------
+    towards : direction of the side that is outside
+    """
+    corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    if np.cross(axes[0], axes[1]) @ towards < 0:
+        corners = corners[::-1]
+    return Scene(centre + reach_mm * corners @ axes[:2], np.array([[0, 1, 2], [0, 2, 3]]))

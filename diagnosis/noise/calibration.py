@@ -54,7 +54,7 @@ def calibrated_noise(
     if not plates:
         return own, None
     reference = calibrate(
-        [p.residual_mm for p in plates],
+        [p.residual_mm / plain_gain(p.view) for p in plates],
         [np.isfinite(p.residual_mm) for p in plates],
         pitch_mm=plates[0].pitch_mm,
         missing_share=float(np.mean([p.missing_share for p in plates])),

@@ -19,6 +19,8 @@ MAX_LAG = 24
 LAG_PART = 4
 """Lags reach over a quarter of a field: a recording of fewer profiles than 4 has none at all."""
 MIN_PAIRS = 200
+M_BEND, M_SHARE, M_STEPS, M_VALUES = 2.9370, 0.25, 50, 100_000
+"""Of the M-estimator of scale: bend, mean of ρ, iterations, and values that are looked at."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False, weakref_slot=True)
@@ -145,7 +147,7 @@ def calibrate(
     beyond: list[Field] = []
     sizes = [high_pass(r, v) for r, v in zip(residuals_mm, valid, strict=True)]
     used_all = np.concatenate([f[u] for f, u in sizes]) if sizes else np.zeros(0)
-    scale = mad_sd(used_all)
+    scale = robust_sd(used_all)
     for field, used in sizes:
         near = used & (np.abs(field) < CLIP_SD * scale)
         a, b = _covariance(field, near, ly, lx)
@@ -201,7 +203,7 @@ def high_pass(field: Field, valid: Mask, width: int = 41) -> tuple[Field, Mask]:
     for _ in range(3):
         middle = local_mean(clean, used, window)
         rest = np.where(used, field - middle, np.nan)
-        scale = mad_sd(rest[used])
+        scale = robust_sd(rest[used])
         spikes = used & (np.abs(rest) > CLIP_SD * scale)
         clean = np.where(spikes, middle + np.clip(rest, -scale, scale), np.where(used, field, 0.0))
     rest = np.where(used, field - middle, np.nan)
@@ -250,11 +252,28 @@ def _taper(lag: int) -> Field:
     return np.where(distance < 0.5, 1.0, 0.5 * (1 + np.cos(2 * np.pi * (distance - 0.5))))
 
 
-def mad_sd(values: Field) -> float:
-    """Return a standard deviation by the median, 0 of no values."""
+def robust_sd(values: Field) -> float:
+    """Return a standard deviation that some outliers don't move, 0 of no values.
+
+    The M-estimator of scale s with mean ρ(r/s) = 1/4, ρ Tukey's bisquare with its bend at 2.937: up
+    to a quarter of the values may lie anywhere (Maronna et al., Robust Statistics, 2006, § 2.5).
+    Unlike a median it is no step of a lattice where readings are counts as coarse as their noise.
+    """
     if values.size == 0:
         return 0.0
-    return float(1.4826 * np.median(np.abs(values - np.median(values))))
+    values = values.ravel()[:: max(1, values.size // M_VALUES)]
+    away = np.square(values - np.median(values))
+    start = 1.4826 * float(np.sqrt(np.median(away)))
+    square = max(start, 0.1 * float(np.sqrt(away.mean()))) ** 2
+    if square == 0.0:
+        return 0.0
+    for _ in range(M_STEPS):
+        inner = 1.0 - np.minimum(away / (M_BEND**2 * square), 1.0)
+        ratio = float(1.0 - np.mean(inner**3)) / M_SHARE
+        square *= ratio
+        if abs(ratio - 1.0) < 1e-4:
+            break
+    return float(np.sqrt(square))
 
 
 def _fast(size: int) -> int:

@@ -7,7 +7,7 @@ from scipy.ndimage import binary_dilation
 from scipy.optimize import minimize
 
 from diagnosis.fields import Field
-from diagnosis.noise.noise_model import mad_sd
+from diagnosis.noise.noise_model import robust_sd
 from diagnosis.register.coordinate_search import step_by_step
 from diagnosis.register.placement import PRIOR_SD, move
 from diagnosis.register.pose_derivative import travel_vector
@@ -70,7 +70,7 @@ def settled_by_silhouettes(
         known &= ~binary_dilation(hidden, iterations=SHADE)
     away = (depth - hits.depth_mm)[known & np.isfinite(hits.depth_mm)]
     # faces that are bent don't tell where they end
-    cap = max(10 * sd_mm, STEP * pitch, 2 * mad_sd(away))
+    cap = max(10 * sd_mm, STEP * pitch, 2 * robust_sd(away))
 
     def cost(shift: Field) -> float:
         hits = scene.cast(rays, move(poses, shift, centre))

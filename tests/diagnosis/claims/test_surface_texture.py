@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from diagnosis.claims import surface_texture
+from diagnosis.claims.plate_noise import LevelChange
 from diagnosis.model.model import Model
 from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.model import SensorModel
@@ -20,7 +21,8 @@ def names_told(
 ) -> list[str]:
     """Return the effects told where a lay and a factor on the noise's size were measured."""
     monkeypatch.setattr(surface_texture, "lay_of", lambda *args, **more: lay)
-    monkeypatch.setattr(surface_texture, "level_change", lambda *args: math.log(level))
+    change = LevelChange(log=math.log(level), unsure=0.01)
+    monkeypatch.setattr(surface_texture, "level_change", lambda *args: change)
     view = View(part("steps"), SensorModel(datasheet(40)), poses(3), np.arange(3.0))
     ws: Any = SimpleNamespace(patches=[SimpleNamespace(view=view)])
     noise: Any = SimpleNamespace(

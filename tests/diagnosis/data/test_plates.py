@@ -61,3 +61,13 @@ def test_what_is_no_plate_is_refused() -> None:
     few[0, :50] = made.depth_mm[0, :50]
     with pytest.raises(RecipeError, match="plate: a reference plate needs readings"):
         plate_residual(replace(made, depth_mm=few), SHEET)
+
+
+@pytest.mark.parametrize("heading_deg", [0.0, 90.0, 200.0])
+def test_a_plate_is_seen_where_it_lay(heading_deg: float) -> None:
+    made = scanned(tilt_deg=(9.0, -4.0), heading_deg=heading_deg)
+    found = plate_residual(made, SHEET)
+    assert np.isfinite(found.view.depth_mm).all()
+    assert (found.view.cos_incidence > 0.9).all()
+    off = found.view.depth_mm - (made.depth_mm - found.residual_mm)
+    assert np.nanmax(np.abs(off)) < 1e-6

@@ -15,9 +15,12 @@ from diagnosis.noise.calibration import (
 )
 from diagnosis.noise.noise_model import calibrate
 from sensors.law import geometric_law
+from sensors.model import SensorModel
 from sensors.noise.uncertainty import sigma_mm
 from sensors.surface.surface import Surface
+from sensors.view.view import View
 from tests.support.effect_case import PITCH_MM, bench_workspace
+from tests.support.small_parts import datasheet, part, poses
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +30,10 @@ def ws() -> Workspace:
 
 def plate(sd_mm: float, missing: float = 0.0) -> Plate:
     residual = np.random.default_rng(4).normal(0.0, sd_mm, (80, 100))
-    return Plate(residual_mm=residual, missing_share=missing, pitch_mm=(0.44, PITCH_MM))
+    view = View(part("plate"), SensorModel(datasheet(100)), poses(80), np.arange(80) / 200.0)
+    return Plate(
+        residual_mm=residual, view=view, missing_share=missing, pitch_mm=(0.44, PITCH_MM)
+    )  # fmt: skip
 
 
 def test_the_size_is_the_recordings_own(ws: Workspace) -> None:
@@ -64,3 +70,17 @@ def test_the_nominal_noise_is_what_plates_or_the_surface_claim(ws: Workspace) ->
     expected = np.hypot(sigma_mm(view.datasheet), speckle)
     assert nominal_sd_mm(None, rough, view) == pytest.approx(float(expected))
     assert nominal_noise(own, None, rough, view).sd_mm == pytest.approx(float(expected))
+
+
+def test_a_plate_that_is_looked_at_askew_is_as_noisy_as_the_file_says(ws: Workspace) -> None:
+    # exp(k dz/dy) of the size of the noise on a plane that falls along the travel
+    slope, lean = 0.5, 0.4
+    sheet = datasheet(100, ({"name": "incidence_noise", "lean": lean, "exponent": 0.0},))
+    askew = poses(80, pitch_mm=0.02, tilt_deg=(np.degrees(np.arctan(slope)), 0.0))
+    view = View(part("plate"), SensorModel(sheet), askew, np.arange(80) / 200.0)
+    grown = np.exp(lean * np.nanmean(view.slope_y))
+    noisier = replace(plate(0.02 * grown), view=view)
+    _, reference = calibrated_noise(ws.patches, (noisier,), [])
+    assert reference is not None
+    assert abs(np.nanmean(view.slope_y)) == pytest.approx(slope, rel=0.02)
+    assert reference.sd_mm == pytest.approx(0.02, rel=0.05)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from diagnosis.noise.noise_model import calibrate
+from diagnosis.noise.noise_model import calibrate, robust_sd
 
 
 def correlated(rng: np.random.Generator, shape: tuple[int, int] = (160, 200)) -> np.ndarray:
@@ -55,3 +55,19 @@ def test_counting_in_steps_adds_white_noise() -> None:
     told = made[0].rounded(0.012)
     assert told.sd_mm == pytest.approx(made[1].sd_mm, rel=0.03)
     assert np.allclose(told.acf, made[1].acf, atol=0.05)
+
+
+@pytest.mark.parametrize("step", [0.2, 0.5, 1.0, 1.5])
+def test_a_scale_of_counts_is_that_of_the_noise_and_the_counting(step: float) -> None:
+    z = np.random.default_rng(8).standard_normal(20_000)
+    counted = np.round(z / step) * step
+    assert robust_sd(counted) == pytest.approx(np.hypot(1.0, step / np.sqrt(12)), rel=0.02)
+
+
+def test_a_scale_bears_outliers() -> None:
+    z = np.random.default_rng(9).standard_normal(20_000)
+    assert robust_sd(z) == pytest.approx(1.0, rel=0.02)
+    z[:1000] += 1e6
+    assert robust_sd(z) < 1.15
+    assert robust_sd(np.zeros(0)) == 0.0
+    assert robust_sd(np.ones(50)) == 0.0
