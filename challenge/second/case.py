@@ -4,6 +4,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -29,6 +30,8 @@ BASELINES = ("base-1", "base-2")
 SIZES = (0.2, 0.4, 0.8)
 """Of weak, medium and strong faults: about half of them are concealed from the paper's checks."""
 MISPLACED_RAD, MISPLACED_MM = 3.5e-4, 0.03
+LEAST_READ = 0.02
+"""Share of readings below which a recording is of nothing: the part was out of range."""
 OPTIONAL = ("line_width_um", "wavelength_nm", "exposure_s", "camera_rows", "repeatability_um")
 """Keys that a maker's file may leave out; about half of them are."""
 
@@ -197,6 +200,15 @@ def write(secret: Secret, staged: Staged, folder: Path) -> None:
     files.write_yaml(
         folder / "sensor.yaml", {k: v for k, v in stated.items() if k not in staged.left_out}
     )
+
+
+def all_read(folder: Path) -> bool:
+    """Whether each recording, baseline and plate in a case's folder has readings."""
+    for file in folder.glob("*.h5"):
+        with h5py.File(file) as stored:
+            if np.isfinite(np.asarray(stored["depth"])).mean() < LEAST_READ:
+                return False
+    return True
 
 
 def datasheet(device: Device, travel: Travel, noise: NoiseLaw) -> dict[str, Any]:

@@ -206,3 +206,14 @@ def test_a_case_of_the_second_family_is_shuffled_about_its_mesh(sealed, tmp_path
         both = np.isfinite(was) & np.isfinite(now)
         assert both.mean() > 0.7
         assert 1e-4 < np.median(np.abs(now - was)[both]) < 0.3  # residuals moved, the part did not
+
+
+def test_a_recording_of_nothing_makes_no_case(tmp_path):
+    recording = Recording(
+        name="a", depth_mm=np.full((4, 30), 100.0), poses=np.tile(np.eye(4), (4, 1, 1)),
+        time_s=np.arange(4.0),
+    )  # fmt: skip
+    recording.save(tmp_path / "a.h5")
+    assert second.all_read(tmp_path)
+    replace(recording, depth_mm=np.full((4, 30), np.nan)).save(tmp_path / "b.h5")
+    assert not second.all_read(tmp_path)
