@@ -12,6 +12,7 @@ from diagnosis.fields import Field, Mask
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import robust_sd
+from diagnosis.predict.albedo_borders import albedo_borders
 from sensors.effects.base import Effect
 from sensors.effects.motion_blur import MotionBlur
 from sensors.effects.pixel_locking import PixelLocking
@@ -60,7 +61,8 @@ def level_change(ws: Workspace, model: Model, nominal_sd_mm: float) -> LevelChan
         # where it leaves the mean alone, what it gets wrong there doesn't pass for noise
         still = np.abs(with_it.mean_mm - bare.mean_mm) < USUAL * ws.noise.sd_mm
         pick = patch.fit & state.used & ~patch.edge & square
-        for calm in (usual, still):
+        # light at borders of a print bends the mean, whatever the finish
+        for calm in (usual, still, ~albedo_borders(patch.view)):
             if (pick & calm).sum() > LEAST_READINGS:
                 pick &= calm
         bright = patch.view.intensity

@@ -19,7 +19,7 @@ MAX_LAG = 24
 LAG_PART = 4
 """Lags reach over a quarter of a field: a recording of fewer profiles than 4 has none at all."""
 MIN_PAIRS = 200
-M_BEND, M_SHARE, M_STEPS, M_VALUES = 2.9370, 0.25, 50, 100_000
+M_BEND, M_SHARE, M_STEPS, M_VALUES = 1.5476, 0.5, 50, 100_000
 """Of the M-estimator of scale: bend, mean of ρ, iterations, and values that are looked at."""
 
 
@@ -255,8 +255,8 @@ def _taper(lag: int) -> Field:
 def robust_sd(values: Field) -> float:
     """Return a standard deviation that some outliers don't move, 0 of no values.
 
-    The M-estimator of scale s with mean ρ(r/s) = 1/4, ρ Tukey's bisquare with its bend at 2.937: up
-    to a quarter of the values may lie anywhere (Maronna et al., Robust Statistics, 2006, § 2.5).
+    The M-estimator of scale s with mean ρ(r/s) = 1/2, ρ Tukey's bisquare with its bend at 1.5476:
+    up to half of the values may lie anywhere (Maronna et al., Robust Statistics, 2006, § 2.5).
     Unlike a median it is no step of a lattice where readings are counts as coarse as their noise.
     """
     if values.size == 0:
