@@ -52,11 +52,11 @@ def test_borders_of_a_print_say_nothing_of_the_finish(ws: Workspace) -> None:
     # relief of light at a print's borders, which no model explains here
     patches = []
     for p in ws.patches:
-        bright = np.where(np.arange(p.shape[0])[:, None] < 40, 200.0, 60.0)
+        bright = np.where(np.arange(p.shape[0])[:, None] // 24 % 2, 60.0, 200.0)
         view = p.view.posed(p.view.poses)
         view.intensity = np.broadcast_to(bright, p.shape).copy()
         border = albedo_borders(view)
-        relief = np.where(border, 20 * ws.noise.sd_mm, 0.0)
+        relief = np.where(border, 2.5 * ws.noise.sd_mm, 0.0)
         patches.append(replace(p, view=view, depth_mm=p.depth_mm + relief))
     printed = replace(ws, patches=tuple(patches))
     assert abs(level_change(printed, Model(), ws.noise.sd_mm).log) < 0.08
