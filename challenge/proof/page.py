@@ -221,7 +221,9 @@ def write_page(sets: Sequence[Judged], page: Path, *, commit: str) -> None:
         keep_trailing_newline=True, trim_blocks=False,
     )  # fmt: skip
     text = environment.get_template("proof.md.j2").render(
-        when=f"commit {commit}", summary=summary(sets), stories=stories,
+        when=f"commit {commit}",
+        cases=" and ".join(f"{s.scored['sealed']} cases of the {s.label}" for s in sets),
+        summary=summary(sets), stories=stories,
         protocol=[f"- {k.replace('_', ' ')}: {v}" for k, v in protocol.items()
                   if k != "aims"],
         stopped=[line for s in sets for line in stopped(s)],
