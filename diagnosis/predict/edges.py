@@ -114,9 +114,9 @@ def _with_border(view: View, seen: Mask) -> Mask:
     Where a part ends beside the first column, a pose that is a little off moves its outline in.
     """
     out = np.pad(seen, 1, mode="edge")
-    columns = np.abs(np.diff(view.column_x_mm))
+    columns = np.diff(view.column_x_mm)
     if columns.size:
-        pitch = float(np.median(columns))
+        pitch = float(np.median(columns))  # negative where x falls along the profile
         for place, end, sign in ((0, 0, -1.0), (-1, -1, 1.0)):
             out[1:-1, place] = np.isfinite(view.shifted(dx_mm=sign * pitch).depth_mm[:, end])
     step = view.travel_step_mm

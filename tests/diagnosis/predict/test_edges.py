@@ -59,18 +59,23 @@ def test_whether_a_point_beside_an_outline_is_seen_is_open() -> None:
     assert np.isfinite(sd).all()
 
 
-def test_an_outline_just_outside_a_recording_is_one() -> None:
+@pytest.mark.parametrize("order", [1, -1])
+def test_an_outline_just_outside_a_recording_is_one(order: int) -> None:
     view, _ = seen("domes")
     view = view.shifted(dx_mm=0.5 * np.ptp(view.scene.vertices_mm[:, 0]))  # past the part's end
     whole = np.isfinite(view.depth_mm)
     last = int(np.flatnonzero(whole.all(axis=0))[-1])
     # the same scan, cut where the part ends: its last column is beside the outline
     cut = view.along(
-        Laser(x_mm=view.laser.x_mm[: last + 1], slope_x=view.laser.slope_x[: last + 1])
+        Laser(
+            x_mm=view.laser.x_mm[: last + 1][::order],
+            slope_x=view.laser.slope_x[: last + 1][::order],
+        )
     )
+    end, inside = (-1 if order > 0 else 0), last // 2
     assert np.isfinite(cut.depth_mm).all()
     assert not whole[:, last + 1].any()
     _, chance = edge_softness(cut, cut.depth_mm, near_edges(cut, cut.depth_mm), 0.01)
-    assert (chance[:, -1] > 0).all()
-    assert (chance[:, last // 2] == 0).all()
-    assert near_edges(cut, cut.depth_mm)[:, -1].all()
+    assert (chance[:, end] > 0).all()
+    assert (chance[:, inside] == 0).all()
+    assert near_edges(cut, cut.depth_mm)[:, end].all()
