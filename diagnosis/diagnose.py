@@ -150,10 +150,19 @@ CURVES_REFUTED = (
 
 
 def _refuted(explanation: Explanation, judged: "_Judged") -> bool:
-    """Whether held-out readings say more against the laws than fitted ones say for them."""
+    """Whether held-out readings say more against the laws than fitted ones say for them.
+
+    Or whether, of several laws, those that weren't dropped as of no use are of none either.
+    """
+    if not explanation.causes:
+        return False
+    if len(judged.found) < len(explanation.causes) and all(
+        f.heldout_gain < 0 for f in judged.found
+    ):
+        return True
     worse = judged.after.log_score - judged.before.log_score
     readings = sum(int(p.scored.sum()) for p in judged.nominal.held)
-    return readings * worse > sum(c.nats for c in explanation.causes) and bool(explanation.causes)
+    return readings * worse > sum(c.nats for c in explanation.causes)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
