@@ -139,14 +139,8 @@ def _standing(
     return explanation, judged, beside
 
 
-LAWS_REFUTED = (
-    "with the laws found the held-out readings are less probable than without, by more than the "
-    "fitted ones are more probable: free curves take their place"
-)
-CURVES_REFUTED = (
-    "with the curves found the held-out readings are less probable than without, too: none of "
-    "their causes is named"
-)
+LAWS_REFUTED = "held-out readings refute the laws found: free curves take their place"
+CURVES_REFUTED = "held-out readings refute the curves, too: none of their causes is named"
 
 
 def _refuted(explanation: Explanation, judged: "_Judged") -> bool:
