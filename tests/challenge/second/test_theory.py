@@ -364,3 +364,12 @@ def test_speckle_is_the_part_s_and_not_the_grid_s(device):
     here, again, beside = noise(0.0, 1), noise(0.0, 2), noise(0.05, 3)
     assert np.corrcoef(here, again)[0, 1] > 0.5
     assert abs(np.corrcoef(here, beside)[0, 1]) < 4 / sqrt(here.size / 6)
+
+
+def test_interpolation_reaches_as_far_as_the_barrel_makes_it(device):
+    # shares f and 1 - f have the variance f (1 - f): none on even columns, 1/6 where f is any
+    pitch = device.camera.x_fov_mm / (device.camera.columns - 1)
+    lens = pitch * device.camera.blur_columns
+    assert replace(device.camera, barrel=0.0).footprint_mm == pytest.approx(lens, rel=1e-6)
+    moved = replace(device.camera, barrel=0.3)
+    assert moved.footprint_mm == pytest.approx(float(np.hypot(lens, pitch / sqrt(6))), rel=0.02)
