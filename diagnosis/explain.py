@@ -20,6 +20,7 @@ from diagnosis.discrepancy.good_instrument import (
 from diagnosis.discrepancy.population import Population
 from diagnosis.evidence.assess import Assessment, assessed_mean, assessed_rates
 from diagnosis.evidence.mean_causes import Member
+from diagnosis.evidence.noise_and_loss_baselines import beside_baselines
 from diagnosis.evidence.noise_and_loss_channels import Channel
 from diagnosis.evidence.noise_level import unchanged_level
 from diagnosis.evidence.reported_causes import Cause, Strange, reported, without_kin
@@ -156,6 +157,8 @@ def explain(
         state = further
     ws = fitted_part(state.patches, noise)
     channels: Sequence[Channel] = channels_seen(ws.patches, noise, state.model, first)
+    if usual:
+        channels = beside_baselines(channels, usual)
     named, odd = reported(assessed_rates(channels, scales, withheld=withheld))
     state = _with_rates(state, without_kin(named, state.names), noise, notes, progress)
     return Explanation(
