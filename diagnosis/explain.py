@@ -197,15 +197,15 @@ def _further(
     )
     state = replace(state, recorded=recorded, patches=patches)
     gain, known = 0.0, dict[str, Fitted]()
+    ws = fitted_part(patches, noise)
     if _is_law(new[0]):
         laws = _laws_of(state, found)
-        ws = fitted_part(patches, noise)
         named_by_law, gain, known = among_laws(new[0], laws, ws, state.model)
         if state.gained > 0 and gain <= SETTINGS.doubt_of_laws * state.gained:
             # no more than what a law at edges leaves where its formula is another
             return replace(state, refuted=state.refuted | {new[0].name, *(c.effect for c in laws)})
         new = [named_by_law]
-    model, new = fit_laws(new, fitted_part(patches, noise), state.model, known=known)
+    model, new = fit_laws(new, ws, state.model, known=known)
     without = replace(state, refuted=state.refuted | {new[0].name})
     if _is_law(new[0]) and new[0].name not in model.names():
         # what was weighed is the law itself at points of its grid: fitted, it does nothing

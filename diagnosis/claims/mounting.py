@@ -53,7 +53,7 @@ OFFSETS = np.append(0.0, np.geomspace(0.01, 1.0, 7))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Seen:
+class Misplaced:
     """Where one recording was found to lie, in the sensor's frame.
 
     Attributes
@@ -72,7 +72,7 @@ class Seen:
     slopes: Field
 
     @classmethod
-    def of(cls, commanded: Field, placement: Placement, travel_mm: float = 0.0) -> "Seen":
+    def of(cls, commanded: Field, placement: Placement, travel_mm: float = 0.0) -> "Misplaced":
         """Express a placement; `travel_mm` is how far along the travel its poses may be off."""
         slopes = _slopes(commanded, placement)
         unsettled = slopes @ placement.covariance @ slopes.T + np.diag(SLACK**2)
@@ -83,7 +83,7 @@ class Seen:
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Mounting:
-    """What placements say of the mounting.
+    """The error of the mounting, by where the recordings were found to lie.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ class Mounting:
         return float(self.weights @ ndtr((side * (value - self.means[:, k]) + 8 * TINY) / sd))
 
 
-def mounting_error(seen: Sequence[Seen], good: Sequence[Seen] = ()) -> Mounting:
+def mounting_error(seen: Sequence[Misplaced], good: Sequence[Misplaced] = ()) -> Mounting:
     """Weigh whether the mounting is off; see the module's equation.
 
     Placements' errors, stacked, have the covariance D + X P X', D that of each recording by itself,
@@ -149,19 +149,19 @@ def mounting_error(seen: Sequence[Seen], good: Sequence[Seen] = ()) -> Mounting:
     ])  # fmt: skip
     seen = [*seen, *good]
     errors = np.stack([s.error for s in seen])
-    part = np.repeat(PRIOR_SD[[0, 3]], 3) ** 2
+    part = PRIOR_SD[:6]
     scatters, offs = list(product(SCATTERS, repeat=2)), list(product(OFFSETS, repeat=2))
     logs = np.empty((len(scatters), len(offs)))
     means, covariances = np.empty((*logs.shape, 6)), np.empty((*logs.shape, 6, 6))
     for i, (far, turned) in enumerate(scatters):
-        lies = np.repeat([far, turned], 3) ** 2 * part
+        lies = np.square(np.repeat([far, turned], 3) * part)
         own = np.stack([s.unsettled + (s.slopes * lies) @ s.slopes.T for s in seen])
         inverse = np.linalg.inv(own)
         gram = np.einsum("kia,kij,kjb->ab", shared, inverse, shared)
         right = np.einsum("kia,kij,kj->a", shared, inverse, errors)
         alone = -np.linalg.slogdet(own)[1].sum() - np.einsum("ki,kij,kj", errors, inverse, errors)
         for j, (shift, turn) in enumerate(offs):
-            scale = np.concatenate([np.sqrt(part), UNIT, np.repeat([turn, shift], 3) * UNIT])
+            scale = np.concatenate([part, UNIT, np.repeat([turn, shift], 3) * UNIT])
             inner = np.eye(18) + scale[:, None] * gram * scale
             posterior = scale[:, None] * np.linalg.inv(inner) * scale
             logs[i, j] = 0.5 * (alone - np.linalg.slogdet(inner)[1] + right @ posterior @ right)
@@ -221,10 +221,10 @@ def mounted(
     """
     commanded = {r.name: r.poses for r in recordings}
 
-    def lie(patches: Sequence[Patch], steps: Mapping[int, Field], travel: float) -> list[Seen]:
+    def lie(patches: Sequence[Patch], steps: Mapping[int, Field], travel: float) -> list[Misplaced]:
         of = {p.recording: p.name for p in patches}
         return [
-            Seen.of(commanded[of[k]], placed[of[k]].further(step), travel)
+            Misplaced.of(commanded[of[k]], placed[of[k]].further(step), travel)
             for k, step in steps.items()
         ]
 

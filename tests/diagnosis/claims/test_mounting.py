@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from diagnosis.claims.mounting import (
+    Misplaced,
     Mounting,
-    Seen,
     blurs,
     mounted,
     mounting_error,
@@ -46,7 +46,7 @@ def placed(poses: Field, shift_mm: Field, sd: Field) -> Placement:
 
 
 def weighed(poses: list[Field], lay: list[Placement]) -> Mounting:
-    return mounting_error([Seen.of(p, q) for p, q in zip(poses, lay, strict=True)])
+    return mounting_error([Misplaced.of(p, q) for p, q in zip(poses, lay, strict=True)])
 
 
 def test_a_shared_offset_is_the_mounting_s() -> None:
@@ -165,9 +165,9 @@ def test_a_pose_is_uncertain_by_half_the_way_of_an_exposure() -> None:
 def test_what_baselines_have_is_no_change_of_the_mounting() -> None:
     off, more = np.array([0.3, 0.0, 0.0]), np.array([0.5, 0.0, 0.0])
     poses = [commanded(t) for t in TURNS_DEG]
-    good = [Seen.of(p, placed(p, off, KNOWN)) for p in poses]
-    same = mounting_error([Seen.of(p, placed(p, off, KNOWN)) for p in poses], good)
+    good = [Misplaced.of(p, placed(p, off, KNOWN)) for p in poses]
+    same = mounting_error([Misplaced.of(p, placed(p, off, KNOWN)) for p in poses], good)
     assert same.nats < 0
-    changed = mounting_error([Seen.of(p, placed(p, more, KNOWN)) for p in poses], good)
+    changed = mounting_error([Misplaced.of(p, placed(p, more, KNOWN)) for p in poses], good)
     assert changed.nats > np.log(20)
     assert changed.error[3] == pytest.approx(0.2, abs=0.02)
