@@ -73,7 +73,8 @@ def load_yaml(path: str | Path) -> Document:
     path = Path(path)
     try:
         if path.exists() and not path.is_file():
-            raise RecipeError("isn't a file", where=path)
+            kind = "is a folder" if path.is_dir() else "isn't a regular file"
+            raise RecipeError(kind, where=path, allowed="a .yaml file")
         if path.stat().st_size > MOST_BYTES:
             raise RecipeError(
                 "is too long for a hand-written file", where=path,

@@ -47,19 +47,24 @@ def read_source(
 
 
 def recipe_path(source: str | Path) -> Path:
-    """Return the file of a recipe: a path, or the name of a built-in recipe."""
+    """Return the file of a recipe: a path, or the name of a built-in recipe.
+
+    A folder of a built-in recipe's name hides no recipe: it may be the dataset made of it.
+    """
     path = Path(source)
-    if path.suffix in (".yaml", ".yml") or path.exists():
+    if path.suffix in (".yaml", ".yml") or path.is_file():
         return path
     brought = resources.files("pipeline") / "recipes"
     names = {Path(str(p)).stem: Path(str(p)) for p in brought.iterdir() if p.name.endswith(".yaml")}
-    if str(source) not in names:
-        raise RecipeError(
-            "no such recipe",
-            value=str(source),
-            allowed="a .yaml file or one of " + ", ".join(sorted(names)),
-        )
-    return names[str(source)]
+    if str(source) in names:
+        return names[str(source)]
+    if path.exists():
+        return path  # its reader says what is wrong with it
+    raise RecipeError(
+        "no such recipe",
+        value=str(source),
+        allowed="a .yaml file or one of " + ", ".join(sorted(names)),
+    )
 
 
 def _extended(

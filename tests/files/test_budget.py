@@ -39,7 +39,7 @@ def test_pipes_devices_and_folders_are_no_files(tmp_path):
         with pytest.raises(RecipeError, match="a pipe"):
             read(tmp_path / "a.csv")
     os.mkfifo(tmp_path / "a.yaml")
-    with pytest.raises(RecipeError, match="isn't a file"):
+    with pytest.raises(RecipeError, match="isn't a regular file"):
         load_yaml(tmp_path / "a.yaml")
 
 

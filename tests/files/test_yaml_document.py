@@ -33,7 +33,7 @@ def test_a_file_that_cannot_be_read_is_an_error_of_the_users(tmp_path: Path) -> 
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(RecipeError, match="can't be read"):
         load_yaml(tmp_path / "binary.yaml")
-    with pytest.raises(RecipeError, match="isn't a file"):
+    with pytest.raises(RecipeError, match=r"is a folder; allowed: a \.yaml file"):
         load_yaml(tmp_path)
 
 

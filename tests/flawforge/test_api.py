@@ -65,3 +65,13 @@ def test_a_wrong_recipe_is_a_value_error_of_one_line(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="^recipe: key 'name' is missing") as said:
         flawforge.generate({}, tmp_path / "x")
     assert "\n" not in str(said.value)
+
+
+def test_a_dataset_in_a_folder_of_its_recipes_name_is_generated_twice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    small = {"specimens": 1, "scans": 1, "good_specimens": 0, "profiles": 8, "points": 30}
+    first = flawforge.generate("quickstart", "quickstart", sets=small)
+    again = flawforge.generate("quickstart", "quickstart", sets=small)
+    assert len(first) == len(again) == 3

@@ -38,6 +38,17 @@ def test_a_recipe_that_flawforge_brings_is_found_by_name() -> None:
         Recipe.load("fast")
 
 
+def test_a_folder_of_a_built_in_recipes_name_hides_no_recipe(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("quickstart").mkdir()  # as `flawforge generate quickstart --out quickstart` makes it
+    assert Recipe.load("quickstart").file.name == "quickstart"
+    Path("other").mkdir()
+    with pytest.raises(RecipeError, match=r"other: is a folder; allowed: a \.yaml file"):
+        Recipe.load("other")
+
+
 def test_a_mapping_is_a_recipe() -> None:
     data, _ = read_source("quickstart")
     assert Recipe.load(data.data).as_used() == Recipe.load("quickstart").as_used()
