@@ -245,7 +245,4 @@ def seen_by_cameras(component: Component, patches: Sequence["Patch"]) -> list[li
 
 def with_sheet(view: View, sheet: Datasheet) -> View:
     """Return the view by a sensor with another file."""
-    return View(
-        view.scene, SensorModel(sheet), view.poses, view.time_s, laser=view.laser, hits=view.hits,
-        intensity=view.intensity, start_time_s=view.start_time_s, travel_mm=view.travel_mm,
-    )  # fmt: skip
+    return view.with_sensor(SensorModel(sheet))

@@ -115,21 +115,14 @@ def cut(
     n, m = recording.depth_mm.shape
     repeats = repeated_rows(recording.depth_mm)
     spans = strips(n, m)
-    sensor = SensorModel(datasheet)
-    whole_travel = View(scene, sensor, placement.poses, recording.time_s, laser=laser).travel_mm
+    whole = View(
+        scene, SensorModel(datasheet), placement.poses, recording.time_s, laser=laser,
+        intensity=recording.intensity, start_time_s=recording.start_time_s,
+    )  # fmt: skip
     travel = travel_columns(placement.poses)
     patches = []
     for rows in spans:
-        view = View(
-            scene,
-            sensor,
-            placement.poses[rows],
-            recording.time_s[rows],
-            laser=laser,
-            intensity=None if recording.intensity is None else recording.intensity[rows],
-            start_time_s=recording.start_time_s,
-            travel_mm=whole_travel[rows],
-        )
+        view = whole.rows(rows)
         plain = np.array(np.broadcast_to(law_of(view, (), None).mean_mm, view.shape))
         depth = in_range(recording.depth_mm[rows], datasheet)
         columns = pose_columns(
@@ -180,25 +173,13 @@ def thinned(patches: Sequence[Patch], budget: int) -> list[Patch]:
 
 def strip_of(patch: Patch, part: slice) -> Patch:
     """Take the profiles `part` of a patch, with their place in time and travel."""
-    view = patch.view
-    short = View(
-        view.scene,
-        view.sensor,
-        view.poses[part],
-        view.time_s[part],
-        laser=view.laser,
-        hits=view.hits.rows(part),
-        intensity=None if view.intensity is None else view.intensity[part],
-        start_time_s=view.start_time_s,
-        travel_mm=view.travel_mm[part],
-    )
     start = patch.rows.start
     return replace(
         patch,
         rows=slice(start + part.start, start + part.stop),
         depth_mm=patch.depth_mm[part],
         dropped=patch.dropped[part],
-        view=short,
+        view=patch.view.rows(part),
         plain_mm=patch.plain_mm[part],
         columns=patch.columns[part],
         softness=(patch.softness[0][part], patch.softness[1][part]),

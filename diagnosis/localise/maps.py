@@ -88,15 +88,13 @@ class Pieces:
         recording, poses = self.recording, self.placement.poses
         n, m = recording.depth_mm.shape
         rows = max(8, min(n, CHUNK // m))
-        sensor, laser = SensorModel(self.recorded.datasheet), self.recorded.rays(self.number)
-        scene = self.recorded.scene
-        travel = View(scene, sensor, poses, recording.time_s, laser=laser).travel_mm
+        whole = View(
+            self.recorded.scene, SensorModel(self.recorded.datasheet), poses, recording.time_s,
+            laser=self.recorded.rays(self.number), intensity=recording.intensity,
+            start_time_s=recording.start_time_s,
+        )  # fmt: skip
         for part in (slice(start, min(start + rows, n)) for start in range(0, n, rows)):
-            yield part, View(
-                scene, sensor, poses[part], recording.time_s[part], laser=laser,
-                intensity=None if recording.intensity is None else recording.intensity[part],
-                start_time_s=recording.start_time_s, travel_mm=travel[part],
-            )  # fmt: skip
+            yield part, whole.rows(part)
 
     def columns(self, part: slice, view: View) -> Field:
         """Change of depth (n, m, 9) by the placement, each in its prior deviations."""

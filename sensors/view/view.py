@@ -67,9 +67,8 @@ class View:
         Brightness that a recording gives, 0 to 1; comes before `reflectance`.
     start_time_s : float, optional
         When the first profile was taken, on a clock common to all recordings.
-    travel_mm : (n,) array, optional
-        Path length at each profile where the view is a part of a longer scan; counted from the
-        first profile where left out.
+    travel_start_mm : float
+        Path length at the first profile, where the view is a part of a longer scan.
     """
 
     def __init__(
@@ -84,7 +83,7 @@ class View:
         reflectance: Albedo | None = None,
         intensity: Floats | None = None,
         start_time_s: float | None = None,
-        travel_mm: Floats | None = None,
+        travel_start_mm: float = 0.0,
     ) -> None:
         self.scene = scene
         self.sensor = sensor
@@ -94,18 +93,18 @@ class View:
         self.reflectance = scene.reflectance if reflectance is None else reflectance
         self.intensity = intensity
         self.start_time_s = start_time_s
+        self.travel_start_mm = travel_start_mm
         if self.poses.ndim != 3 or self.poses.shape[1:] != (4, 4):
             raise ValueError(f"poses must be (n, 4, 4), got {self.poses.shape}")
         if self.time_s.shape != self.poses.shape[:1]:
             raise ValueError(f"time_s must be ({len(self.poses)},), got {self.time_s.shape}")
         self._given_hits = hits
-        self._given_travel_mm = travel_mm
         self._seen: dict[float, NDArray[np.bool_]] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         kept = (
             "scene", "sensor", "poses", "time_s", "laser", "reflectance", "intensity",
-            "start_time_s", "_given_hits", "_given_travel_mm",
+            "start_time_s", "travel_start_mm", "_given_hits",
         )  # fmt: skip
         return {key: self.__dict__[key] for key in kept} | {"_seen": {}}
 
@@ -210,8 +209,11 @@ class View:
     @cached_property
     def travel_mm(self) -> Floats:
         """Path length at each profile, (n,) mm, counted positive where the sensor moves to +y."""
-        if self._given_travel_mm is not None:
-            return self._given_travel_mm
+        return self.travel_start_mm + self._travelled_mm
+
+    @cached_property
+    def _travelled_mm(self) -> Floats:
+        """Path length from the view's own first profile, (n,) mm."""
         step = np.diff(self.poses[:, :3, 3], axis=0)
         forward = np.einsum("ij,ij->i", step, self.poses[:-1, :3, 1]) >= 0
         length = np.where(forward, 1.0, -1.0) * np.linalg.norm(step, axis=1)
@@ -222,7 +224,7 @@ class View:
         """Signed travel from each profile to the next, (n,) mm; the last repeats the one before."""
         if len(self.poses) < 2:
             return np.zeros(len(self.poses))
-        step = np.diff(self.travel_mm)
+        step = np.diff(self._travelled_mm)
         return np.concatenate([step, step[-1:]])
 
     # ---- directions and angles
@@ -361,38 +363,34 @@ class View:
 
     def posed(self, poses: ArrayLike) -> "View":
         """Return the view from other poses (n, 4, 4), all else equal."""
-        return self._like(poses, self.time_s, self.intensity)
+        return self._like(poses=poses)
 
     def along(self, laser: Laser) -> "View":
         """Return the view along other rays, as many, all else equal."""
-        return self._like(self.poses, self.time_s, self.intensity, laser=laser)
+        return self._like(laser=laser)
+
+    def with_sensor(self, sensor: "SensorModel") -> "View":
+        """Return the view by a sensor with another datasheet or other effects, along these rays."""
+        return self._like(sensor=sensor, hits=self.hits)
 
     def rows(self, part: slice) -> "View":
-        """Return the view of some of the profiles."""
-        cast: Hits | None = self.__dict__.get("hits")
-        hits = None if cast is None else cast.rows(part)
-        intensity = None if self.intensity is None else self.intensity[part]
-        return self._like(self.poses[part], self.time_s[part], intensity, hits)
-
-    def _like(
-        self,
-        poses: ArrayLike,
-        time_s: Floats,
-        intensity: Floats | None,
-        hits: Hits | None = None,
-        laser: Laser | None = None,
-    ) -> "View":
-        return View(
-            self.scene,
-            self.sensor,
-            poses,
-            time_s,
-            laser=self.laser if laser is None else laser,
-            hits=hits,
-            reflectance=self.reflectance,
-            intensity=intensity,
-            start_time_s=self.start_time_s,
+        """Return the view of some of the profiles, at their place in time and travel."""
+        cast: Hits | None = self.__dict__.get("hits", self._given_hits)
+        return self._like(
+            poses=self.poses[part],
+            time_s=self.time_s[part],
+            hits=None if cast is None else cast.rows(part),
+            intensity=None if self.intensity is None else self.intensity[part],
+            travel_start_mm=float(self.travel_mm[part][0]),
         )
+
+    def _like(self, **other: Any) -> "View":
+        """Return the view with some of its arguments replaced; its hits only where given."""
+        kept = (
+            "sensor", "poses", "time_s", "laser", "reflectance", "intensity", "start_time_s",
+            "travel_start_mm",
+        )  # fmt: skip
+        return View(self.scene, **{**{name: getattr(self, name) for name in kept}, **other})
 
     def shifted(
         self, dx_mm: ArrayLike = 0.0, dy_mm: ArrayLike = 0.0, dz_mm: ArrayLike = 0.0
