@@ -20,9 +20,9 @@ from diagnosis.model.log_density import placements, whitened
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel
-from diagnosis.noise.whitening import CLIP
 from diagnosis.predict.edges import EDGE_COVARIATES
 from diagnosis.predict.prediction import predict
+from diagnosis.settings import SETTINGS
 from files.errors import RecipeError
 from sensors.effects import effect_of
 from sensors.effects.anisotropic_lay import AnisotropicLay
@@ -123,7 +123,7 @@ def _expected_nats(ws: Workspace, thing: Effect) -> float:
         other = predict(patch.view, (thing,), ws.noise, softness=patch.softness)
         both = plain.seen & other.seen
         # at an edge one reading may be off by millimetres and still counts as one
-        most = np.where(patch.edge, CLIP * plain.sd_mm, 0.3)
+        most = np.where(patch.edge, SETTINGS.clip * plain.sd_mm, 0.3)
         change = np.where(both, np.nan_to_num(other.mean_mm) - np.nan_to_num(plain.mean_mm), 0.0)
         signals.append(
             replace(state, innovations=state.whiten(np.clip(change, -most, most)))

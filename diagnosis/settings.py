@@ -161,12 +161,18 @@ class Settings:
     sharp: float = quantity(
         "doubt of an edge's place beyond which a reading says nothing of the noise",
         default=0.3, unit="σ", low=0.0,
-        source="as edges.UNSURE",
+        source="in quadrature, adds 4 % to the standard deviation of the noise",
     )  # fmt: skip
     ambiguous: float = quantity(
         "chance of an edge's other side beyond which a reading's absence says nothing",
         default=0.01, unit="1", low=0.0,
         source="a tenth of the smallest share worth telling",
+    )  # fmt: skip
+    imitated: float = quantity(
+        "whitened square, per reading or as a share of a column's own, below which a placement "
+        "imitates a component or coefficient",
+        default=1e-6, unit="1", low=0.0,
+        source="rounding of the normal equations",
     )  # fmt: skip
     cells: int = quantity(
         "cells along each covariate in which readings of one predictor are summed",

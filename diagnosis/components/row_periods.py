@@ -12,7 +12,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from diagnosis.fields import Field, Mask
-from diagnosis.noise.whitening import CLIP, transposed
+from diagnosis.noise.whitening import transposed
 from diagnosis.settings import SETTINGS
 from sensors.datasheet import Datasheet
 from sensors.view.camera import row_of_depth
@@ -76,7 +76,7 @@ def _binned(
         where = (row[pick] - low) / (high - low) * BINS
         inside = (where >= 0) & (where < BINS)
         field = np.zeros(patch.shape)
-        field[pick] = np.clip(state.innovations[pick], -CLIP, CLIP)
+        field[pick] = np.clip(state.innovations[pick], -SETTINGS.clip, SETTINGS.clip)
         score = (transposed(state.whitener, field) / state.sd_mm)[pick]
         index = where[inside].astype(np.int64)
         sums += np.bincount(index, weights=score[inside], minlength=BINS)

@@ -25,8 +25,6 @@ from diagnosis.settings import SETTINGS
 Floats = NDArray[np.float64]
 Turns = Mapping[str, Floats]
 """For each component's name, how its columns are combined."""
-IMITATED = 1e-6
-"""Energy per reading below which a component is what a placement imitates: nothing is left."""
 ROUNDED = 1e-9
 """Share of a column's energy below which what a placement leaves of it is rounding."""
 AT_ONCE = 16_000
@@ -267,11 +265,11 @@ def turns_of(bulk: Gram, whole: Gram) -> dict[str, Floats]:
         spanned = own[0].component.relaxed.spanned
         gram = whole if spanned else bulk
         energy = sum(float(np.trace(gram.matrix[b.columns, b.columns])) for b in own)
-        if energy <= IMITATED * gram.readings:
+        if energy <= SETTINGS.imitated * gram.readings:
             continue
         if spanned:
             inner = gram.matrix[own[0].columns, own[0].columns]
-            root = np.sqrt(np.diag(inner) + IMITATED)
+            root = np.sqrt(np.diag(inner) + SETTINGS.imitated)
             _, vectors = np.linalg.eigh(inner / np.outer(root, root))
             turn = (vectors / root[:, None])[:, ::-1][:, : SETTINGS.spanned]
             out[name] = turn * np.sqrt(gram.readings / np.trace(turn.T @ inner @ turn))

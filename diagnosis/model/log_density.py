@@ -14,8 +14,9 @@ from numba import njit
 from diagnosis.data.patch import SPIKE_SD, Patch, spikes
 from diagnosis.fields import Field, Mask, Single
 from diagnosis.noise.noise_model import NoiseModel
-from diagnosis.noise.whitening import CLIP, Whitener
+from diagnosis.noise.whitening import Whitener
 from diagnosis.predict.prediction import Prediction
+from diagnosis.settings import SETTINGS
 from sensors.view.view_cache import ViewCache
 
 LOG_ROOT_2PI = 0.5 * np.log(2 * np.pi)
@@ -103,9 +104,8 @@ def placements(
         for patch, state, pick in zip(patches, states, picks, strict=True):
             r, k = patch.recording, state.columns.shape[-1]
             there = found.get(r, np.zeros(k))
-            matrix, vector = _normal(
-                state.columns, state.innovations, pick, there, CLIP if r in found else np.inf
-            )
+            clip = SETTINGS.clip if r in found else np.inf
+            matrix, vector = _normal(state.columns, state.innovations, pick, there, clip)
             normal[r] = normal.get(r, np.eye(k)) + matrix
             right[r] = right.get(r, np.zeros(k)) + vector
         found = {r: np.asarray(np.linalg.solve(normal[r], right[r]), np.float64) for r in normal}

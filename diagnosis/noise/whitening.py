@@ -17,8 +17,6 @@ from diagnosis.fields import Field, Mask, Single
 from diagnosis.noise.noise_model import NoiseModel
 from sensors.view.view_cache import ViewCache
 
-CLIP = 4.0
-"""Deviations up to which a whitened reading counts in a robust sum."""
 Groups = NDArray[np.int64]
 # earlier neighbours as (rows up, columns): the current profile's last three, then profiles before
 NEIGHBOURS = np.array(

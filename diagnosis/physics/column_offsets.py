@@ -11,11 +11,10 @@ from scipy.sparse import csr_matrix
 from diagnosis.data.patch import Patch
 from diagnosis.fields import Field, Mask
 from diagnosis.model.log_density import Whitened
-from diagnosis.noise.whitening import CLIP
+from diagnosis.settings import SETTINGS
 
 COMB = 6
 """An innovation sees columns from three before to two after: columns six apart never meet."""
-MOST = 512
 SEARCHED = {"xatol": 0.05, "fatol": 0.05}
 """Two variances to a twentieth: what is shrunk by them changes by far less."""
 
@@ -101,7 +100,7 @@ def column_equations(
     tilted : ask for slopes as well
     """
     m = patches[0].shape[1]
-    group = max(1, -(-m // MOST))
+    group = max(1, -(-m // SETTINGS.most_columns))
     count = -(-m // group)
     total = count * (1 + tilted)
     gram = np.zeros((total, total))
@@ -113,7 +112,7 @@ def column_equations(
         pick = mask & state.used
         rows, columns = np.nonzero(pick)
         if innovations is None:
-            values = np.clip(state.innovations[rows, columns], -CLIP, CLIP)
+            values = np.clip(state.innovations[rows, columns], -SETTINGS.clip, SETTINGS.clip)
         else:
             values = innovations[k]
         owner_of = np.arange(m) // group

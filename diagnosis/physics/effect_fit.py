@@ -20,6 +20,7 @@ from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.physics.linear_fit import Fitted, has_fields, is_linear, solve_linear
 from diagnosis.predict.prediction import starting
+from diagnosis.settings import SETTINGS
 from files.errors import RecipeError
 from sensors.effects.base import Effect
 from sensors.effects.form_error import FormError
@@ -38,8 +39,6 @@ ALIKE = math.radians(12.0)
 STRONGER = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Strengths from which a search goes on where the one found holds for faint effects."""
 PEAKS = 4
-LEAST_CYCLES = 2.5
-"""Fewer cycles in a scan are no wave: a drift, the part's form, a slip here and there."""
 
 
 def fit_effect(
@@ -258,9 +257,9 @@ def _bounds(effect: Effect, name: str, ws: Workspace) -> tuple[float, float]:
     """Bounds of a parameter; a wave has some cycles in the longest scan."""
     p = effect.parameter(name)
     if name == "frequency_hz":
-        return max(p.low, LEAST_CYCLES / _longest(ws, "time_s")), p.high
+        return max(p.low, SETTINGS.least_cycles / _longest(ws, "time_s")), p.high
     if name == "period_mm":
-        return p.low, min(p.high, _longest(ws, "travel_mm") / LEAST_CYCLES)
+        return p.low, min(p.high, _longest(ws, "travel_mm") / SETTINGS.least_cycles)
     return p.low, p.high
 
 

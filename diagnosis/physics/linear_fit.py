@@ -13,12 +13,11 @@ import numpy as np
 from diagnosis.fields import Field, Mask, Single
 from diagnosis.model.log_density import Whitened
 from diagnosis.model.workspace import Workspace
-from diagnosis.noise.whitening import CLIP
 from diagnosis.physics.column_offsets import column_equations, likely_variance
+from diagnosis.settings import SETTINGS
 from files.errors import RecipeError
 from sensors.effects.base import Effect
 
-IMITATED = 1e-6
 ROUNDS = 2
 TILT_COSTS = 3.0
 """Nats of evidence above which columns have slopes, too: twenty to one."""
@@ -83,13 +82,13 @@ def _robust(effect: Effect, rows: Mapping[int, "_Rows"]) -> dict[int, Field]:
     best: tuple[float, dict[int, Field]] | None = None
     for start in (
         {r: np.ones(row.values.size, dtype=bool) for r, row in rows.items()},
-        {r: np.abs(row.unfitted) < CLIP for r, row in rows.items()},
+        {r: np.abs(row.unfitted) < SETTINGS.clip for r, row in rows.items()},
     ):
         near = start
         for _ in range(ROUNDS):
             found = _coefficients(effect, rows, near)
             left = {r: row.left(found[r]) for r, row in rows.items()}
-            near = {r: np.abs(rest) < CLIP for r, rest in left.items()}
+            near = {r: np.abs(rest) < SETTINGS.clip for r, rest in left.items()}
         cost = sum(_cost(rest) for rest in left.values())
         if best is None or cost < best[0]:
             best = cost, found
@@ -180,12 +179,12 @@ class _Rows:
         columns, values = self.columns[::every], rest[::every]
         found = []
         # the fields may hold much that the placement takes back, or spoil it where they fail
-        for near in (np.abs(values) < CLIP, np.ones(values.size, dtype=bool)):
+        for near in (np.abs(values) < SETTINGS.clip, np.ones(values.size, dtype=bool)):
             for _ in range(2):
                 own = columns[near]
                 pose = np.eye(columns.shape[1]) / every + (own.T @ own).astype(np.float64)
                 placement = np.linalg.solve(pose, own.T @ values[near]).astype(np.float32)
-                near = np.abs(values - columns @ placement) < CLIP
+                near = np.abs(values - columns @ placement) < SETTINGS.clip
             found.append(placement)
         best = min(found, key=lambda f: _cost(values - columns @ f))
         return np.asarray(rest - self.columns @ best)
@@ -196,8 +195,8 @@ class _Rows:
 
 
 def _cost(left: Single) -> float:
-    """Nats that residuals cost, each one CLIP deviations at most."""
-    return 0.5 * float(np.minimum(np.square(left), CLIP**2).sum(dtype=np.float64))
+    """Nats that residuals cost, each one `clip` deviations at most."""
+    return 0.5 * float(np.minimum(np.square(left), SETTINGS.clip**2).sum(dtype=np.float64))
 
 
 def _rows(
@@ -213,7 +212,8 @@ def _rows(
         white = np.empty((int(pick.sum()), len(fields)), dtype=np.float32)
         for f, field in enumerate(fields):
             white[:, f] = state.whiten(field)[pick]
-        values = np.clip(state.innovations[pick], -3 * CLIP, 3 * CLIP).astype(np.float32)
+        farthest = 3 * SETTINGS.clip
+        values = np.clip(state.innovations[pick], -farthest, farthest).astype(np.float32)
         columns = state.columns[pick].astype(np.float32)
         parts.setdefault(patch.recording, []).append((white, columns, values))
     return {
@@ -276,7 +276,7 @@ def _solve(gram: Field, right: Field, raw: Field) -> Field:
     """
     size = np.sqrt(np.maximum(raw, 1e-30))
     values, vectors = np.linalg.eigh(gram / np.outer(size, size))
-    kept = values > IMITATED
+    kept = values > SETTINGS.imitated
     half = vectors[:, kept] / np.sqrt(values[kept])
     return np.asarray((half @ (half.T @ (right / size))) / size)
 
