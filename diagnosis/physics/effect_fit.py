@@ -133,17 +133,11 @@ def _as_silent(turn_rad: Field, gains: Field) -> NDArray[np.int64]:
 
 def _grid(kind: type[Effect], ws: Workspace, states: Sequence[Whitened]) -> tuple[Effect, ...]:
     effect = starting(kind, ws.patches[0].view)
-    if effect.name == "column_offset":
-        count = min(ws.patches[0].shape[1], 64)
-        return (effect.with_parameters(values_um=(0.0,) * count),)
-    if effect.name == "form_error":
-        return tuple(effect.with_parameters(coefficients_um=(0.0,) * n) for n in (5, 14, 27, 44))
     longest = max(ws.patches, key=lambda p: p.shape[0])
     unstated = longest.view.datasheet.camera_rows is None
     if isinstance(effect, PixelLocking) and effect.rows is None and unstated:
         return _row_counts(effect, ws, states)
-    points = effect.grid(longest.view)
-    points += tuple(other for point in points for other in point.variants(longest.view))
+    points = effect.starts(longest.view)
     step = max(1, math.ceil(len(points) / MAX_GRID))
     return points[::step]
 

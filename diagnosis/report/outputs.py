@@ -12,7 +12,7 @@ from diagnosis.settings import SETTINGS
 from files.hdf5_output import created
 from files.plain_data import plain
 from files.whole_file import write_whole
-from sensors.effects.reflectance_edge import ReflectanceEdge
+from sensors.effects import CATALOGUE
 
 FORMAT = "profilometer-diagnosis"
 
@@ -42,7 +42,7 @@ def write_outputs(
                     key, data=getattr(maps, key), compression="gzip", compression_opts=4
                 )
     pattern = result.fit_patches[0].view.scene.reflectance
-    biased = any(e.name == ReflectanceEdge.name for e in result.effects)
+    biased = any(CATALOGUE[e.name].on_albedo for e in result.effects)
     if biased and isinstance(pattern, AlbedoPattern):
         pattern.save(folder)
     progress("writing the report")

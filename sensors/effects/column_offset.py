@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,9 @@ from sensors.piecewise_linear import hats
 from sensors.view.view import View
 
 Floats = NDArray[np.float64]
+
+MOST_STARTED = 64
+"""Offsets with which a fit starts at most."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -87,6 +90,10 @@ class ColumnOffset(AdditiveEffect):
         typical=1,
         kind="integer",
     )
+
+    def starts(self, view: View) -> tuple[Self, ...]:
+        """Return offsets of zero at each column, or of groups of columns."""
+        return (self.with_parameters(values_um=(0.0,) * min(view.shape[1], MOST_STARTED)),)
 
     def fields(self, view: View) -> tuple[Floats, ...]:
         """Return a hat function over the columns for each value, and the seed's pattern."""

@@ -56,6 +56,7 @@ class Effect(ABC):
     separating : the measurement that separates the effect from these
     needs : keys of the datasheet that the effect requires
     line_width : parameter of the laser line's width, where the effect is the line's geometry
+    on_albedo : whether the effect follows the part's albedo, whose pattern a simulation of it needs
     sinusoid : whether the coefficients are A cos(phase) and A sin(phase) of the first parameter
     """
 
@@ -74,6 +75,7 @@ class Effect(ABC):
     separating: ClassVar[str]
     needs: ClassVar[tuple[str, ...]] = ()
     line_width: ClassVar[str] = ""
+    on_albedo: ClassVar[bool] = False
     sinusoid: ClassVar[bool] = False
 
     # ---- defined by a subclass
@@ -279,6 +281,11 @@ class Effect(ABC):
     def variants(self, view: View) -> tuple[Self, ...]:
         """Return other forms of the effect, tried in a fit and not in a search."""
         return ()
+
+    def starts(self, view: View) -> tuple[Self, ...]:
+        """Return the effects from which a fit starts: the grid, and other forms of each point."""
+        points = self.grid(view)
+        return points + tuple(other for point in points for other in point.variants(view))
 
     # ---- per-recording parameters
 

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,6 +107,10 @@ class FormError(AdditiveEffect):
         """Return the radius where it is set: beside waves no radius is searched."""
         found = Effect.searched(self, linear=linear)
         return tuple(p for p in found if p.name != "fillet_mm" or self.fillet_mm > 0)
+
+    def starts(self, view: View) -> tuple[Self, ...]:
+        """Return waves of zero, up to the second, fourth, sixth and eighth order; no fillet."""
+        return tuple(self.with_parameters(coefficients_um=(0.0,) * n) for n in (5, 14, 27, 44))
 
     def words(self) -> dict[str, str]:
         """Return the form for the statement."""

@@ -46,6 +46,7 @@ class ReflectanceEdge(Effect):
     channels: ClassVar = ("mean",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "brightness_slope"
+    on_albedo: ClassVar = True
     relaxed: ClassVar = (Relaxed(channel="mean", spanned=True),)
     rivals: ClassVar = ("edge_mixing", "form_error")
     separating: ClassVar = (

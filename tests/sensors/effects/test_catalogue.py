@@ -229,6 +229,23 @@ def test_grid_holds_effects_of_its_kind(cls, view):
     assert 1 <= len(grid) <= 600
     assert len(set(grid)) == len(grid)
     assert all(type(effect) is cls for effect in grid)
+    starts = cls.example().starts(view)
+    assert starts
+    assert len(set(starts)) == len(starts)
+    assert all(type(effect) is cls for effect in starts)
+
+
+def test_a_fit_of_many_numbers_starts_with_these_numbers(view):
+    (columns,) = CATALOGUE["column_offset"]().starts(view)
+    assert columns.is_null
+    assert len(columns.values_um) == 64
+    waves = CATALOGUE["form_error"].example().starts(view)
+    assert [len(form.coefficients_um) for form in waves] == [5, 14, 27, 44]
+    assert all(form.is_null for form in waves)
+
+
+def test_one_effect_follows_the_albedo():
+    assert [cls.name for cls in CATALOGUE.values() if cls.on_albedo] == ["reflectance_edge"]
 
 
 def test_unknown_effect_is_named_with_what_there_is(view):
