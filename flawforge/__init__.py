@@ -144,7 +144,7 @@ def diagnose(
     part_unit : str
         Unit of the mesh.
     seed : int
-        Seed of the draws of the null distribution.
+        Seed of the bootstrap intervals of the held-out scores; nothing else depends on it.
     """
     from pipeline.batch.backend import one_thread_each
 

@@ -2,7 +2,7 @@
 
 Neighbouring readings share speckle, so p-values and predictive densities need the noise's
 correlation, not only its size. It is measured as an anisotropic 2-D autocovariance from plates or
-from the recordings' own residuals; its Fourier transform draws the null fields (Wiener-Khinchin).
+from the recordings' own residuals; its Fourier transform is the spectrum (Wiener-Khinchin).
 """
 
 from collections.abc import Sequence
@@ -97,13 +97,6 @@ class NoiseModel:
         )
         acf = _nonnegative(grid(np.stack([rows, columns], axis=-1)))
         return replace(self, acf=acf, pitch_x_mm=pitch_x_mm, pitch_y_mm=pitch_y_mm)
-
-    def draw(self, shape: tuple[int, int], rng: np.random.Generator) -> Field:
-        """Draw a field of unit variance with this autocorrelation, (n, m)."""
-        root = np.sqrt(np.clip(self.spectrum(shape), 0, None))
-        noise = rng.standard_normal(root.shape)
-        drawn = np.fft.irfft2(np.fft.rfft2(noise) * root[:, : root.shape[1] // 2 + 1], s=root.shape)
-        return np.asarray(drawn[: shape[0], : shape[1]])
 
     def spectrum(self, shape: tuple[int, int]) -> Field:
         """Power per discrete frequency on a torus that holds `shape` and the lags; mean 1."""

@@ -25,7 +25,7 @@ class Columns:
 
     Attributes
     ----------
-    gram : (k, k); right : (k,) or (k, draws)
+    gram : (k, k); right : (k,)
         Where they tilt, the offsets' first and then as many slopes.
     tilted : whether there are slopes (mm for each mm away from the working distance)
     """
@@ -88,7 +88,6 @@ def column_equations(
     patches: Sequence[Patch],
     states: Sequence[Whitened],
     masks: Sequence[Mask],
-    innovations: Sequence[Field] | None = None,
     *,
     tilted: bool = False,
 ) -> Columns:
@@ -96,7 +95,6 @@ def column_equations(
 
     Parameters
     ----------
-    innovations : for each patch (N,) or (N, draws) at its picked readings, drawn nulls
     tilted : ask for slopes as well
     """
     m = patches[0].shape[1]
@@ -108,13 +106,10 @@ def column_equations(
     cross: dict[int, Field] = {}
     pose: dict[int, Field] = {}
     pose_right: dict[int, Field] = {}
-    for k, (patch, state, mask) in enumerate(zip(patches, states, masks, strict=True)):
+    for patch, state, mask in zip(patches, states, masks, strict=True):
         pick = mask & state.used
         rows, columns = np.nonzero(pick)
-        if innovations is None:
-            values = np.clip(state.innovations[rows, columns], -SETTINGS.clip, SETTINGS.clip)
-        else:
-            values = innovations[k]
+        values = np.clip(state.innovations[rows, columns], -SETTINGS.clip, SETTINGS.clip)
         owner_of = np.arange(m) // group
         # the one group of each phase within reach of the innovation
         reach = owner_of[np.clip(columns[:, None] + np.arange(-3, 3)[None], 0, m - 1)]

@@ -49,7 +49,8 @@ example:
         "--seed",
         type=int,
         default=0,
-        help="seed of the draws of the null distribution (default: 0)",
+        help="seed of the bootstrap intervals of the held-out scores; nothing else depends on it "
+        "(default: 0)",
     )
     parser.add_argument("--quiet", action="store_true", help="no progress on stderr")
 
