@@ -10,15 +10,44 @@ Each function imports its modules when it is called, so that the package imports
     flawforge.export(scans.folder, "out/coco", "coco", mask="visible")
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from diagnosis.diagnosis import Diagnosis
-    from flawforge.dataset import Dataset
+    from files.errors import RecipeError
+    from flawforge.dataset import Dataset, ShardError
+    from pipeline.parts.part_error import PartError
+    from sensors.datasheet import Datasheet, with_effects
+    from sensors.recording import Recording
 
-__all__ = ["diagnose", "export", "generate", "open"]
+__all__ = [
+    "Datasheet", "PartError", "RecipeError", "Recording", "ShardError", "diagnose", "export",
+    "generate", "open", "with_effects",
+]  # fmt: skip
+_PLACES = {
+    "Datasheet": "sensors.datasheet",
+    "PartError": "pipeline.parts.part_error",
+    "RecipeError": "files.errors",
+    "Recording": "sensors.recording",
+    "ShardError": "flawforge.dataset",
+    "with_effects": "sensors.datasheet",
+}
+"""Modules of the names that are imported when they are first asked for."""
+Paths = str | Path | Sequence[str | Path]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PLACES:
+        raise AttributeError(f"module 'flawforge' has no attribute '{name}'")
+    from importlib import import_module
+
+    return getattr(import_module(_PLACES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
 
 
 def generate(
@@ -26,7 +55,7 @@ def generate(
     out: str | Path,
     *,
     jobs: int = 1,
-    parts: Sequence[str | Path] = (),
+    parts: Paths = (),
     sets: Mapping[str, Any] | None = None,
     seed: int | None = None,
 ) -> "Dataset":
@@ -42,7 +71,7 @@ def generate(
         Folder of the dataset.
     jobs : int
         Processes; the bytes are the same for any number.
-    parts : sequence of path
+    parts : path or sequence of path
         Further folders that the recipe may read from.
     sets : mapping, optional
         Overridden values by dotted key: ``{"motion.yaw_deg": 5}``.
@@ -67,7 +96,7 @@ def generate(
 
         loaded = Recipe.load(
             recipe,
-            roots=tuple(Path(folder) for folder in parts),
+            roots=tuple(_paths(parts)),
             sets=[f"{key}={json.dumps(value)}" for key, value in (sets or {}).items()],
             seed=seed,
         )
@@ -100,13 +129,30 @@ def export(
 
     ``flawforge export --help`` lists the forms and explains the options.
 
+    Parameters
+    ----------
+    dataset : path or Dataset
+        Folder of the dataset, or selected scans of it.
+    out : path
+        Folder to write.
+    to : str
+        The form: ``flawforge.export("out/quickstart", "out/coco", "coco")``.
+
     Returns
     -------
     list of Path
         The files written.
     """
+    from pipeline.dataset.export import FORMS
     from pipeline.dataset.export import export as write
 
+    if to not in FORMS and str(out) in FORMS:
+        from files.errors import RecipeError
+
+        raise RecipeError(
+            "out and to are swapped", where="export", value=(str(out), str(to)),
+            allowed=f"export(dataset, out={str(to)!r}, to={str(out)!r})",
+        )  # fmt: skip
     folder: str | Path
     if isinstance(dataset, str | Path):
         folder, scans = dataset, None
@@ -116,23 +162,24 @@ def export(
 
 
 def diagnose(
-    recordings: Sequence[str | Path],
+    recordings: Paths,
     part: str | Path,
     sensor: str | Path,
     *,
     out: str | Path | None = None,
     part_unit: str = "mm",
     surface: str | Path | None = None,
-    references: Sequence[str | Path] = (),
-    holdout: Sequence[str | Path] = (),
-    baselines: Sequence[str | Path] = (),
+    references: Paths = (),
+    holdout: Paths = (),
+    baselines: Paths = (),
     seed: int = 0,
+    progress: Callable[[str], None] | None = None,
 ) -> "Diagnosis":
     """Find where recordings differ from their simulation, and the effects that explain it.
 
     Parameters
     ----------
-    recordings, references, holdout, baselines : sequence of path
+    recordings, references, holdout, baselines : path or sequence of path
         recording.h5 files: to explain, of a flat plate, held out, of the part when the instrument
         was known to be good.
     part : path
@@ -145,29 +192,51 @@ def diagnose(
         Unit of the mesh.
     seed : int
         Seed of the bootstrap intervals of the held-out scores; nothing else depends on it.
+    progress : function, optional
+        Called with a few words at each stage.
+
+    Raises
+    ------
+    ValueError
+        `RecipeError` or `PartError`: one line with the error, its place, and the allowed values.
     """
+    from contextlib import ExitStack
+
     from pipeline.batch.backend import one_thread_each
 
     one_thread_each()
     from diagnosis.diagnose import diagnose as explain
     from diagnosis.report.outputs import write_outputs
+    from files.output_folder import output_folder
     from pipeline.parts.part import load_part
     from sensors.datasheet import Datasheet
     from sensors.recording import Recording
     from sensors.surface.surface import Surface
 
-    solid = load_part(Path(part), unit=part_unit)
-    found = explain(
-        [Recording.load(path) for path in recordings],
-        solid.vertices_mm,
-        solid.faces,
-        Datasheet.load(sensor),
-        surface=None if surface is None else Surface.load(surface),
-        references=[Recording.load(path) for path in references],
-        holdout=[Recording.load(path) for path in holdout],
-        baselines=[Recording.load(path) for path in baselines],
-        seed=seed,
-    )
-    if out is not None:
-        write_outputs(found, Path(out), part_name=solid.name)
+    said = progress or (lambda _: None)
+    with ExitStack() as stack:
+        folder = None if out is None else stack.enter_context(output_folder(Path(out)))
+        said("reading")
+        datasheet = Datasheet.load(sensor)  # what is read in no time first
+        texture = None if surface is None else Surface.load(surface)
+        solid = load_part(Path(part), unit=part_unit)
+        found = explain(
+            [Recording.load(path) for path in _paths(recordings)],
+            solid.vertices_mm,
+            solid.faces,
+            datasheet,
+            surface=texture,
+            references=[Recording.load(path) for path in _paths(references)],
+            holdout=[Recording.load(path) for path in _paths(holdout)],
+            baselines=[Recording.load(path) for path in _paths(baselines)],
+            seed=seed,
+            progress=said,
+        )
+        if folder is not None:
+            write_outputs(found, folder, part_name=solid.name, progress=said)
     return found
+
+
+def _paths(given: Paths) -> list[Path]:
+    """Return one path or several as a list."""
+    return [Path(path) for path in ([given] if isinstance(given, str | Path) else given)]

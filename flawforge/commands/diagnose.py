@@ -57,15 +57,7 @@ example:
 
 def run(args: argparse.Namespace) -> int:
     """Diagnose and write the results; 0 whatever the verdict."""
-    from pipeline.batch.backend import one_thread_each
-
-    one_thread_each()  # many small sums: threads would wait for each other, and round otherwise
-    from diagnosis.diagnose import diagnose
-    from diagnosis.report.outputs import write_outputs
-    from pipeline.parts.part import load_part
-    from sensors.datasheet import Datasheet
-    from sensors.recording import Recording
-    from sensors.surface.surface import Surface
+    import flawforge
 
     began = time.monotonic()
 
@@ -73,23 +65,19 @@ def run(args: argparse.Namespace) -> int:
         if not args.quiet:
             print(f"[{time.monotonic() - began:5.1f} s] {text}", file=sys.stderr, flush=True)
 
-    out = Path(args.out)
-    out.mkdir(parents=True, exist_ok=True)  # an unwritable folder fails before any work
-    progress("reading")
-    part = load_part(Path(args.part), unit=args.part_unit)
-    result = diagnose(
-        [Recording.load(path) for path in args.recordings],
-        part.vertices_mm,
-        part.faces,
-        Datasheet.load(args.sensor),
-        surface=None if args.surface is None else Surface.load(args.surface),
-        references=[Recording.load(path) for path in args.reference],
-        holdout=[Recording.load(path) for path in args.holdout],
-        baselines=[Recording.load(path) for path in args.baseline],
+    result = flawforge.diagnose(
+        args.recordings,
+        args.part,
+        args.sensor,
+        out=args.out,
+        part_unit=args.part_unit,
+        surface=args.surface,
+        references=args.reference,
+        holdout=args.holdout,
+        baselines=args.baseline,
         seed=args.seed,
         progress=progress,
     )
-    write_outputs(result, out, part_name=part.name, progress=progress)
     names = ", ".join(f"{e.name} ({e.probability:.0%})" for e in result.effects) or "none"
-    print(f"{result.verdict}; effects: {names}; see {out / 'report.html'}")
+    print(f"{result.verdict}; effects: {names}; see {Path(args.out) / 'report.html'}")
     return 0

@@ -1,11 +1,13 @@
 """The Python API does what the commands do, and costs nothing until it is called."""
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 import flawforge
 import flawforge.dataset
@@ -15,6 +17,52 @@ def test_importing_loads_no_library() -> None:
     code = "import sys, flawforge; print('numpy' in sys.modules, 'pipeline' in sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.split() == ["False", "False"]
+
+
+def test_names_for_users_come_when_they_are_asked_for() -> None:
+    for name in flawforge.__all__:
+        assert getattr(flawforge, name) is not None
+    assert issubclass(flawforge.RecipeError, ValueError)
+    assert flawforge.Datasheet.load("KEYENCE-LJ-X8200").name == "KEYENCE-LJ-X8200"
+    assert set(flawforge.__all__) <= set(dir(flawforge))
+    with pytest.raises(AttributeError, match="no attribute 'other'"):
+        _ = flawforge.other
+
+
+def test_swapped_arguments_of_an_export_are_named(tmp_path: Path) -> None:
+    said = r"export: out and to are swapped, got \('coco', 'made'\); allowed: export\(dataset, out="
+    with pytest.raises(flawforge.RecipeError, match=said):
+        flawforge.export(tmp_path, "coco", "made")
+    with pytest.raises(flawforge.RecipeError, match="no such form to export to, got 'made'"):
+        flawforge.export(tmp_path, "out", "made")
+
+
+@pytest.fixture
+def mesh(tmp_path: Path) -> Path:
+    trimesh.creation.box((20.0, 20.0, 5.0)).export(tmp_path / "part.stl")
+    return tmp_path / "part.stl"
+
+
+@pytest.mark.parametrize("key", ["recordings", "references", "holdout", "baselines"])
+def test_one_path_is_a_list_of_one(key: str, mesh: Path, small_dataset: Path) -> None:
+    shutil.copytree(small_dataset, mesh.parent / "data")
+    flawforge.export(mesh.parent / "data", mesh.parent / "out", "recording")
+    given = {"recordings": next(iter((mesh.parent / "out").glob("*.h5"))), key: "none.h5"}
+    said: list[str] = []
+    with pytest.raises(flawforge.RecipeError, match=r"^none\.h5: .*no such file"):
+        flawforge.diagnose(
+            **given, part=mesh, sensor="KEYENCE-LJ-X8200", out=mesh.parent / "found" / "a",
+            progress=said.append,
+        )  # fmt: skip
+    assert said == ["reading"]
+    assert not (mesh.parent / "found").exists()  # nothing is left of a failed diagnosis
+
+
+def test_what_is_read_quickly_is_read_first(mesh: Path) -> None:
+    with pytest.raises(flawforge.RecipeError, match="KEYENCE-LJ-X820"):
+        flawforge.diagnose("none.h5", mesh, "KEYENCE-LJ-X820")
+    with pytest.raises(flawforge.RecipeError, match="car_doors"):
+        flawforge.diagnose("none.h5", mesh, "KEYENCE-LJ-X8200", surface="car_doors")
 
 
 def test_a_dataset_from_a_mapping_to_an_export(tmp_path: Path) -> None:
