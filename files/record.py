@@ -4,14 +4,13 @@ A `record` is a frozen dataclass whose fields carry their own limits (`quantity(
 """
 
 import dataclasses
-import difflib
 import inspect
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Any, TypeVar, dataclass_transform
 
 from pydantic import AfterValidator, ConfigDict, TypeAdapter, ValidationError, with_config
 
-from files.errors import RecipeError
+from files.errors import RecipeError, known
 from files.yaml_document import Document, KeyPath
 from quantity import quantity
 
@@ -84,12 +83,8 @@ def parse(cls: type[T], source: Document | Mapping[str, Any], *, where: str | No
         more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
         if kind in UNKNOWN_KEY:
             allowed = _keys_at(cls, path[:-1])
-            close = difflib.get_close_matches(str(path[-1]), allowed, n=1)
-            hint = f"did you mean '{close[0]}'? " if close else ""
             raise RecipeError(
-                f"unknown key '{key}'{more}",
-                where=place,
-                allowed=hint + ", ".join(sorted(allowed)) if allowed else None,
+                f"unknown key '{key}'{more}", where=place, **known(str(path[-1]), sorted(allowed))
             ) from None
         missing = first["loc"][-1] if first["loc"] else None
         if kind.startswith("missing") and isinstance(missing, str):

@@ -178,7 +178,13 @@ def parsers(chosen: str | None) -> tuple[Parser, argparse.ArgumentParser]:
 
 
 def _main(words: Sequence[str]) -> int:
-    parser, asked = parsers(_chosen(words))
+    chosen = _chosen(words)
+    parser, asked = parsers(chosen)
+    if chosen is not None and chosen not in COMMANDS:
+        from files.errors import RecipeError, known
+
+        near = known(chosen, [*COMMANDS])
+        parser.error(str(RecipeError("no such command", value=chosen, **near)))
     arguments, unknown = parser.parse_known_args(words)
     if unknown:
         asked.error(f"unknown arguments: {' '.join(unknown)}")

@@ -6,7 +6,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Final
 
-from files.errors import RecipeError
+from files.errors import RecipeError, known
 from files.yaml_document import Document, load_yaml, parse_text
 
 SECTIONS: Final = ("flaws", "motion")  # taken over key by key; everything else as a whole
@@ -46,16 +46,20 @@ def read_source(
     return document, folders
 
 
-def recipe_path(source: str | Path) -> Path:
+def recipe_path(source: str | Path, *, else_a: str = "") -> Path:
     """Return the file of a recipe: a path, or the name of a built-in recipe.
 
     A folder of a built-in recipe's name hides no recipe: it may be the dataset made of it.
+
+    Parameters
+    ----------
+    else_a
+        What the caller takes instead of a recipe, for the message: "a dataset's folder, ".
     """
     path = Path(source)
     if path.suffix in (".yaml", ".yml") or path.is_file():
         return path
-    brought = resources.files("pipeline") / "recipes"
-    names = {Path(str(p)).stem: Path(str(p)) for p in brought.iterdir() if p.name.endswith(".yaml")}
+    names = built_in_recipes()
     if str(source) in names:
         return names[str(source)]
     if path.exists():
@@ -63,8 +67,14 @@ def recipe_path(source: str | Path) -> Path:
     raise RecipeError(
         "no such recipe",
         value=str(source),
-        allowed="a .yaml file or one of " + ", ".join(sorted(names)),
+        **known(str(source), sorted(names), more=f"{else_a}a .yaml file or one of "),
     )
+
+
+def built_in_recipes() -> dict[str, Path]:
+    """Return the recipes that flawforge brings: name to file."""
+    brought = resources.files("pipeline") / "recipes"
+    return {Path(str(p)).stem: Path(str(p)) for p in brought.iterdir() if p.name.endswith(".yaml")}
 
 
 def _extended(
@@ -112,9 +122,31 @@ def _changed(document: Document, change: str) -> Document:
     if not equals or "" in path:
         raise RecipeError("isn't an override", where="--set", value=change, allowed="KEY=VALUE")
     where = f"--set {key}"
+    # a level that this makes, or a value of one key that this adds another to, is of this origin
+    levels = [path[:n] for n in range(1, len(path)) if _makes(document.data, path, n)]
     data = _with(document.data, path, parse_text(text, where=where), where)
     lines = {at: line for at, line in document.lines.items() if at[: len(path)] != path}
-    return replace(document, data=data, lines=lines, places={**document.places, path: where})
+    lines = {at: line for at, line in lines.items() if at not in levels}
+    places = {**document.places, **dict.fromkeys([*levels, path], where)}
+    return replace(document, data=data, lines=lines, places=places)
+
+
+def _makes(data: Any, path: tuple[str | int, ...], level: int) -> bool:
+    """Whether setting `path` makes what stands at its first `level` keys another value."""
+    for key in path[:level]:
+        data = _below(data, key)
+    return data is None or (
+        isinstance(data, Mapping) and len(data) == 1 and str(path[level]) not in data
+    )
+
+
+def _below(data: Any, key: str | int) -> Any:
+    """Return what stands at a key of plain data; None where nothing does."""
+    if isinstance(data, Mapping):
+        return data.get(str(key))
+    if isinstance(data, Sequence) and isinstance(key, int) and key < len(data):
+        return data[key]
+    return None
 
 
 def _with(data: Any, path: tuple[str | int, ...], value: Any, where: str) -> Any:

@@ -6,7 +6,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
 
-from files.errors import RecipeError
+from files.errors import RecipeError, known
 from files.plain_data import plain
 from files.record import parse, record
 from files.whole_file import write_whole
@@ -165,7 +165,7 @@ def preset_path(folder: str, source: str | Path, noun: str) -> Path:
         raise RecipeError(
             f"no such {noun}",
             value=str(source),
-            allowed="a .yaml file or one of " + ", ".join(sorted(presets)),
+            **known(str(source), sorted(presets), more="a .yaml file or one of "),
         )
     return presets[str(source)]
 

@@ -18,6 +18,9 @@ from files.hdf5_output import created
 FORMAT = "profilometer-recording"
 VERSION = 1
 RIGID_TOLERANCE = 1e-4
+SHARD = "flawforge-shard"
+FROM_SHARD = "flawforge export DATASET --to recording makes recordings of a dataset"
+IMPORT = "flawforge import makes a recording of an instrument's file"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -76,8 +79,9 @@ class Recording:
                 kind = _text(file.attrs.get("format"))
                 if kind != FORMAT:
                     raise RecipeError(
-                        "isn't a recording", where=path, value=kind, allowed=f"format = {FORMAT!r}"
-                    )
+                        "isn't a recording", where=path, value=kind, allowed=f"format = {FORMAT!r}",
+                        hint=FROM_SHARD if kind == SHARD else IMPORT,
+                    )  # fmt: skip
                 version = int(file.attrs.get("version", VERSION))
                 if version > VERSION:
                     raise RecipeError(
@@ -102,8 +106,10 @@ class Recording:
                     import_options=_text(file.attrs.get("import_options")),
                 )
         except OSError as error:
-            reason = error.strerror or "not an HDF5 file, or damaged"
-            raise RecipeError(f"can't be read ({reason})", where=path) from None
+            reason, hint = error.strerror, None
+            if reason is None:
+                reason, hint = "not an HDF5 file, or damaged", IMPORT
+            raise RecipeError(f"can't be read ({reason})", where=path, hint=hint) from None
         except (TypeError, ValueError, OverflowError) as error:
             if isinstance(error, RecipeError):
                 text = str(error)

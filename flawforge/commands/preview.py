@@ -1,6 +1,7 @@
 """`flawforge preview`: draw a scan of a dataset, or a recipe before anything is generated."""
 
 import argparse
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise RecipeError(
             "not a PNG file name", where="--out", value=str(arguments.out), allowed="NAME.png"
         )
+    if arguments.what.is_dir():
+        _say_if_recipe(arguments.what)
     if arguments.what.is_dir() and arguments.part is not None:
         raise RecipeError("--part selects a part of a recipe; --scan selects a scan of a dataset")
     if not arguments.what.is_dir() and arguments.scan is not None:
@@ -77,11 +80,21 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _say_if_recipe(what: Path) -> None:
+    """Say that the folder's dataset is drawn where a built-in recipe has the same name."""
+    from pipeline.recipe_source import built_in_recipes
+
+    if str(what) in built_in_recipes():
+        print(f"'{what}' is a folder and a recipe: its dataset is drawn", file=sys.stderr)
+
+
 def _recipe(what: Path, roots: tuple[Path, ...]) -> tuple[Any, tuple[Path, ...]]:
     """Return the recipe to draw: as named, or of a mesh the one that `flawforge init` writes."""
     from pipeline.parts.mesh.meshfile import SUFFIXES
+    from pipeline.recipe_source import recipe_path
 
     if what.suffix.lower() not in SUFFIXES:
+        recipe_path(what, else_a="the folder of a dataset, ")
         return what, roots
     from files.yaml_document import parse_text
     from pipeline.recipe_draft import draft

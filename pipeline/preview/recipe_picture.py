@@ -51,7 +51,11 @@ def draw_recipe(
     if not wanted:
         raise PartError(recipe_path, failed[0]["why"], "another path")
     want = wanted[0 if part is None else names.index(part)]
-    solid = load_entry(want.entry, want.path, want.name)
+    try:
+        solid = load_entry(want.entry, want.path, want.name)
+    except PartError as error:
+        where = recipe.document.where(("parts", recipe.file.parts.index(want.entry)))
+        raise PartError(f"{where}: {error.source}", error.wrong, error.mend) from None
     check_plan(recipe, want.entry, solid)
     with tempfile.TemporaryDirectory() as folder:
         stored = store_part(solid, Path(folder))

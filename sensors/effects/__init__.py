@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from files.errors import RecipeError
+from files.errors import RecipeError, known
 from sensors.datasheet import Datasheet
 from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.effects.axis_quantisation import AxisQuantisation
@@ -99,7 +99,7 @@ def effect_of(mapping: Mapping[str, Any], *, where: str = "effects") -> Effect:
     name = mapping.get("name")
     if name not in CATALOGUE:
         raise RecipeError(
-            "no such effect", where=where, value=name, allowed=", ".join(sorted(CATALOGUE))
+            "no such effect", where=where, value=name, **known(str(name), sorted(CATALOGUE))
         )
     return CATALOGUE[name].from_mapping(mapping, where=where)
 

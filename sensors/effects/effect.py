@@ -7,7 +7,6 @@ that a fit needs: bounds, typical values, owners, linearity, and a coarse grid f
 """
 
 import dataclasses
-import difflib
 import itertools
 import math
 from abc import ABC, abstractmethod
@@ -17,7 +16,7 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from files.errors import RecipeError
+from files.errors import RecipeError, known
 from quantity import quantities
 from sensors.effects.basis import Basis
 from sensors.effects.parameter import Parameter
@@ -358,10 +357,8 @@ class Effect(ABC):
         names = [p.name for p in cls.parameters()]
         for key in values:
             if key not in names:
-                close = difflib.get_close_matches(key, names, n=1)
-                hint = f"did you mean '{close[0]}'? " if close else ""
                 raise RecipeError(
-                    f"effect {cls.name} has no parameter '{key}'", allowed=hint + ", ".join(names)
+                    f"effect {cls.name} has no parameter '{key}'", **known(key, names)
                 )
 
     def __post_init__(self) -> None:

@@ -55,6 +55,38 @@ def test_version(capsys):
     assert capsys.readouterr().out.startswith("flawforge 0.")
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["diagnoze"], "no such command, got 'diagnoze'; did you mean 'diagnose'?"),
+        (["frobnicate"], "no such command, got 'frobnicate'; allowed: init, generate, check"),
+        (["generate", "qickstart", "--out", "o"], "'qickstart'; did you mean 'quickstart'?"),
+        (["preview", "nodir"], "allowed: the folder of a dataset, a .yaml file or one of quickst"),
+        (["preview", "missing.yaml"], "missing.yaml:5: "),
+    ],
+)
+def test_a_wrong_name_is_one_line_with_the_nearest_that_is_known(
+    words, said, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    Path("missing.yaml").write_text(
+        "name: a\nseed: 1\nsensor: KEYENCE-LJ-X8200\nparts:\n  - path: none.stl\nprofiles: 20\n"
+    )
+    assert main(words) == 2
+    captured = capsys.readouterr()
+    assert said in captured.err
+    assert captured.err.count("\n") == 1
+
+
+def test_a_folder_of_a_recipes_name_is_previewed_with_a_word(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("quickstart").mkdir()
+    assert main(["preview", "quickstart"]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert said[0] == "'quickstart' is a folder and a recipe: its dataset is drawn"
+    assert "no dataset here" in said[1]
+
+
 @pytest.mark.parametrize("words", [["--jobs", "-1"], ["--jobs", "many"], ["--job"], ["--bakend"]])
 def test_a_wrong_word_is_one_line_and_exit_code_2(words, tmp_path, capsys):
     assert main(["generate", "recipe.yaml", "--out", str(tmp_path / "out"), *words]) == 2

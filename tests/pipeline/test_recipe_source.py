@@ -93,12 +93,25 @@ def test_overrides_reach_every_key(folder: Path) -> None:
         ("parts.4.name=x", r"--set parts\.4\.name: no such entry, got 4; allowed: 0 to 0"),
         ("seed.low=1", r"--set seed\.low: has no keys below it, got 3"),
         ("seed=[1", r"--set seed: isn't a value"),
-        ("sed=1", r"--set sed: unknown key 'sed'"),
+        ("sed=1", r"--set sed: unknown key 'sed'; did you mean 'seed'\?$"),
+        ("motion.yaw.deg=5", r"^--set motion\.yaw\.deg: unknown key 'motion\.yaw'; did you mean"),
+        ("motion.pitch_deg.uniforn=5", r"^--set motion\.pitch_deg\.uniforn: 'motion\.pitch_deg'"),
+        ("flaws.pit=.nan", r"^--set flaws\.pit: "),
+        ("colour=red", r"^--set colour: unknown key 'colour'; allowed: compression, detectable_at"),
     ],
 )
 def test_a_wrong_override_is_one_line(change: str, said: str, folder: Path) -> None:
     with pytest.raises(RecipeError, match=said):
         Recipe.load(folder / "base.yaml", sets=[change])
+
+
+def test_a_value_to_which_an_override_adds_a_key_is_the_overrides(folder: Path) -> None:
+    (folder / "base.yaml").write_text(BASE.replace("yaw_deg: 3", "yaw_deg: {uniform: [1, 2]}"))
+    with pytest.raises(RecipeError, match=r"^--set motion\.yaw_deg\.normal: 'motion\.yaw_deg'"):
+        Recipe.load(folder / "base.yaml", sets=["motion.yaw_deg.normal=5"])
+    (folder / "base.yaml").write_text(BASE.replace("yaw_deg: 3", "yaw_deg: {uniform: 5}"))
+    with pytest.raises(RecipeError, match=r"base\.yaml:10: 'motion\.yaw_deg\.uniform'"):
+        Recipe.load(folder / "base.yaml", sets=["motion.pitch_deg=5"])
 
 
 def test_extending_stays_in_the_folder_and_ends(folder: Path) -> None:

@@ -63,14 +63,19 @@ def test_contradictions_are_refused_in_one_line(changes: dict[str, object], word
 
 def test_files_that_are_no_recording(tmp_path: Path) -> None:
     (tmp_path / "text.h5").write_text("not HDF5")
-    with pytest.raises(RecipeError, match="text.h5"):
+    with pytest.raises(RecipeError, match=r"text\.h5: .*; flawforge import makes a recording"):
         Recording.load(tmp_path / "text.h5")
     with pytest.raises(RecipeError, match="gone.h5"):
         Recording.load(tmp_path / "gone.h5")
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file["depth"] = np.zeros((3, 3))
-    with pytest.raises(RecipeError, match="isn't a recording"):
+    with pytest.raises(RecipeError, match=r"isn't a recording, .*; flawforge import makes"):
         Recording.load(tmp_path / "other.h5")
+
+
+def test_the_error_of_a_shard_says_how_it_becomes_a_recording(small_dataset: Path) -> None:
+    with pytest.raises(RecipeError, match=r"; flawforge export DATASET --to recording makes"):
+        Recording.load(next(small_dataset.glob("*.h5")))
 
 
 def test_repeated_profiles_are_marked_but_blank_ones_are_not() -> None:
