@@ -192,10 +192,7 @@ def _against_claims(
         c.component is not None and c.component.relaxed.spanned for c in explanation.causes
     )
     bent = any(s.channel == "mean" or (light and s.channel == "scale") for s in strange)
-    beside, plain_noise = texture(
-        explanation, ready.noise, ready.nominal, ready.surface, bent=bent, withheld=withheld,
-        share_own=not ready.single,
-    )  # fmt: skip
+    beside, plain_noise = texture(ready, explanation, bent=bent, withheld=withheld)
     if plain_noise is not ready.noise and ready.nominal is not None:
         model = sunken(ws, model, [f.effect for f in beside], withheld)
     warped = any(isinstance(e, FormError) and e.coefficients_um for e in model.effects)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.claims.plate_noise import levels_of_each
 from diagnosis.components.component import Component
 from diagnosis.components.free_curve import Curve
 from diagnosis.data.patch import Patch
@@ -22,7 +23,7 @@ from diagnosis.evidence.assess import Assessment, assessed_mean, assessed_rates
 from diagnosis.evidence.mean_causes import Member
 from diagnosis.evidence.noise_and_loss_baselines import beside_baselines
 from diagnosis.evidence.noise_and_loss_channels import Channel
-from diagnosis.evidence.noise_level import unchanged_level
+from diagnosis.evidence.noise_level import AGAINST_PLATES, steady_level
 from diagnosis.evidence.reported_causes import Cause, Strange, reported, without_kin
 from diagnosis.evidence.seen import Seen, channels_seen, seen
 from diagnosis.fields import Field
@@ -133,6 +134,9 @@ def explain(
     before = seen(baseline, noise, Model(), like=first) if baseline else None
     usual = channels_seen(baseline, noise, Model(), first) if baseline else ()
     scales = _good(population, first, before, usual)
+    if ready.nominal is not None and baseline:
+        changes = levels_of_each(baseline, ready.nominal)
+        scales |= steady_level(changes, scales[AGAINST_PLATES])
     if not baseline:
         scales = rectified(scales, ready.recorded.datasheet)
     state = _State(
@@ -315,7 +319,7 @@ def _good(
     if before is None:
         return population.of_kinds(kinds_of(population, mean_factors(first), good=False))
     factors = mean_factors(before)
-    own = informed(population, factors, rate_factors(usual)) | unchanged_level()
+    own = informed(population, factors, rate_factors(usual))
     return alike_at_edges(own, factors, before.candidates)
 
 

@@ -56,7 +56,12 @@ def unit(kernel: Floats) -> Floats:
 
 
 def speckle_kernel(
-    across: float, negative: float, *, ratio: float = 1.0, angle_rad: float = 0.0
+    across: float,
+    negative: float,
+    *,
+    ratio: float = 1.0,
+    angle_rad: float = 0.0,
+    pitches: tuple[float, float] = (1.0, 1.0),
 ) -> Floats:
     """Kernel of speckle: Gaussian along the line, negative lobes along the travel.
 
@@ -68,12 +73,14 @@ def speckle_kernel(
     across : standard deviation along the line, readings
     negative : size of the lobes in the neighbouring profiles, 0 to 0.5
     ratio, angle_rad : a lay's stretch along a direction, from columns towards profiles
+    pitches : of columns and profiles, in the unit of a lay's width
     """
     half = 4 + int(2 * ratio)
     v, u = np.mgrid[-half : half + 1, -half : half + 1].astype(float)
     if ratio == 1.0:
         lobes = np.where(v == 0, 1.0, np.where(np.abs(v) == 1, -negative, 0.0))
         return unit(np.exp(-0.5 * (u / across) ** 2) * lobes)
+    u, v = u * pitches[0], v * pitches[1]
     along = u * np.cos(angle_rad) + v * np.sin(angle_rad)
     aside = v * np.cos(angle_rad) - u * np.sin(angle_rad)
     long, short = across * np.sqrt(ratio), across / np.sqrt(ratio)

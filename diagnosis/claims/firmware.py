@@ -7,7 +7,7 @@ was; the one whose spectrum is nearest stands.
 """
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,17 +67,15 @@ class _Claimed:
         return quantise(firmware.filtered(quantise(drawn, self.step_mm)), self.step_mm)
 
 
-def filtered_instead(
-    effects: Sequence[Effect], own: NoiseModel, surface: Surface, view: View
-) -> list[Effect]:
+def filtered_instead(effect: Effect, own: NoiseModel, surface: Surface, view: View) -> Effect:
     """Put a filter in the place of a surface smoother than its file, where that is nearer.
 
     Where the sensor's file lists a filter it has been taken into account.
     """
-    smooth = next((e for e in effects if isinstance(e, RoughnessLevel) and e.amplitude < 1), None)
+    smooth = isinstance(effect, RoughnessLevel) and effect.amplitude < 1
     listed = any(isinstance(e, OnboardFilter) for e in view.sensor.effects)
-    found = None if smooth is None or listed else onboard_filter_of(own, surface, view)
-    return list(effects) if found is None else [found if e is smooth else e for e in effects]
+    found = onboard_filter_of(own, surface, view) if smooth and not listed else None
+    return found or effect
 
 
 def onboard_filter_of(own: NoiseModel, surface: Surface, view: View) -> OnboardFilter | None:

@@ -2,16 +2,16 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from diagnosis.data.patch import Patch
-from diagnosis.evidence.noise_level import level_unsure
+from diagnosis.evidence.noise_level import LevelChange, level_unsure
 from diagnosis.fields import Field, Mask
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
-from diagnosis.noise.noise_model import robust_sd
+from diagnosis.noise.noise_model import NoiseModel, robust_sd
 from diagnosis.predict.albedo_borders import albedo_borders
 from sensors.effects.base import Effect
 from sensors.effects.motion_blur import MotionBlur
@@ -25,20 +25,6 @@ PARTS = 6
 """Parts of what a cause of noise follows in which the noise is compared by itself."""
 BRIGHT = 0.6
 """Share of the readings hit squarely that are darker than those whose noise is compared."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class LevelChange:
-    """How much larger a part's noise is than a nominal one.
-
-    Attributes
-    ----------
-    log : logarithm of the ratio
-    unsure : its standard deviation, by the readings that it was measured on
-    """
-
-    log: float
-    unsure: float
 
 
 def level_change(ws: Workspace, model: Model, nominal_sd_mm: float) -> LevelChange:
@@ -86,6 +72,17 @@ def level_change(ws: Workspace, model: Model, nominal_sd_mm: float) -> LevelChan
     if not logs or min(logs) <= 0 <= max(logs):
         return LevelChange(log=0.0, unsure=level_unsure(ws.noise))
     return min(changes, key=lambda c: abs(c.log))
+
+
+def levels_of_each(patches: Sequence[Patch], nominal: NoiseModel) -> list[LevelChange]:
+    """Measure each recording's noise over a nominal one."""
+    return [
+        level_change(
+            Workspace.build([p for p in patches if p.recording == k], nominal), Model(),
+            nominal.sd_mm,
+        )
+        for k in sorted({p.recording for p in patches})
+    ]  # fmt: skip
 
 
 def _parts(

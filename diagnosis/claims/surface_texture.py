@@ -6,22 +6,22 @@ out on the part.
 """
 
 import math
-from collections.abc import Collection, Mapping
-from dataclasses import replace
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from diagnosis.claims.firmware import filtered_instead
-from diagnosis.claims.lay import LAY_TOLERANCE, lay_of
+from diagnosis.claims.lay import lay_of
 from diagnosis.claims.plate_noise import level_change, plates_doubt
-from diagnosis.evidence.noise_level import claimed_sizes, level_odds, level_unsure
-from diagnosis.fields import Field
-from diagnosis.model.model import Model
+from diagnosis.data.patch import Patch
+from diagnosis.evidence.noise_level import claimed_sizes, level_nats, level_unsure
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.calibration import nominal_noise, nominal_sd_mm
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.uncertainty import Estimate, plain_values
+from diagnosis.prepare import Prepared
 from diagnosis.settings import SETTINGS
 from diagnosis.validate.found_effects import FoundEffect, plainly_found, probability
 from diagnosis.validate.heldout import judge
@@ -30,24 +30,33 @@ from sensors.effects.base import Effect
 from sensors.effects.onboard_filter import OnboardFilter
 from sensors.effects.roughness_level import RoughnessLevel
 from sensors.noise.uncertainty import sigma_mm
-from sensors.surface.surface import Surface
 
 if TYPE_CHECKING:
     from diagnosis.explain import Explanation
 
 SURELY_LESS = 0.75
 """Factor on a plate's noise that is told beside a bent mean, too, which only adds to noise."""
+SURELY_DRAWN = 1.7
+"""Ratio of a lay that is told beside a bent mean, whose waves keep their direction, too."""
+FINER = math.log(1.35)
+"""Change of the peaks' density that is told: correlation lengths of plates differ by as much."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Claim:
+    """An effect on the surface's texture, and the evidence for it.
+
+    Attributes
+    ----------
+    nats : log Bayes factor against a good instrument on a surface as claimed
+    """
+
+    effect: Effect
+    nats: float
 
 
 def texture(
-    explanation: "Explanation",
-    noise: NoiseModel,
-    nominal: NoiseModel | None,
-    surface: Surface | None,
-    *,
-    bent: bool,
-    withheld: Collection[str],
-    share_own: bool,
+    ready: Prepared, explanation: "Explanation", *, bent: bool, withheld: Collection[str]
 ) -> tuple[list[FoundEffect], NoiseModel]:
     """Compare the noise with what plates, baselines or the surface's file claim.
 
@@ -55,98 +64,102 @@ def texture(
     -------
     effects on the surface's texture; the nominal noise
     """
-    model, ws = explanation.model, explanation.ws
-    view = ws.patches[0].view
+    model, noise, nominal, surface = explanation.model, ready.noise, ready.nominal, ready.surface
+    view = explanation.ws.patches[0].view
     claimed = nominal_sd_mm(nominal, surface, view)
-    effects = texture_effects(ws, model, noise, nominal, claimed, explanation.scales, bent=bent)
-    if surface is not None and nominal is None and OnboardFilter.name not in withheld:
-        effects = filtered_instead(effects, noise, surface, view)
-    effects = [e for e in effects if e.name not in withheld]
-    if not effects:
+    level = _level(explanation, noise, nominal, claimed) if claimed > 0 else None
+    if level is not None and surface is not None and nominal is None \
+            and OnboardFilter.name not in withheld:
+        level = replace(level, effect=filtered_instead(level.effect, noise, surface, view))
+    lay = None if nominal is None else _lay(explanation, noise, nominal, ready.baseline)
+    claims = [c for c in joined(level, lay, bent=bent) if c.effect.name not in withheld]
+    if not claims:
         return [], noise
     plain_noise = nominal_noise(noise, nominal, surface, view)
-    plain, level, whole = (
-        judge(explanation.held, n, model, share_own=share_own).log_score
+    plain, sized, whole = (
+        judge(explanation.held, n, model, share_own=not ready.single).log_score
         for n in (plain_noise, replace(plain_noise, sd_mm=noise.sd_mm), noise)
     )
-    # what has a lay has it at its level: the level alone is the lesser explanation
-    gains = {e.name: plain - whole for e in effects}
-    if len(effects) > 1:
-        gains["roughness_level"] = min(plain - level, plain - whole)
     readings = sum(int(p.scored.sum()) for p in explanation.held)
-    found = [
-        plainly_found(
-            e, gains[e.name], texture_estimates(e),
-            probability=probability(readings * gains[e.name], e.name),
-        )
-        for e in effects
-        if readings * gains[e.name] + SETTINGS.log_odds(e.name) > 0
-    ]  # fmt: skip
+    found = []
+    for claim in claims:
+        gain = plain - whole
+        if len(claims) > 1 and isinstance(claim.effect, RoughnessLevel):
+            # what has a lay has it at its level: the level alone is the lesser explanation
+            gain = min(plain - sized, gain)
+        sure = probability(min(readings * gain, claim.nats), claim.effect.name)
+        if sure > SETTINGS.reported:
+            values = texture_estimates(claim.effect)
+            found.append(plainly_found(claim.effect, gain, values, probability=sure))
     return found, plain_noise
 
 
-def texture_effects(
-    ws: Workspace,
-    model: Model,
-    own: NoiseModel,
-    nominal: NoiseModel | None,
-    nominal_sd_mm: float,
-    usual: Mapping[str, Field],
-    *,
-    bent: bool = False,
-) -> list[Effect]:
-    """Effects on the noise's level and direction against a nominal noise.
+def joined(level: Claim | None, lay: Claim | None, *, bent: bool) -> list[Claim]:
+    """Put a level and a lay together.
 
     Parameters
     ----------
-    nominal : the plates' noise; None where only a surface's file is known
-    nominal_sd_mm : nominal size; 0 where nothing is claimed
-    usual : probability of each component's sizes in a good instrument
     bent : whether much of the mean is left unexplained, which passes for noise: told is no more
         than a lay that draws the noise out by far, whose ridges bend the mean themselves, and noise
         that is far smaller all the same
     """
-    effects: list[Effect] = []
-    white = sigma_mm(ws.patches[0].view.datasheet)
-    if nominal_sd_mm > 0:
-        change = level_change(ws, model, nominal_sd_mm)
-        size = nominal_sd_mm * math.exp(change.log)
-        unsure = math.hypot(change.unsure, plates_doubt(model, ws.patches[0].view))
-        unsure = math.hypot(unsure, 0.0 if nominal is None else level_unsure(nominal))
-        if level_odds(change.log, unsure, claimed_sizes() if nominal is None else usual) > 0:
-            amplitude = math.sqrt(
-                max(size**2 - white**2, 1e-12) / max(nominal_sd_mm**2 - white**2, 1e-12)
-            )
-            peaks = 1.0
-            if nominal is not None:
-                was, now = nominal.correlation_length_px(), own.correlation_length_px()
-                peaks = math.sqrt(was[0] * was[1] / max(now[0] * now[1], 1e-9))
-                peaks = 1.0 if abs(math.log(peaks)) < 0.3 else peaks
-            effects.append(
-                RoughnessLevel(
-                    amplitude=float(np.clip(amplitude, 0.05, 20)),
-                    peaks=float(np.clip(peaks, 0.05, 20)),
-                )
-            )
+    claims = [c for c in (level, lay) if c is not None and (not bent or _stands_out(c.effect))]
+    if len(claims) < 2 or level is None or lay is None:
+        return claims
+    rough, drawn = level.effect, lay.effect
+    if isinstance(rough, RoughnessLevel) and rough.amplitude > 1:
+        # the ridges of a lay are what makes it rougher
+        most = drawn.parameter("amplitude").high
+        effect = drawn.with_parameters({"amplitude": min(rough.amplitude, most)})
+        return [replace(lay, effect=effect)]
+    return claims
+
+
+def _level(
+    explanation: "Explanation", own: NoiseModel, nominal: NoiseModel | None, nominal_mm: float
+) -> Claim | None:
+    """Return the change of the noise's size and of its peaks; None where there is none."""
+    ws, model = explanation.ws, explanation.model
+    view = ws.patches[0].view
+    change = level_change(ws, model, nominal_mm)
+    unsure = math.hypot(
+        change.unsure, plates_doubt(model, view), 0.0 if nominal is None else level_unsure(nominal)
+    )
+    usual = claimed_sizes() if nominal is None else explanation.scales
+    nats = level_nats(replace(change, unsure=unsure), usual)
+    if nats + SETTINGS.log_odds(RoughnessLevel.name) <= 0:
+        return None
+    white, size = sigma_mm(view.datasheet), nominal_mm * math.exp(change.log)
+    amplitude = math.sqrt(max(size**2 - white**2, 1e-12) / max(nominal_mm**2 - white**2, 1e-12))
+    peaks = 1.0
     if nominal is not None:
-        level = next((e for e in effects if isinstance(e, RoughnessLevel)), None)
-        rougher = level is not None and level.amplitude > 1
-        lay = lay_of(ws, model, nominal, rougher=rougher)
-        if lay is not None:
-            if level is not None and rougher:
-                # the ridges of a lay are what makes it rougher
-                effects = []
-                lay = replace(lay, amplitude=min(level.amplitude, lay.parameter("amplitude").high))
-            effects.append(lay)
-    if bent:
-        return [e for e in effects if _stands_out(e)]
-    return effects
+        was, now = nominal.correlation_length_px(), own.correlation_length_px()
+        peaks = math.sqrt(was[0] * was[1] / max(now[0] * now[1], 1e-9))
+        peaks = 1.0 if abs(math.log(peaks)) < FINER else peaks
+    effect = RoughnessLevel(
+        amplitude=float(np.clip(amplitude, 0.05, 20)), peaks=float(np.clip(peaks, 0.05, 20))
+    )
+    return Claim(effect=effect, nats=nats)
+
+
+def _lay(
+    explanation: "Explanation", noise: NoiseModel, nominal: NoiseModel, baseline: Sequence[Patch]
+) -> Claim | None:
+    """Return the lay of the part; None where there is none.
+
+    Held-out recordings say in which frame it lies, too; they still judge what it is worth.
+    """
+    every = [replace(p, fit=p.fit | p.scored) for p in explanation.patches]
+    found = lay_of(Workspace.build(every, noise), explanation.model, nominal, baseline)
+    if found is None or found[1] + SETTINGS.log_odds(AnisotropicLay.name) <= 0:
+        return None
+    return Claim(effect=found[0], nats=found[1])
 
 
 def _stands_out(effect: Effect) -> bool:
     """Whether a finish is told although a bent mean adds to the noise."""
     if isinstance(effect, AnisotropicLay):
-        return math.log(effect.ratio) > 2 * LAY_TOLERANCE
+        return effect.ratio > SURELY_DRAWN
     return isinstance(effect, RoughnessLevel) and effect.amplitude < SURELY_LESS
 
 

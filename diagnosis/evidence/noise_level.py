@@ -8,7 +8,8 @@ and a good instrument's part and plates differ by sizes that the population tell
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,26 +24,38 @@ AGAINST_PLATES = "scale: level of the noise"
 """Key of the population's sizes."""
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LevelChange:
+    """How much larger a part's noise is than a nominal one.
+
+    Attributes
+    ----------
+    log : logarithm of the ratio
+    unsure : its standard deviation, by the readings that it was measured on
+    """
+
+    log: float
+    unsure: float
+
+
 def level_factors(change: float, unsure: float) -> Floats:
     """Log Bayes factor of each size of a change, (S,)."""
     wide = unsure**2 + np.square(SETTINGS.rate_sizes())
     return np.asarray(0.5 * (change**2 * (unsure**-2 - 1 / wide) - np.log(wide / unsure**2)))
 
 
-def level_odds(change: float, unsure: float, usual: Mapping[str, Floats]) -> float:
-    """Log odds that the level changed, against a good instrument.
+def level_nats(change: LevelChange, usual: Mapping[str, Floats]) -> float:
+    """Log Bayes factor that the level changed, against a good instrument.
 
     Parameters
     ----------
-    change : of the noise's logarithm
-    unsure : its standard deviation
     usual : probability of each component's sizes in a good instrument
     """
     scales = Scales(sizes=SETTINGS.rate_sizes(), weights=usual)
-    factors = level_factors(change, unsure)
+    factors = level_factors(change.log, change.unsure)
     quiet = np.log(np.maximum(scales.of(AGAINST_PLATES), 1e-300))
     found = logsumexp(factors + np.log(scales.changed(AGAINST_PLATES)))
-    return float(found - logsumexp(factors + quiet)) + SETTINGS.log_odds(AGAINST_PLATES)
+    return float(found - logsumexp(factors + quiet))
 
 
 def claimed_sizes() -> dict[str, Floats]:
@@ -51,11 +64,27 @@ def claimed_sizes() -> dict[str, Floats]:
     return {AGAINST_PLATES: weights / weights.sum()}
 
 
-def unchanged_level() -> dict[str, Floats]:
-    """Probability of each size by which a part's noise is off that in baselines of the part."""
-    weights = np.zeros(len(SETTINGS.rate_sizes()))
-    weights[0] = 1.0
-    return {AGAINST_PLATES: weights}
+def steady_level(changes: Sequence[LevelChange], usual: Floats) -> dict[str, Floats]:
+    """Probability of each size by which a part's noise changes from one recording to another.
+
+    Told by baselines, whose changes h scatter by s about a mean h̄ that may be any: with w = σ² + s²
+
+        2 ln p(s) = -Σ ln w - Σ (h - h̄)² / w - ln Σ 1/w.
+
+    Parameters
+    ----------
+    changes : of each baseline, against all of them
+    usual : probability of each size in good instruments that were seen; as likely it is unlike them
+        and any size as probable as another
+    """
+    log, unsure = (np.array([getattr(c, k) for c in changes]) for k in ("log", "unsure"))
+    weight = 1 / (np.square(unsure) + np.square(SETTINGS.rate_sizes())[:, None])
+    total = weight.sum(axis=1)
+    mean = (weight * log).sum(axis=1) / total
+    spread = (weight * np.square(log - mean[:, None])).sum(axis=1)
+    nats = 0.5 * (np.log(weight).sum(axis=1) - spread - np.log(total))
+    weights = np.exp(nats - nats.max()) * (usual + 1 / usual.size)
+    return {AGAINST_PLATES: weights / weights.sum()}
 
 
 def level_unsure(noise: NoiseModel) -> float:

@@ -65,19 +65,31 @@ def _lay(shot: Shot, ratio: float, angle_part: float) -> Floats:
     """Kernel of a lay along a direction of the part, as this scan's grid sees it."""
     pose = shot.view.scan.true_poses[0, :3, :3]
     way = pose.T @ np.array([np.cos(angle_part), np.sin(angle_part), 0.0])
-    travel = np.sign(
-        (shot.view.scan.poses[-1, :3, 3] - shot.view.scan.poses[0, :3, 3]) @ pose[:, 1]
-    )
-    angle = float(np.arctan2(travel * way[1], way[0]))
-    return speckle_kernel(1.0, 0.0, ratio=ratio, angle_rad=angle)
+    angle = float(np.arctan2(_towards(shot) * way[1], way[0]))
+    return speckle_kernel(1.0, 0.0, ratio=ratio, angle_rad=angle, pitches=_pitches(shot))
+
+
+def _towards(shot: Shot) -> float:
+    """Sign of the travel along the sensor's y."""
+    poses = shot.view.scan.poses
+    return float(np.sign((poses[-1, :3, 3] - poses[0, :3, 3]) @ poses[0, :3, 1]))
+
+
+def _pitches(shot: Shot) -> tuple[float, float]:
+    """Pitches along the line and the travel, over their geometric mean."""
+    places = shot.view.scan.poses[:, :3, 3]
+    one = float(np.median(np.abs(np.diff(shot.view.x, axis=1))))
+    two = float(np.median(np.linalg.norm(np.diff(places, axis=0), axis=1)))
+    mean = float(np.sqrt(one * two))
+    return one / mean, two / mean
 
 
 def elliptic_lay(shot: Shot, size: float, seed: int) -> Shot:
     """Ground surface: the speckle drawn out along a direction of the part by a Gaussian ellipse."""
     angle = float(shared(seed).uniform(0, np.pi))
     mixed = min(1.0, 0.5 * size)
-    drawn = Noise(kernel=_lay(shot, 5.0, angle), share=shot.noise.share)
-    kernel = _blend(shot.noise.kernel, drawn.kernel, mixed)
+    drawn = _lay(shot, 5.0, angle)
+    kernel = _beside(shot.noise.kernel, drawn, mixed)
     return replace(shot, noise=Noise(kernel=kernel, share=shot.noise.share))
 
 
@@ -85,26 +97,25 @@ def grooved_lay(shot: Shot, size: float, seed: int) -> Shot:
     """Turn the surface: a narrow band of waves across a direction of the part, random in phase."""
     angle = float(shared(seed).uniform(0, np.pi))
     kernel = _lay(shot, 7.0, angle)
-    half = kernel.shape[0] // 2
+    half, (px, py) = kernel.shape[0] // 2, _pitches(shot)
     v, u = np.mgrid[-half : half + 1, -half : half + 1]
     pose = shot.view.scan.true_poses[0, :3, :3]
     across = pose.T @ np.array([-np.sin(angle), np.cos(angle), 0.0])
-    wave = np.cos(2 * np.pi * (u * across[0] + v * across[1]) / 5.0)
-    drawn = unit(kernel * wave)
-    return replace(
-        shot,
-        noise=Noise(kernel=_blend(shot.noise.kernel, drawn, min(1.0, 0.5 * size)),
-                    share=shot.noise.share),
-    )  # fmt: skip
+    across[1] *= _towards(shot)
+    wave = np.cos(2 * np.pi * (u * px * across[0] + v * py * across[1]) / 5.0)
+    kernel = _beside(shot.noise.kernel, unit(kernel * wave), min(1.0, 0.5 * size))
+    return replace(shot, noise=Noise(kernel=kernel, share=shot.noise.share))
 
 
-def _blend(first: Floats, second: Floats, weight: float) -> Floats:
-    size = max(first.shape[0], second.shape[0])
+def _beside(first: Floats, second: Floats, weight: float) -> Floats:
+    """Kernel of a field and another independent one that has the share `weight` of its variance.
 
-    def padded(kernel: Floats) -> Floats:
-        return np.pad(kernel, [((size - k) // 2,) * 2 for k in kernel.shape])
-
-    return unit((1 - weight) * padded(first) + weight * padded(second))
+    Of all kernels with that spectrum the one of zero phase.
+    """
+    size = 2 * max(*first.shape, *second.shape) + 1
+    one, two = (np.abs(np.fft.fft2(k, (size, size))) ** 2 for k in (first, second))
+    power = (1 - weight) * one + weight * two
+    return unit(np.fft.fftshift(np.fft.ifft2(np.sqrt(power)).real))
 
 
 def dents(shot: Shot, size: float, seed: int) -> Shot:

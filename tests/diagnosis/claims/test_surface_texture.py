@@ -1,47 +1,38 @@
-"""Surface texture: beside a bent mean only what stands out by far is reported."""
+"""Surface texture: a level and a lay put together, and what a bent mean leaves of them."""
 
-import math
-from types import SimpleNamespace
-from typing import Any
-
-import numpy as np
 import pytest
 
-from diagnosis.claims import surface_texture
-from diagnosis.claims.plate_noise import LevelChange
-from diagnosis.model.model import Model
+from diagnosis.claims.surface_texture import Claim, joined
 from sensors.effects.anisotropic_lay import AnisotropicLay
-from sensors.model import SensorModel
-from sensors.view.view import View
-from tests.support.small_parts import datasheet, part, poses
+from sensors.effects.roughness_level import RoughnessLevel
 
 
-def names_told(
-    monkeypatch: pytest.MonkeyPatch, lay: AnisotropicLay | None, level: float, *, bent: bool
-) -> list[str]:
-    """Return the effects told where a lay and a factor on the noise's size were measured."""
-    monkeypatch.setattr(surface_texture, "lay_of", lambda *args, **more: lay)
-    change = LevelChange(log=math.log(level), unsure=0.01)
-    monkeypatch.setattr(surface_texture, "level_change", lambda *args: change)
-    view = View(part("steps"), SensorModel(datasheet(40)), poses(3), np.arange(3.0))
-    ws: Any = SimpleNamespace(patches=[SimpleNamespace(view=view)])
-    noise: Any = SimpleNamespace(
-        correlation_length_px=lambda: (1.0, 1.0), acf=np.ones((1, 1)), readings=20_000
-    )
-    effects = surface_texture.texture_effects(ws, Model(), noise, noise, 0.01, {}, bent=bent)
-    return [e.name for e in effects]
+def level(factor: float) -> Claim:
+    return Claim(effect=RoughnessLevel(amplitude=factor), nats=9.0)
+
+
+def lay(ratio: float) -> Claim:
+    return Claim(effect=AnisotropicLay(ratio=ratio, angle_deg=30.0), nats=8.0)
 
 
 @pytest.mark.parametrize(("ratio", "bent", "told"), [
     (1.5, False, True), (1.5, True, False), (2.5, False, True), (2.5, True, True),
 ])  # fmt: skip
 def test_beside_a_bent_mean_a_strong_lay_alone_is_told(
-    monkeypatch: pytest.MonkeyPatch, ratio: float, bent: bool, told: bool
+    ratio: float, bent: bool, told: bool
 ) -> None:
-    lay = AnisotropicLay(ratio=ratio, angle_deg=30.0)
-    names = names_told(monkeypatch, lay, 0.8, bent=bent)
-    assert names == [n for n, shown in (("roughness_level", not bent), (lay.name, told)) if shown]
+    names = [c.effect.name for c in joined(level(0.8), lay(ratio), bent=bent)]
+    shown = (("roughness_level", not bent), ("anisotropic_lay", told))
+    assert names == [n for n, one in shown if one]
 
 
-def test_a_bent_mean_makes_no_noise_small(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert names_told(monkeypatch, None, 0.6, bent=True) == ["roughness_level"]
+def test_a_bent_mean_makes_no_noise_small() -> None:
+    assert joined(level(0.6), None, bent=True) == [level(0.6)]
+    assert joined(level(1.6), None, bent=True) == []
+
+
+def test_ridges_of_a_lay_make_a_surface_rougher_but_not_smoother() -> None:
+    (one,) = joined(level(1.6), lay(2.5), bent=False)
+    assert isinstance(one.effect, AnisotropicLay)
+    assert (one.effect.amplitude, one.effect.ratio, one.nats) == (1.6, 2.5, 8.0)
+    assert len(joined(level(0.8), lay(2.5), bent=False)) == 2
