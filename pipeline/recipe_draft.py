@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.json_schema import MODELINE
 from pipeline.parts.mesh.meshfile import read_mesh
 from pipeline.parts.part import UNITS_MM, Part, load_part
-from pipeline.recipe_schema import MODELINE
 from sensors.datasheet import Datasheet, preset_names
 
 Floats = NDArray[np.float64]

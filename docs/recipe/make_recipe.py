@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from pipeline.json_schema import MODELINE, schema
 from pipeline.parts import builtin
-from pipeline.recipe_schema import MODELINE, schema
 
 HERE = Path(__file__).parent
 PAGE = HERE.parent / "recipe.md"

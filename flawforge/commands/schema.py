@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Write the schema."""
     from files.whole_file import write_whole
-    from pipeline.recipe_schema import schema
+    from pipeline.json_schema import schema
 
     text = json.dumps(schema(), indent=1, ensure_ascii=False) + "\n"
     if arguments.out is None:

@@ -2,7 +2,7 @@
 
 import re
 
-from pipeline.recipe_schema import schema
+from pipeline.json_schema import schema
 from tests.support.page_script import DOCS, script
 
 

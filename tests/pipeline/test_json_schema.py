@@ -13,8 +13,8 @@ from files.record import parse
 from files.yaml_document import load_yaml
 from flawforge.cli import main
 from pipeline.injection.flawplan import FlawPlan
+from pipeline.json_schema import MEANINGS, schema
 from pipeline.recipe import RecipeFile
-from pipeline.recipe_schema import MEANINGS, schema
 
 HOME = Path(__file__).resolve().parents[2]
 RECIPES = [
