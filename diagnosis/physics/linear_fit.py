@@ -17,6 +17,7 @@ from diagnosis.physics.column_offsets import column_equations, likely_variance
 from diagnosis.settings import SETTINGS
 from files.errors import RecipeError
 from sensors.effects.base import Effect
+from sensors.effects.sinusoid import SinusoidalEffect
 
 ROUNDS = 2
 TILT_COSTS = 3.0
@@ -98,13 +99,15 @@ def _robust(effect: Effect, rows: Mapping[int, "_Rows"]) -> dict[int, Field]:
 
 def phase_is_own(effect: Effect) -> bool:
     """Whether each recording has its own phase."""
-    return effect.sinusoid and effect.parameter("phase_rad").owner == "recording"
+    if not isinstance(effect, SinusoidalEffect):
+        return False
+    return effect.parameter("phase_rad").owner == "recording"
 
 
 def within_bounds(effect: Effect, coefficients: Field) -> Effect:
     """Put linear coefficients into an effect, held within its bounds."""
     linear = [p for p in effect.parameters() if p.linear]
-    if effect.sinusoid:
+    if isinstance(effect, SinusoidalEffect):
         high = linear[0].high
         return effect.with_parameters(
             {
@@ -237,7 +240,7 @@ def _coefficients(
     if any(p.linear and p.kind == "list" for p in effect.parameters()):
         # many alike: what the placement can imitate is no larger than the others
         gram = gram + np.eye(right.size) / likely_variance(gram, right)
-    elif not effect.sinusoid:
+    elif not isinstance(effect, SinusoidalEffect):
         gram = gram + np.diag(_precision(effect))
     return dict.fromkeys(rows, _solve(gram, right, raw))
 

@@ -8,7 +8,6 @@ that a fit needs: bounds, typical values, owners, linearity, and a coarse grid f
 
 import dataclasses
 import itertools
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar, Literal, Self
@@ -56,7 +55,6 @@ class Effect(ABC):
     needs : keys of the datasheet that the effect requires
     line_width : parameter of the laser line's width, where the effect is the line's geometry
     on_albedo : whether the effect follows the part's albedo, whose pattern a simulation of it needs
-    sinusoid : whether the coefficients are A cos(phase) and A sin(phase) of the first parameter
     """
 
     name: ClassVar[str]
@@ -75,7 +73,6 @@ class Effect(ABC):
     needs: ClassVar[tuple[str, ...]] = ()
     line_width: ClassVar[str] = ""
     on_albedo: ClassVar[bool] = False
-    sinusoid: ClassVar[bool] = False
 
     # ---- defined by a subclass
 
@@ -178,8 +175,6 @@ class Effect(ABC):
     def coefficient_names(self) -> tuple[str, ...]:
         """Names of the coefficients, in the order of the fields."""
         linear = [p for p in self.parameters() if p.linear]
-        if self.sinusoid:
-            return (f"{linear[0].name}_sin", f"{linear[0].name}_cos")
         names: list[str] = []
         for p in linear:
             value = getattr(self, p.name)
@@ -190,9 +185,6 @@ class Effect(ABC):
     def coefficients(self) -> Floats:
         """Return the coefficients (k,) at this effect's parameters."""
         linear = [getattr(self, p.name) for p in self.parameters() if p.linear]
-        if self.sinusoid:
-            phase = float(getattr(self, "phase_rad", None) or 0.0)
-            return np.array([linear[0] * math.cos(phase), linear[0] * math.sin(phase)])
         return np.array([c for v in linear for c in (v if isinstance(v, tuple) else (v,))], float)
 
     def with_coefficients(self, coefficients: Floats) -> Self:
@@ -205,10 +197,6 @@ class Effect(ABC):
         """
         given = [float(c) for c in np.asarray(coefficients).ravel()]
         linear = [p for p in self.parameters() if p.linear]
-        if self.sinusoid:
-            phase = math.atan2(given[1], given[0]) % (2 * math.pi)
-            amplitude = math.hypot(*given)
-            return self.with_parameters({linear[0].name: amplitude, "phase_rad": phase})
         values: dict[str, Any] = {}
         for p in linear:
             if p.kind == "list":

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sensors.effects.base import AdditiveEffect
 from sensors.effects.parameter import parameter
 from sensors.effects.relaxed import Relaxed
+from sensors.effects.sinusoid import SinusoidalEffect
 from sensors.law import Law
 from sensors.view.camera import depth_per_row, row_of_depth
 from sensors.view.view import View
@@ -26,7 +27,7 @@ BENDS = (0.0, -0.3, 0.3, -0.6, 0.6, -1.0, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class PixelLocking(AdditiveEffect):
+class PixelLocking(SinusoidalEffect, AdditiveEffect):
     """A sine of the fractional camera row, converted to depth."""
 
     name: ClassVar = "pixel_locking"
@@ -57,7 +58,6 @@ class PixelLocking(AdditiveEffect):
         "scan a plate tilted along the line: the ripple follows range, a vibration follows time"
     )
     needs: ClassVar = ("triangulation_angle_deg",)
-    sinusoid: ClassVar = True
 
     amplitude_px: float = parameter(
         "amplitude A in camera rows",

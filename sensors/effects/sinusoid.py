@@ -1,16 +1,55 @@
 """Common to effects that are a sine along a recording: phase and trial frequencies."""
 
-from typing import Any
+import math
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sensors.effects.effect import Effect
 from sensors.effects.parameter import parameter
 
 Floats = NDArray[np.float64]
 
 FEWEST = 4
 """Profiles below which no frequency is resolved."""
+
+
+class SinusoidalEffect(Effect):
+    """An effect A sin(ψ + φ): its fields are the sine and the cosine of ψ.
+
+    The amplitude A is the one linear parameter, the phase φ is `phase_rad`.
+    """
+
+    __slots__ = ()
+
+    def coefficient_names(self) -> tuple[str, ...]:
+        """Names of the coefficients of sine and cosine."""
+        name = self._amplitude()
+        return f"{name}_sin", f"{name}_cos"
+
+    def coefficients(self) -> Floats:
+        """Return A cos(φ) and A sin(φ); an unknown phase counts as 0."""
+        amplitude = float(getattr(self, self._amplitude()))
+        phase_rad = float(getattr(self, "phase_rad", None) or 0.0)
+        return np.array([amplitude * math.cos(phase_rad), amplitude * math.sin(phase_rad)])
+
+    def with_coefficients(self, coefficients: Floats) -> Self:
+        """Return the effect with the amplitude and the phase of these coefficients.
+
+        Raises
+        ------
+        RecipeError
+            Where the amplitude would be out of its bounds.
+        """
+        cosine, sine = (float(c) for c in np.asarray(coefficients).ravel())
+        phase_rad = math.atan2(sine, cosine) % (2 * math.pi)
+        amplitude = math.hypot(cosine, sine)
+        return self.with_parameters({self._amplitude(): amplitude, "phase_rad": phase_rad})
+
+    @classmethod
+    def _amplitude(cls) -> str:
+        return next(p.name for p in cls.parameters() if p.linear)
 
 
 def phase() -> Any:

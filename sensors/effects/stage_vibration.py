@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from sensors.effects.base import AdditiveEffect
 from sensors.effects.parameter import parameter
 from sensors.effects.relaxed import Relaxed
-from sensors.effects.sinusoid import phase, resolved_frequencies
+from sensors.effects.sinusoid import SinusoidalEffect, phase, resolved_frequencies
 from sensors.view.view import View
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class StageVibration(AdditiveEffect):
+class StageVibration(SinusoidalEffect, AdditiveEffect):
     """A sine of time, equal in all columns; the phase is a per-recording parameter."""
 
     name: ClassVar = "stage_vibration"
@@ -40,7 +40,6 @@ class StageVibration(AdditiveEffect):
         "change the speed: a vibration keeps its frequency in Hz, waviness of the part its "
         "wavelength in mm"
     )
-    sinusoid: ClassVar = True
 
     amplitude_um: float = parameter(
         "amplitude A along the depth",

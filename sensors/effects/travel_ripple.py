@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sensors.effects.base import MotionEffect
 from sensors.effects.parameter import parameter
 from sensors.effects.relaxed import Relaxed
-from sensors.effects.sinusoid import phase, resolved_frequencies
+from sensors.effects.sinusoid import SinusoidalEffect, phase, resolved_frequencies
 from sensors.view.rigid import rigid_jacobian
 from sensors.view.view import View
 
@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class TravelRipple(MotionEffect):
+class TravelRipple(SinusoidalEffect, MotionEffect):
     """A sine of the travel displaces each profile along y; the phase is per recording."""
 
     name: ClassVar = "travel_ripple"
@@ -43,7 +43,6 @@ class TravelRipple(MotionEffect):
         "compare flats with slopes: a travel error biases slopes only; change the speed: a travel "
         "error keeps its period in mm"
     )
-    sinusoid: ClassVar = True
 
     amplitude_um: float = parameter(
         "amplitude A along the travel",

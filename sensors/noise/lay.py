@@ -12,6 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from sensors.noise.perlin import PerlinField, grid_pitch
+from sensors.noise.splitmix64 import mixed
 
 Floats = NDArray[np.float64]
 
@@ -67,18 +68,10 @@ def sample_lay(
 
 
 @njit(cache=True)
-def _mixed(h: np.uint64) -> np.uint64:
-    """Finaliser of splitmix64 (Steele, Lea and Flood 2014)."""
-    h = (h ^ (h >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    h = (h ^ (h >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return h ^ (h >> np.uint64(31))
-
-
-@njit(cache=True)
 def _corner(key: np.uint64, row: int, column: int, dx: float, dy: float) -> float:
     """Dot product of a control point's unit gradient with the way from it (equation 4)."""
-    h = _mixed(key + np.uint64(row) * np.uint64(0x9E3779B97F4A7C15))
-    h = _mixed(h + np.uint64(column) * np.uint64(0xD1342543DE82EF95))
+    h = mixed(key + np.uint64(row) * np.uint64(0x9E3779B97F4A7C15))
+    h = mixed(h + np.uint64(column) * np.uint64(0xD1342543DE82EF95))
     angle = (h >> np.uint64(11)) * (2.0 * math.pi / 9007199254740992.0)
     return math.cos(angle) * dx + math.sin(angle) * dy
 

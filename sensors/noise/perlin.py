@@ -22,6 +22,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from sensors.noise.heights import HeightMap
+from sensors.noise.splitmix64 import mixed
 
 Floats = NDArray[np.float64]
 
@@ -223,14 +224,6 @@ def _even(place: Floats, limited: bool) -> Floats:
     return np.asarray(OCTAVE_SD / np.sqrt(variance))
 
 
-@njit(cache=True)
-def _mix(h: np.uint64) -> np.uint64:
-    """Finaliser of splitmix64 (Steele, Lea and Flood 2014): every input bit reaches every other."""
-    h = (h ^ (h >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    h = (h ^ (h >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return h ^ (h >> np.uint64(31))
-
-
 TWO_43 = 2.0**43
 TURN = math.pi / 4.0 / TWO_43
 C0, C1, C2, C3, C4, C5, C6, C7 = ((-1.0) ** k / math.factorial(2 * k) for k in range(8))
@@ -242,9 +235,9 @@ def _gradients(
     key: np.uint64, row: int, columns: NDArray[np.int64], gx: Floats, gy: Floats
 ) -> None:
     """Draw unit gradients, uniform in direction, of one row of control points."""
-    row_key = _mix(key + np.uint64(row) * np.uint64(0x9E3779B97F4A7C15))
+    row_key = mixed(key + np.uint64(row) * np.uint64(0x9E3779B97F4A7C15))
     for k in range(columns.size):
-        h = _mix(row_key + np.uint64(columns[k]) * np.uint64(0xD1342543DE82EF95))
+        h = mixed(row_key + np.uint64(columns[k]) * np.uint64(0xD1342543DE82EF95))
         # the upper two bits choose the quadrant, the rest an angle of -pi/4 to pi/4 in it
         t = (np.float64((h >> np.uint64(10)) & np.uint64(0xFFFFFFFFFFF)) - TWO_43) * TURN
         s = t * t
