@@ -1,13 +1,11 @@
 """The recipe: read from YAML and checked before any work."""
 
-import importlib.util
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
-import numpy as np
 from annotated_types import Len
 from pydantic import PlainValidator
 
@@ -16,12 +14,11 @@ from files.errors import RecipeError
 from files.plain_data import plain
 from files.record import parse, record
 from files.yaml_document import Document
-from pipeline.dataset.compression import Compression, reader_needs
+from pipeline.dataset.compression import Compression
 from pipeline.injection.flawplan import FlawPlan
-from pipeline.motion.given_path import given_path
 from pipeline.motion.limits import Motion
-from pipeline.motion.trajectory import frame, rate_of
 from pipeline.parts.builtin import FACET_UM
+from pipeline.recipe_checks import check_camera, check_compression, check_motion, check_points
 from pipeline.recipe_paths import resolve
 from pipeline.recipe_source import read_source
 from quantity import declared, quantity
@@ -32,7 +29,7 @@ from sensors.surface.reflectance import ReflectanceMap
 from sensors.surface.surface import Surface
 
 MOST_COUNT = 1_000_000
-MOST_POINTS, MOST_SCANS = 100_000_000, 10_000_000  # in a scan; of an entry of `parts:`
+MOST_SCANS = 10_000_000  # of an entry of `parts:`
 NO_FLAWS = FlawPlan(kinds=())
 T = TypeVar("T")
 Flaws = Annotated[FlawPlan, PlainValidator(FlawPlan.from_mapping)]
@@ -205,59 +202,19 @@ class Recipe:
         sensor = _named(SensorModel.load, file.sensor, folders, document.where(("sensor",)))
         if file.triangulation_angle_deg is not None:
             sensor = _with_angle(sensor, file.triangulation_angle_deg)
-        datasheet = sensor.datasheet
-        needed = reader_needs(file.compression)
-        if needed is not None and importlib.util.find_spec(needed) is None:
-            raise RecipeError(
-                f"needs the package {needed}, which isn't installed here",
-                where=document.where(("compression",)),
-                value=file.compression,
-                allowed=f"pip install 'flawforge[{needed}]', or deflate or none",
-            )
-        if file.intensity is not None and datasheet.triangulation_angle_deg is None:
-            raise RecipeError(
-                "'intensity' needs to know where the camera is",
-                where=document.where(("intensity",)),
-                allowed="with triangulation_angle_deg, in the recipe or in the sensor's file",
-            )
-        points = file.points or datasheet.points_per_profile
-        if file.profiles * points > MOST_POINTS:
-            raise RecipeError(
-                "too many points in a scan",
-                where=document.where(("profiles",)),
-                value=f"{file.profiles} profiles of {points} points",
-                allowed=f"{MOST_POINTS} points at most",
-            )
-        for motion, at in [
-            (file.motion, ("motion",)),
-            *((entry.motion, ("parts", k, "motion")) for k, entry in enumerate(file.parts)),
-        ]:
-            if motion is not None:
-                motion = _found(motion, folders, document.where((*at, "path")))
-                _check_motion(motion, datasheet, file.profiles, document.where(at))
-        where_of = {
-            entry.surface: document.where(("parts", index, "surface"))
-            for index, entry in enumerate(file.parts)
-        }
-        where_of[file.surface] = document.where(("surface",))
-        surfaces = {
-            name: _named(Surface.load, name, folders, where_of[name])
-            for name in sorted(name for name in where_of if name is not None)
-        }
-        reflectance = file.reflectance
-        if reflectance is not None and reflectance.picture is not None:
-            where = document.where(("reflectance", "picture", "path"))
-            place = resolve(reflectance.picture.path, folders, where)
-            reflectance = replace(
-                reflectance, picture=replace(reflectance.picture, path=str(place))
-            )
+        check_compression(file, document)
+        check_camera(file, sensor.datasheet, document)
+        check_points(file, sensor.datasheet, document)
+        for motion, at in _motions(file):
+            found = _found(motion, folders, document.where((*at, "path")))
+            check_motion(found, sensor.datasheet, file.profiles, document.where(at))
         return cls(
             file=file,
             sensor=sensor,
-            surfaces=surfaces,
+            surfaces=_surfaces(file, folders, document),
             document=document,
             roots=folders,
-            reflectance=reflectance,
+            reflectance=_reflectance(file, folders, document),
             banks=_banks(file, folders, document),
         )
 
@@ -362,15 +319,39 @@ def _banks(
     return found
 
 
-def _check_motion(motion: Motion, datasheet: Datasheet, profiles: int, where: str) -> None:
-    """See before anything is made whether the sensor can move like that at all."""
-    try:
-        frame(motion.look, motion.travel)
-        rate_of(motion, datasheet)
-        if motion.path is not None:
-            given_path(motion, datasheet, profiles, np.zeros(3))
-    except RecipeError as error:
-        raise RecipeError(str(error), where=where) from None
+def _motions(file: RecipeFile) -> Iterator[tuple[Motion, tuple[str | int, ...]]]:
+    """Yield the limits of all paths, the recipe's and its parts', each with its place."""
+    yield file.motion, ("motion",)
+    for k, entry in enumerate(file.parts):
+        if entry.motion is not None:
+            yield entry.motion, ("parts", k, "motion")
+
+
+def _surfaces(
+    file: RecipeFile, folders: tuple[Path, ...], document: Document
+) -> dict[str, Surface]:
+    """Read every surface that a recipe names."""
+    where_of = {
+        entry.surface: document.where(("parts", index, "surface"))
+        for index, entry in enumerate(file.parts)
+    }
+    where_of[file.surface] = document.where(("surface",))
+    return {
+        name: _named(Surface.load, name, folders, where_of[name])
+        for name in sorted(name for name in where_of if name is not None)
+    }
+
+
+def _reflectance(
+    file: RecipeFile, folders: tuple[Path, ...], document: Document
+) -> ReflectanceMap | None:
+    """Return the parts' brightness with the place of its picture, if it has one."""
+    reflectance = file.reflectance
+    if reflectance is None or reflectance.picture is None:
+        return reflectance
+    where = document.where(("reflectance", "picture", "path"))
+    place = resolve(reflectance.picture.path, folders, where)
+    return replace(reflectance, picture=replace(reflectance.picture, path=str(place)))
 
 
 def _named(

@@ -87,7 +87,7 @@ def nominal_sd_mm(nominal: NoiseModel | None, surface: Surface | None, view: Vie
         return float(np.hypot(sigma_mm(view.datasheet), law.speckle_sd_mm(view)))
     for effect in firmware:
         law = effect.apply(law, view)
-    return float(np.median(law.sd_mm(view)[view.valid]))
+    return float(np.median(law.sd_mm(view)[view.in_range]))
 
 
 def nominal_noise(

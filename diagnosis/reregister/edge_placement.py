@@ -44,7 +44,7 @@ def placed_by_law(
     leave the recording open are searched.
     """
     view = patch.view
-    points = view.part_mm[view.valid]
+    points = view.part_mm[view.in_range]
     pitch = pitch_of(points, patch.shape)
     smooth = (patch.columns / PRIOR_SD)[patch.observed & ~patch.edge] / noise.sd_mm
     covariance = np.linalg.inv(smooth.T @ smooth / TOGETHER + np.diag(PRIOR_SD**-2.0))

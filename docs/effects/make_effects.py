@@ -135,9 +135,9 @@ def draw(name: str, view: View) -> None:
         top = 1e3 * 3 * float(np.median(bare.sd_mm(view)))
         image = left.imshow(residual, cmap="RdBu", vmin=-top, vmax=top, extent=extent)
         figure.colorbar(image, ax=left, label="reading - geometry (µm)")
-    lost = np.isnan(law.mean_mm) & view.valid
+    lost = np.isnan(law.mean_mm) & view.in_range
     if not only_mean:
-        lost |= np.isnan(residual) & view.valid
+        lost |= np.isnan(residual) & view.in_range
     if lost.any():
         red = np.zeros((*view.shape, 4))
         red[lost] = (0.0, 0.0, 0.0, 1.0)
@@ -158,7 +158,7 @@ def _plot(axes: Any, name: str, view: View, bare: Law, law: Law) -> None:
         if name == "outlier_spikes":
             bins = np.linspace(-800, 800, 161)
             for values, label in ((one, "without"), (two, "with")):
-                axes.hist(values[view.valid], bins, histtype="step", label=label, log=True)
+                axes.hist(values[view.in_range], bins, histtype="step", label=label, log=True)
             axes.set_xlabel("reading - geometry (µm)")
             axes.set_ylabel("readings")
         else:
@@ -195,11 +195,11 @@ def _plot(axes: Any, name: str, view: View, bare: Law, law: Law) -> None:
             1e3 * np.hypot(each.sd_mm(view), each.step_mm / math.sqrt(12)) for each in (law, bare)
         )
         axes.set_ylabel("standard deviation (µm)")
-        known = view.valid & np.isfinite(values)
+        known = view.in_range & np.isfinite(values)
         order = np.argsort(values[known])[:: max(1, known.sum() // 500)]
         x = scale * values[known][order]
         axes.plot(x, reference[known][order], "--", color="grey", label="without")
-    known = view.valid & np.isfinite(values)
+    known = view.in_range & np.isfinite(values)
     step = max(1, known.sum() // 6000)
     axes.plot(scale * values[known][::step], quantity[known][::step], ".", ms=2, label="with")
     axes.set_ylim(bottom=0)

@@ -50,7 +50,7 @@ class MotionEffect(Effect):
         true = self.moved(view)
         mean = law.mean_mm + (true.depth_mm - view.depth_mm)
         reason = np.where(law.reason == 0, true.reason, law.reason)
-        found = true.valid & ~view.valid
+        found = true.in_range & ~view.in_range
         mean = np.where(found, true.depth_mm, mean)
         reason = np.where(found, true.reason, reason).astype(np.uint8)
         return replace(law, mean_mm=mean, reason=reason)

@@ -100,7 +100,7 @@ class CameraOcclusion(Effect):
             weights = gaussian_weights(lines, self.line_sd_um * 1e-3)
             read = read_line(view, lines, weights, visible=True, merge_mm=0.0, camera_y_mm=offset)
             seen = read.light >= self.weakest
-        return law.without(view.valid & ~seen, Reason.HIDDEN_FROM_CAMERA)
+        return law.without(view.in_range & ~seen, Reason.HIDDEN_FROM_CAMERA)
 
     def covariate_values(self, view: View) -> Floats:
         """Return 1 where the point is hidden from the effect's camera, else 0, (n, m)."""

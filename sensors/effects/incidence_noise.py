@@ -64,5 +64,5 @@ class IncidenceNoise(Effect):
         cosine = np.maximum(view.cos_incidence, math.cos(math.radians(STEEPEST_DEG)))
         slope = np.clip(view.slope_y, -1.0, 1.0)
         gain = cosine**-self.exponent * np.exp(self.lean * slope)
-        gain = np.where(view.valid, gain, 1.0)
+        gain = np.where(view.in_range, gain, 1.0)
         return replace(law, speckle_gain=np.asarray(law.speckle_gain * gain))

@@ -114,7 +114,7 @@ class Interreflection(Effect):
     def _pull(self, view: View) -> tuple[Floats, Floats, Floats]:
         """Return the distance to the second reading, its light, and minus the log of the decay."""
         mirror = view.mirror
-        seen = np.isfinite(mirror.landed_mm) & view.valid
+        seen = np.isfinite(mirror.landed_mm) & view.in_range
         pull = np.where(seen, mirror.landed_mm - view.depth_mm, 0.0)
         way = np.where(seen, mirror.landed_way_mm, 0.0)
         fallen = np.minimum((way / self.reach_mm) ** self.power, DARK)

@@ -106,5 +106,5 @@ class LightFalloff(Effect):
     def log_signal(self, view: View) -> Floats:
         """Logarithm of the light over its maximum, (n, m); 0 at missing readings."""
         half_mm = view.datasheet.x_fov_mm / 2
-        away = np.where(view.valid, view.off_axis_mm - self.middle_mm, 0.0) / half_mm
+        away = np.where(view.in_range, view.off_axis_mm - self.middle_mm, 0.0) / half_mm
         return np.asarray(math.log(self.ends) * np.square(away))

@@ -134,7 +134,7 @@ class PixelLocking(SinusoidalEffect, AdditiveEffect):
                 for off in ROUNDING
                 for bend in BENDS
             )
-        if not view.valid.any():
+        if not view.in_range.any():
             return (self,)
         low, high = self.parameter("rows").low, self.parameter("rows").high
         ends = np.array([np.nanmin(view.depth_mm), np.nanmax(view.depth_mm)])

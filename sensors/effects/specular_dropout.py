@@ -116,7 +116,7 @@ class SpecularDropout(Effect):
         with np.errstate(divide="ignore"):
             excess = (np.log(signal) - math.log(self.threshold)) / self.softness
         missing = self.share * expit(-excess if self.kind == "weak" else excess)
-        return law.losing(np.where(view.valid, missing, 0.0))
+        return law.losing(np.where(view.in_range, missing, 0.0))
 
     def _lit(self, view: View) -> tuple[Floats, Floats]:
         """Centroid bias of a line towards its lit part, (n, m) mm, and its signal, (n, m).

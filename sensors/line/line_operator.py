@@ -93,7 +93,7 @@ def line_sd_mm(view: View, line_sd_um: float | None, rayleigh_mm: float | None) 
     if not rayleigh_mm:
         return line_sd_um * 1e-3
     off = (view.depth_mm - view.datasheet.working_distance_mm) / rayleigh_mm
-    return np.asarray(line_sd_um * 1e-3 * np.sqrt(1.0 + np.where(view.valid, off, 0.0) ** 2))
+    return np.asarray(line_sd_um * 1e-3 * np.sqrt(1.0 + np.where(view.in_range, off, 0.0) ** 2))
 
 
 def read_line(
@@ -195,10 +195,10 @@ def _read_rows(
     n, _ = view.shape
     middle = offsets.mean(axis=1)
     sums = np.zeros((10, *view.shape))
-    whole = view.valid.copy()
+    whole = view.in_range.copy()
     one = np.ones((1, 1))
     for side in (middle >= 0, middle < 0):
-        last_depth, last_offset, joined = view.depth_mm, np.zeros(1), view.valid.copy()
+        last_depth, last_offset, joined = view.depth_mm, np.zeros(1), view.in_range.copy()
         for k in sorted(np.nonzero(side)[0], key=lambda i: abs(middle[i])):
             eta = offsets[k]
             place = eta if len(eta) > 1 else eta[0]
@@ -216,7 +216,7 @@ def _read_rows(
                 whole,
                 sub.depth_mm,
                 last_depth,
-                sub.valid if seen_from is None else sub.visible_from(seen_from),
+                sub.in_range if seen_from is None else sub.visible_from(seen_from),
                 np.broadcast_to(np.abs(eta - last_offset), n),
                 np.broadcast_to(cot_per_mm * (eta if within is None else within[k]), n),
                 np.atleast_2d(np.asarray(weights[k], dtype=np.float64)),

@@ -70,7 +70,7 @@ def hidden_from(view: View, camera_y_mm: float) -> Floats:
 
     NaN at missing readings.
     """
-    return np.where(view.valid, (~view.visible_from(camera_y_mm)).astype(np.float64), np.nan)
+    return np.where(view.in_range, (~view.visible_from(camera_y_mm)).astype(np.float64), np.nan)
 
 
 STEEPEST = 3.0

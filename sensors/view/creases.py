@@ -92,14 +92,14 @@ def filled_mm(
     crease : (n, m) number of the crease whose fillet is met, -1 elsewhere
     """
     creases = concave_creases(view.scene)
-    filled = np.where(view.valid, 0.0, np.nan)
+    filled = np.where(view.in_range, 0.0, np.nan)
     crease = np.full(view.shape, -1)
     if radius_mm <= 0 or len(creases.turn_rad) == 0:
         return filled, crease
     reach = radius_mm * np.tan(creases.turn_rad / 2)
-    near = _nearest(creases, reach, view.part_mm[view.valid])
+    near = _nearest(creases, reach, view.part_mm[view.in_range])
     pick = np.flatnonzero(near >= 0)
-    index = np.flatnonzero(view.valid)[pick]
+    index = np.flatnonzero(view.in_range)[pick]
     own = near[pick]
     point = view.part_mm.reshape(-1, 3)[index]
     normal = view.scene.normals[view.triangle.ravel()[index]]

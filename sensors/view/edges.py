@@ -27,7 +27,7 @@ def edge_offset_mm(view: "View") -> Floats:
     depth, travel = view.depth_mm, view.travel_mm
     gap = np.abs(np.diff(travel))[:, None]
     jump = np.abs(np.diff(depth, axis=0)) > STEEPEST * gap
-    jump |= view.valid[1:] != view.valid[:-1]
+    jump |= view.in_range[1:] != view.in_range[:-1]
     middle = np.broadcast_to(0.5 * (travel[1:] + travel[:-1])[:, None], jump.shape)
     place = np.where(jump, middle, np.nan)
     blank = np.full((1, m), np.nan)
@@ -35,7 +35,7 @@ def edge_offset_mm(view: "View") -> Floats:
     after = _carried(np.concatenate([place, blank])[::-1])[::-1] - travel[:, None]
     nearer = ~(np.abs(before) > np.abs(after))
     offset = np.where(nearer & np.isfinite(before) | ~np.isfinite(after), before, after)
-    return np.where(view.valid, offset, np.nan)
+    return np.where(view.in_range, offset, np.nan)
 
 
 def edge_height_mm(view: "View") -> Floats:

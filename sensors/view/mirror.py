@@ -54,7 +54,7 @@ def mirror(view: "View") -> Mirror:
         normal = view.normal[rows]
         ray = np.broadcast_to(view.ray, normal.shape)
         along = np.einsum("nmk,nmk->nm", normal, ray)
-        row, column = np.nonzero(view.valid[rows] & (along < 0))
+        row, column = np.nonzero(view.in_range[rows] & (along < 0))
         if row.size == 0:
             continue
         turn = view.poses[rows, :3, :3][row]
@@ -137,7 +137,7 @@ def thickness_mm(view: "View") -> Floats:
     """Way of each ray from where it enters the part to where it leaves it, (n, m) mm."""
     thickness = np.full(view.shape, np.nan)
     for rows in _blocks(view):
-        valid = view.valid[rows]
+        valid = view.in_range[rows]
         if not valid.any():
             continue
         ray = np.broadcast_to(view.ray, (*valid.shape, 3)) @ view.poses[rows, :3, :3].transpose(

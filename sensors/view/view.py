@@ -129,7 +129,7 @@ class View:
 
     @cached_property
     def in_range(self) -> NDArray[np.bool_]:
-        """Where there is a hit within the working range, (n, m)."""
+        """Where geometry gives a reading: a hit within the working range, (n, m)."""
         depth_mm = self.hits.depth_mm  # NaN compares as False
         sheet = self.datasheet
         inside = depth_mm >= sheet.depth_min_mm
@@ -156,11 +156,6 @@ class View:
     def triangle(self) -> NDArray[np.int32]:
         """Triangle of the first hit, (n, m), -1 without one."""
         return self.hits.triangle
-
-    @property
-    def valid(self) -> NDArray[np.bool_]:
-        """Where geometry gives a reading, (n, m)."""
-        return self.in_range
 
     # ---- places
 
@@ -233,7 +228,7 @@ class View:
     def normal(self) -> Floats:
         """Outward unit normal of the facet hit, (n, m, 3), sensor frame; NaN without a reading."""
         part = self.scene.normals[self.triangle]
-        part[~self.valid] = np.nan
+        part[~self.in_range] = np.nan
         flat = part.reshape(len(part), -1, 3)
         return np.asarray(flat @ self.poses[:, :3, :3]).reshape(part.shape)
 

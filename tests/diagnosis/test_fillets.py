@@ -98,7 +98,7 @@ def test_a_part_without_corners_holds_no_fillet() -> None:
     sheet = datasheet(40)
     view = View(hill, SensorModel(sheet), poses(4), np.arange(4.0))
     change = FormError(coefficients_um=(), fillet_mm=2.0).signature(view)
-    assert np.all(change[view.valid] == 0.0)
+    assert np.all(change[view.in_range] == 0.0)
 
 
 def test_half_a_place_is_refused() -> None:

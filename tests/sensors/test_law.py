@@ -113,7 +113,7 @@ def test_what_noise_takes_out_of_range_is_missing(view_of):
 def test_effects_of_the_sheet_come_in_order(view_of):
     view = listed(view_of("step"), LineBow(sag_um=50.0), CameraOcclusion())
     law = view.sensor.law(view, None)
-    assert np.array_equal(law.reason == Reason.HIDDEN_FROM_CAMERA, view.valid & ~view.visible)
+    assert np.array_equal(law.reason == Reason.HIDDEN_FROM_CAMERA, view.in_range & ~view.visible)
     seen = view.visible
     assert np.allclose((law.mean_mm - view.depth_mm)[seen], (0.05 * (view.x_mm / 30) ** 2)[seen])
 

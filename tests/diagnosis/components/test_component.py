@@ -43,7 +43,7 @@ class Looked:
 def patch() -> Any:
     view = View(part("domes"), SensorModel(datasheet(60)), poses(30, **VIEWS[1]), np.arange(30.0))
     return SimpleNamespace(
-        view=view, shape=view.shape, observed=view.valid, edge=np.zeros(view.shape, dtype=bool)
+        view=view, shape=view.shape, observed=view.in_range, edge=np.zeros(view.shape, dtype=bool)
     )
 
 

@@ -17,7 +17,7 @@ from tests.support.small_parts import VIEWS, datasheet, part, poses
 def patch() -> Any:
     view = View(part("domes"), SensorModel(datasheet(60)), poses(30, **VIEWS[1]), np.arange(30.0))
     return SimpleNamespace(
-        view=view, shape=view.shape, observed=view.valid, edge=np.zeros(view.shape, dtype=bool)
+        view=view, shape=view.shape, observed=view.in_range, edge=np.zeros(view.shape, dtype=bool)
     )
 
 
@@ -34,6 +34,6 @@ def test_what_is_the_same_everywhere_has_no_range() -> None:
     """Level under the sensor: no function of the slope can be told from a constant."""
     view = View(part("plate"), SensorModel(datasheet(40)), poses(12), np.arange(12.0))
     level: Any = SimpleNamespace(
-        view=view, shape=view.shape, observed=view.valid, edge=np.zeros(view.shape, dtype=bool)
+        view=view, shape=view.shape, observed=view.in_range, edge=np.zeros(view.shape, dtype=bool)
     )
     assert ranges_of([level], ("slope_y", "x")).keys() == {"x"}

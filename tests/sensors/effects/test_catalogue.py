@@ -219,7 +219,7 @@ def test_mean_is_the_sum_of_the_basis(cls, view):
     mean = sum(c * f for c, f in zip(coefficients, basis.fields, strict=True))
     if issubclass(cls, AdditiveEffect):
         change = effect.signature(view)
-        seen = view.valid
+        seen = view.in_range
         assert np.allclose(np.broadcast_to(mean, view.shape)[seen], change[seen], atol=1e-12)
 
 
@@ -287,9 +287,9 @@ def test_missing_points_stay_missing(cls, view_of, rng_of, columns, height_mm):
     depth, reason = law.sample(rng_of, view)
     assert np.array_equal(np.isnan(depth), reason > 0)
     if not issubclass(cls, MotionEffect | DeliveryEffect):  # firmware may fill or repeat
-        assert np.isnan(depth[~view.valid]).all()
+        assert np.isnan(depth[~view.in_range]).all()
     if cls.channels == ("mean",):
-        assert np.isfinite(law.mean_mm[view.valid]).all()
+        assert np.isfinite(law.mean_mm[view.in_range]).all()
     cls.example().grid(view)
     cls.example().covariate_values(view)
 

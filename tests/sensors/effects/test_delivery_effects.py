@@ -147,7 +147,7 @@ def test_repeated_profiles_lag_behind_on_a_slope(view_of):
 def test_a_repeated_profile_reaches_beyond_the_part(view_of):
     view = view_of("end", y_mm=np.linspace(-15.0, 15.0, 60))
     law = RowRepeat(share=0.3).apply(geometric_law(view, None), view)
-    beyond = np.flatnonzero(view.valid[:, 40])[-1] + 1
+    beyond = np.flatnonzero(view.in_range[:, 40])[-1] + 1
     p_missing = np.broadcast_to(law.p_missing, view.shape)
     assert np.isclose(p_missing[beyond, 40], 0.7)
     assert np.isclose(p_missing[beyond + 1, 40], 1 - 0.3**2)

@@ -184,7 +184,7 @@ def test_bias_follows_the_signed_slope(view_of, tilt):
 
 def test_bias_stays_finite_on_walls(view_of):
     view = view_of("step", sheet={"columns": "even_angle"}, y_mm=np.linspace(-12, 12, 50))
-    assert np.isfinite(IncidenceBias().signature(view)[view.valid]).all()
+    assert np.isfinite(IncidenceBias().signature(view)[view.in_range]).all()
 
 
 def test_locking_follows_the_bent_image_of_a_level_line(view_of):
@@ -222,7 +222,7 @@ def test_error_of_x_is_depth_on_a_slope(view_of, columns, height_mm):
         "plate", solid={"tilt_x_deg": 20.0}, sheet={"columns": columns}, height_mm=height_mm
     )
     effect = LateralError(offset_um=30.0, scale_um=50.0, shear_um=-40.0)
-    change, seen = effect.signature(view), view.valid
+    change, seen = effect.signature(view), view.in_range
     u = view.column_x_mm / 30.0
     w = (view.depth_mm - 200.0) / 50.0
     lateral = 0.030 + 0.050 * u - 0.040 * u * w

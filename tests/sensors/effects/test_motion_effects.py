@@ -157,7 +157,7 @@ def test_a_mount_that_warms_moves_the_sensor_along_its_axis(view_of, tilt_deg):
     )
     poses = view.poses.copy()
     poses[:, :3, 3] += 0.5 * np.expm1(-age_s / 60.0)[:, None] * poses[:, :3, 2]
-    both = view.valid & view.posed(poses).valid
+    both = view.in_range & view.posed(poses).in_range
     moved = (view.posed(poses).depth_mm - view.depth_mm)[both]
     assert np.allclose(effect.signature(view)[both], moved, atol=1e-9)
     reading = effect.with_parameters(shifts="reading").signature(view)[both]

@@ -67,7 +67,7 @@ def test_what_is_dark_in_the_picture_is_what_goes_missing():
     for shade in shades:
         view = view_of(reflectance=ReflectanceMap(base=float(shade)), effects=(effect,))
         law = view.sensor.law(view, None)
-        level = Brightness(exposure=0.3).levels(view, view.valid)[2, 40]
+        level = Brightness(exposure=0.3).levels(view, view.in_range)[2, 40]
         found.append((int(level), float(np.broadcast_to(law.p_missing, view.shape)[2, 40])))
     level, missing = np.array(found).T
     assert (np.diff(level) > 0).all()

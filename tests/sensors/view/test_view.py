@@ -92,14 +92,14 @@ def test_rows_are_a_part_of_the_scan(view_of):
 def test_visible_agrees_with_single_sight_lines(view_of):
     for name in ("step", "groove", "cylinder", "bench"):
         view = view_of(name, sheet={"columns": "even_angle"}, y_mm=np.linspace(-27, 27, 60))
-        rows, columns = np.nonzero(view.valid)
+        rows, columns = np.nonzero(view.in_range)
         points = view.part_mm[rows, columns]
         cameras = view.poses[rows, :3, 1] * view.camera_mm[1] + view.poses[rows, :3, 3]
         triangle = view.triangle[rows, columns]
         facing = np.einsum("ik,ik->i", view.scene.normals[triangle], cameras - points) > 0
         free = facing & ~view.scene.blocked(points, cameras, triangle)
         assert np.mean(view.visible[rows, columns] != free) < 2e-3  # edges seen end on
-        assert not view.visible[~view.valid].any()
+        assert not view.visible[~view.in_range].any()
 
 
 def test_edges_along_the_travel(view_of):
@@ -125,7 +125,7 @@ def test_every_covariate_has_the_scans_shape(view_of):
     for name, covariate in COVARIATES.items():
         values = np.broadcast_to(covariate.values(view), view.shape)
         known = np.isfinite(values) if name != "edge_height" else ~np.isnan(values)
-        assert known[view.valid].any(), name
+        assert known[view.in_range].any(), name
         assert covariate.words
         assert covariate.name == name
 
