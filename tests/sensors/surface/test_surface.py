@@ -92,4 +92,6 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path: Path, text: str, said: str)
 
 def test_unknown_surface_names_the_presets() -> None:
     with pytest.raises(RecipeError, match="bearing_cap, car_door"):
+        Surface.load("glass")
+    with pytest.raises(RecipeError, match=r"'cardoor'; did you mean 'car_door'\?"):
         Surface.load("cardoor")

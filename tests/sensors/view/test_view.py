@@ -57,7 +57,7 @@ def test_reasons_of_missing_points(view_of):
 
 def test_range_limits_are_valid(view_of):
     for height in (150.0, 250.0):
-        assert view_of("plate", height_mm=height).valid.all()
+        assert view_of("plate", height_mm=height).in_range.all()
 
 
 def test_travel_is_signed_by_the_sensors_y(view_of):
