@@ -33,16 +33,14 @@ TURNED = tuple({**view, "heading_deg": 60.0 * k} for k, view in enumerate((*VIEW
 """Six orientations: a mounting shows where a sensor's errors agree in its own frame."""
 SLOW = {"profile_rate_hz": 0.5, "travel_speed_mm_s": 0.3}
 """A recording of minutes, in which an instrument warms up."""
-NOT_SEARCHED = frozenset(
-    {"axis_quantisation", "lateral_error", "light_falloff", "onboard_filter", "row_repeat"}
-)
-"""Effects that recordings are generated with and the diagnosis doesn't search: no strength is
-defined for what replaces readings, and place stands in for angle in the others. The bench of other
-formulas (`make diagnose-bench`) has them."""
+NO_STRENGTH = frozenset({"axis_quantisation", "onboard_filter", "row_repeat"})
+"""Effects of the firmware, which replaces readings: no strength is defined for them. The diagnosis
+measures them by claims of their own (`diagnosis/claims/`)."""
 
 CASES = (
     Case(name="line_bow", scaled="sag_um", part="domes"),
     Case(name="lens_distortion", scaled="cubic_um", part="domes", more={"tilt_um": 0.0}),
+    Case(name="lateral_error", scaled="scale_um", part="domes", more={"shear_um": 0.0}),
     Case(name="range_scale", scaled="error_ppm", part="bowl"),
     Case(name="incidence_bias", scaled="squared_um", part="domes", more={"signed_um": 0.0}),
     Case(name="volume_scattering", scaled="depth_um", part="domes"),
@@ -59,6 +57,8 @@ CASES = (
     Case(name="incidence_noise", scaled="exponent", part="wedge"),
     Case(name="camera_occlusion", scaled="triangulation_angle_deg", part="steps"),
     Case(name="specular_dropout", scaled="share", part="domes"),
+    Case(name="light_falloff", scaled="share", part="domes",
+         more={"ends": 0.3, "noise_exponent": 0.0}),
     Case(name="random_dropout", scaled="share", part="wedge"),
     Case(name="outlier_spikes", scaled="share", part="bowl", more={"width_um": 300.0}),
     Case(name="reflectance_edge", scaled="line_sd_um", part="domes",

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.diagnose import CASES, NOT_SEARCHED, OF
+from benchmarks.diagnose import CASES, NO_STRENGTH, OF
 from benchmarks.strength import finish_nats, strength
 from diagnosis.noise.noise_model import calibrate
 from sensors.effects import CATALOGUE
@@ -15,7 +15,7 @@ from tests.support.effect_case import plain
 
 
 def test_the_bench_has_every_effect() -> None:
-    assert {case.name for case in CASES} == set(CATALOGUE) - {"empirical"} - NOT_SEARCHED
+    assert {case.name for case in CASES} == set(CATALOGUE) - {"empirical"} - NO_STRENGTH
 
 
 def test_a_level_tells_as_much_as_so_many_gaussian_numbers() -> None:
