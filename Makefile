@@ -94,7 +94,8 @@ campaign: $(STAMP)
 diagnose-bench: $(STAMP)
 	for seed in 0 100 200; do \
 	  $(BIN)/python -W ignore -m benchmarks.other_formulas run --seed $$seed --first $(FIRST) --out $(BENCH) || exit; done
-	$(BIN)/python -W ignore -m benchmarks.other_formulas run --laws --seed 100 --first $(FIRST) --out $(BENCH)
+	$(BIN)/python -W ignore -m benchmarks.other_formulas run --plan laws --seed 100 --first $(FIRST) --out $(BENCH)
+	$(BIN)/python -W ignore -m benchmarks.other_formulas run --plan habits --seed 100 --first $(FIRST) --out $(BENCH)
 	$(BIN)/python -W ignore -m benchmarks.other_formulas judge --out $(BENCH) --write docs/diagnosis-bench.md
 
 # Continues where it was stopped; another PROOF folder is a fresh seed. The first family's set is

@@ -9,17 +9,18 @@
 """
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.other_formulas.cases import plan, save_truth, stage, write
+from benchmarks.other_formulas.cases import PLANS, Case, save_truth, stage, write
 from benchmarks.other_formulas.judge import figures, load
 from benchmarks.other_formulas.page import cases_of, population_of, write_page
 from benchmarks.other_formulas.run import commit, run
 
 
-def make(out: Path, seed: int, first: int | None) -> None:
+def make(out: Path, cases: Sequence[Case]) -> None:
     """Write cases with their truth into folders."""
-    for case in plan(seed)[:first]:
+    for case in cases:
         folder = out / case.name
         if (folder / "truth.json").exists():
             continue
@@ -41,8 +42,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--first", type=int, help="so many cases only: all kinds in proportion")
     parser.add_argument(
-        "--laws", action="store_true", help="run: the catalogue's own laws, for intervals"
-    )
+        "--plan", choices=PLANS, default="mixed",
+        help="laws: the catalogue's own, for intervals; habits: baselines have them, too",
+    )  # fmt: skip
     parser.add_argument("--minutes", type=float, default=1e9, help="stop after these")
     parser.add_argument("--write", type=Path, metavar="FILE.md")
     args = parser.parse_args()
@@ -53,10 +55,10 @@ def main() -> None:
     if args.step == "make":
         if population != "calibration":
             parser.error(f"--seed {args.seed}: only calibration cases may be opened (0 to 99)")
-        make(args.out, args.seed, args.first)
+        make(args.out, PLANS[args.plan](args.seed)[: args.first])
     elif args.step == "run":
         run(args.out / commit() / f"seed-{args.seed}", args.seed, args.first, args.minutes,
-            laws=args.laws)
+            args.plan)
     else:
         for folder in sorted(args.out.glob("*/seed-*")):
             answers = load(folder)

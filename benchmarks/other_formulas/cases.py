@@ -38,7 +38,7 @@ class Case:
     Attributes
     ----------
     name : of its folder
-    kind : null, one, pair, outside or law
+    kind : null, one, pair, outside, law or habit, which baselines have as well
     formulas : by name
     wanted : whitened signal to noise of each; 0 where the size is given
     baselines : whether recordings of the good instrument are given
@@ -72,6 +72,17 @@ def plan_of_laws(seed: int) -> list[Case]:
         ("law", (f,), 24, True) for _ in range(LAWS_EACH) for f in LAWS
     ]
     return _drawn([laws], np.random.default_rng([seed, 37]))
+
+
+def plan_of_habits(seed: int) -> list[Case]:
+    """List cases in which baselines have what the recordings have: nothing has changed."""
+    habits: list[tuple[str, tuple[Formula, ...], int, bool]] = [
+        ("habit", (f,), 24, True) for f in (*CATALOGUED, *OUTSIDE)
+    ]
+    return _drawn([habits], np.random.default_rng([seed, 38]))
+
+
+PLANS = {"mixed": plan, "laws": plan_of_laws, "habits": plan_of_habits}
 
 
 def _drawn(
@@ -207,16 +218,21 @@ def record(staged: Staged, shot: Shot, name: str, number: int) -> Recording:
 def write(staged: Staged, folder: Path) -> dict[str, Any]:
     """Write what a stranger gets into a folder; return what it hides."""
     folder.mkdir(parents=True, exist_ok=True)
-    case = staged.case
+    case, habit = staged.case, staged.case.kind == "habit"
     chosen = [BY_NAME[name] for name in case.formulas]
-    for k, scan in enumerate(staged.scans):
-        shot = nominal_shot(staged, scan, k)
+    hidden = [] if habit else chosen
+
+    def changed(scan: Scan, index: int) -> Shot:
+        shot = nominal_shot(staged, scan, index)
         for formula, size in zip(chosen, staged.sizes, strict=True):
             shot = formula.apply(shot, size, case.seed)
-        record(staged, shot, f"rec-{k}", k).save(folder / f"rec-{k}.h5")
+        return shot
+
+    for k, scan in enumerate(staged.scans):
+        record(staged, changed(scan, k), f"rec-{k}", k).save(folder / f"rec-{k}.h5")
     if case.baselines:
         for k, scan in enumerate(staged.baseline_scans):
-            shot = nominal_shot(staged, scan, k)
+            shot = changed(scan, k) if habit else nominal_shot(staged, scan, k)
             record(staged, shot, f"base-{k}", 50 + k).save(folder / f"base-{k}.h5")
     if case.plate:
         shot = nominal_shot(staged, staged.plate_scan, 0, plate())
@@ -227,8 +243,8 @@ def write(staged: Staged, folder: Path) -> dict[str, Any]:
     (folder / "sensor.yaml").write_text(yaml.safe_dump(staged.instrument.stated(), sort_keys=False))
     return {
         **asdict(case),
-        "effects": [f.effect for f in chosen if f.effect],
-        "also": [list(f.also) for f in chosen if f.effect],
+        "effects": [f.effect for f in hidden if f.effect],
+        "also": [list(f.also) for f in hidden if f.effect],
         "sizes": list(staged.sizes),
         "parameters": {
             f.effect: true_parameters(f.name, size, case.seed)

@@ -21,7 +21,8 @@ edge by 30 µm would move it.
 """
 _RULES = """
 A set is a reported name with its alternatives. Recall counts a hidden effect that some set holds;
-precision counts sets that hold a hidden effect, each effect once. A sample is the first cases of a
+precision counts sets that hold a hidden effect, each effect once. A habit is a formula that the
+baselines have as well: nothing has changed, and silence is right. A sample is the first cases of a
 seed's plan, which has all kinds in proportion. Calibration seeds (0-99) may be opened by anybody.
 Validation (100-199) and test (200-299) are judged in aggregate; no case of the test is printed.
 """

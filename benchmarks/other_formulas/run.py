@@ -9,7 +9,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from benchmarks.other_formulas.cases import Case, plan, plan_of_laws, save_truth, stage, write
+from benchmarks.other_formulas.cases import PLANS, Case, save_truth, stage, write
 
 TIMEOUT_S = 900.0
 _COMMAND = (sys.executable, "-W", "ignore", "-m", "flawforge.cli")
@@ -46,9 +46,9 @@ def words(folder: Path, out: Path, baselines: bool) -> list[str]:
     return line
 
 
-def run(out: Path, seed: int, first: int | None, minutes: float, *, laws: bool = False) -> None:
-    """Make, diagnose and forget each case; keep its answer and, apart from it, its truth."""
-    cases = (plan_of_laws(seed) if laws else plan(seed))[:first]
+def run(out: Path, seed: int, first: int | None, minutes: float, plan: str) -> None:
+    """Make, diagnose and forget each case of a plan; keep answers and, apart from them, truths."""
+    cases = PLANS[plan](seed)[:first]
     began, known = time.monotonic(), accepts_baselines()
     todo = [c for c in cases if not (out / c.name / "run.json").exists()]
     print(f"{len(cases)} cases, {len(todo)} to answer", flush=True)

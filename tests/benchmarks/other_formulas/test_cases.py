@@ -1,10 +1,20 @@
 """Cases: reproducible, balanced, and each formula changes what it is about."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import yaml
 
-from benchmarks.other_formulas.cases import POPULATIONS, Case, nominal_shot, plan, stage, write
+from benchmarks.other_formulas.cases import (
+    POPULATIONS,
+    Case,
+    nominal_shot,
+    plan,
+    plan_of_habits,
+    stage,
+    write,
+)
 from benchmarks.other_formulas.formulas import BY_NAME, CATALOGUED, LAWS, OUTSIDE
 from benchmarks.other_formulas.formulas.laws import true_parameters
 from benchmarks.other_formulas.instrument import OPTIONAL
@@ -87,3 +97,50 @@ def test_a_law_states_its_true_parameters_and_reaches_its_strength(formula):
     assert made.reached == pytest.approx(24, rel=0.1)
     true = true_parameters(formula.name, made.sizes[0], made.case.seed)
     assert set(true) <= {p.name for p in CATALOGUE[formula.effect].parameters()}
+
+
+def test_a_habit_is_in_the_baselines_and_hides_nothing(tmp_path):
+    case = Case(
+        name="h", kind="habit", formulas=("quadratic scale",), wanted=0, part="terraces",
+        baselines=True, plate=False, seed=3,
+    )  # fmt: skip
+    truth = write(stage(case), tmp_path / "habit")
+    plain = replace(case, kind="one")
+    assert truth["effects"] == []
+    assert write(stage(plain), tmp_path / "one")["effects"] == ["range_scale"]
+    habit, one = (
+        [Recording.load(tmp_path / kind / f"{name}-0.h5").depth_mm for name in ("base", "rec")]
+        for kind in ("habit", "one")
+    )
+    assert np.array_equal(habit[1], one[1], equal_nan=True)
+    assert not np.array_equal(habit[0], one[0], equal_nan=True)
+
+
+def test_habits_are_planned_of_every_formula():
+    planned = plan_of_habits(7)
+    assert {f for c in planned for f in c.formulas} == {f.name for f in (*CATALOGUED, *OUTSIDE)}
+    assert all(c.kind == "habit" and c.baselines for c in planned)
+
+
+def test_grooves_and_ellipses_of_a_lay_lie_fixed_on_the_part():
+    """In each scan the noise is longest correlated along the same direction of the part."""
+    case = Case(
+        name="l", kind="one", formulas=("elliptic lay",), wanted=0, part="hills", baselines=False,
+        plate=True, seed=11,
+    )  # fmt: skip
+    staged = stage(case)
+    ways = []
+    for k, scan in enumerate(staged.scans):
+        shot = BY_NAME["elliptic lay"].apply(nominal_shot(staged, scan, k), 2.0, case.seed)
+        lags = shot.noise.autocorrelation
+        half = [n // 2 for n in lags.shape]
+        v, u = np.mgrid[-half[0] : half[0] + 1, -half[1] : half[1] + 1]
+        step_x = np.median(np.abs(np.diff(shot.view.x, axis=1)))
+        step_y = np.linalg.norm(np.median(np.diff(scan.poses[:, :3, 3], axis=0), axis=0))
+        spread = np.einsum("nm,inm,jnm->ij", lags, *2 * [np.stack([u * step_x, v * step_y])])
+        along = np.linalg.eigh(spread)[1][:, -1]
+        travel = scan.poses[-1, :3, 3] - scan.poses[0, :3, 3]
+        way = along[0] * scan.poses[0, :3, 0] + along[1] * travel / np.linalg.norm(travel)
+        ways.append(np.arctan2(way[1], way[0]))
+    off = [(w - ways[0] + np.pi / 2) % np.pi - np.pi / 2 for w in ways]
+    assert np.abs(off).max() < 0.15
