@@ -15,6 +15,12 @@ _AXES = np.linalg.qr(
 )[0]
 """The ray's direction is the last row: one that no drawing uses, so that rays miss edges."""
 
+CELLS_PER_FACE = 9
+"""Of a grid: small ones around few faces, since often many points are asked there."""
+
+MOST_CELLS = 4000
+"""Of a grid with several cells for a face."""
+
 
 @njit(cache=True)
 def _side(px: float, py: float, plane: Floats, a: int, b: int) -> bool:
@@ -31,12 +37,30 @@ def _side(px: float, py: float, plane: Floats, a: int, b: int) -> bool:
 
 
 @njit(cache=True)
+def _touches(
+    plane: Floats, a: int, b: int, c: int, x: float, y: float, half: float
+) -> bool:
+    """Return whether a triangle's projection may touch the square of half side around a place."""
+    one = (plane[b, 0] - plane[a, 0]) * (plane[c, 1] - plane[a, 1])
+    other = (plane[b, 1] - plane[a, 1]) * (plane[c, 0] - plane[a, 0])
+    turn = 1.0 if one >= other else -1.0
+    for _ in range(3):
+        ux, uy = plane[b, 0] - plane[a, 0], plane[b, 1] - plane[a, 1]
+        inwards = turn * (ux * (y - plane[a, 1]) - uy * (x - plane[a, 0]))
+        if inwards < -half * (abs(ux) + abs(uy)):
+            return False
+        a, b, c = b, c, a
+    return True
+
+
+@njit(cache=True)
 def face_bins(plane: Floats, faces: Ints, low: Floats, cell: float, nx: int, ny: int) -> tuple[
     Ints, Ints
 ]:
-    """List for each cell of a grid in the projection the faces whose boxes touch it."""
+    """List for each cell of a grid in the projection the faces that may touch it."""
     start, fill = np.zeros(nx * ny + 1, np.int32), np.zeros(nx * ny + 1, np.int32)
     members = np.empty(0, np.int32)
+    half = 0.5 * cell * (1.0 + 1e-6)  # a place may be rounded into the next cell
     for sweep in range(2):
         for f in range(len(faces)):
             x0, y0, x1, y1 = np.inf, np.inf, -np.inf, -np.inf
@@ -47,8 +71,14 @@ def face_bins(plane: Floats, faces: Ints, low: Floats, cell: float, nx: int, ny:
             i1 = min(nx - 1, max(0, int((x1 - low[0]) / cell)))
             j0 = min(ny - 1, max(0, int((y0 - low[1]) / cell)))
             j1 = min(ny - 1, max(0, int((y1 - low[1]) / cell)))
+            wide = i1 > i0 and j1 > j0
             for i in range(i0, i1 + 1):
                 for j in range(j0, j1 + 1):
+                    if wide and not _touches(
+                        plane, faces[f, 0], faces[f, 1], faces[f, 2],
+                        low[0] + (i + 0.5) * cell, low[1] + (j + 0.5) * cell, half,
+                    ):  # fmt: skip
+                        continue
                     if sweep == 0:
                         start[i * ny + j + 1] += 1
                     else:
@@ -83,6 +113,8 @@ def _contains(
         odd = False
         for m in range(start[at], start[at + 1]):
             a, b, c = faces[members[m], 0], faces[members[m], 1], faces[members[m], 2]
+            if plane[a, 2] < z and plane[b, 2] < z and plane[c, 2] < z:
+                continue
             first = _side(x, y, plane, a, b)
             if first != _side(x, y, plane, b, c) or first != _side(x, y, plane, c, a):
                 continue
@@ -170,7 +202,8 @@ class Inside:
         faces = np.array(faces, dtype=np.int32, order="C")
         low, high = plane.min(axis=0), plane.max(axis=0)
         span = high[:2] - low[:2]
-        cell = max(float(np.sqrt(span[0] * span[1] / max(1, len(faces)))), 1e-9)
+        cells = max(len(faces), min(CELLS_PER_FACE * len(faces), MOST_CELLS))
+        cell = max(float(np.sqrt(span[0] * span[1] / cells)), 1e-9)
         nx, ny = (int(n) for n in np.floor(span / cell) + 1)
         start, members = face_bins(plane, faces, low, cell, nx, ny)
         return cls(

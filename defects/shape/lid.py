@@ -128,15 +128,17 @@ def _seam(
     within = share <= CREST
     within[facets[outward]] = False
     flat = np.where(within, rise_mm, height_mm)
-    top = _Side.of(lid, height_mm, flat, within, seen_mm, margin_mm)
+    top = _Side.of(lid, height_mm, flat, within, fine, margin_mm)
     if sheet_mm is None:
         low_mm = np.minimum(flat, 0.0) - 2 * margin_mm
-        low = _Side.of(lid, low_mm, low_mm, nowhere, 0.4 * margin_mm, 0.0, unseen=~nowhere)
+        low = _Side.hidden(lid, low_mm, 0.4 * margin_mm)
     else:
         far_mm = _far_mm(height_mm, sheet_mm, share)
         out = (share <= 0) & (height_mm < -margin_mm)
         flat = np.where(out, -margin_mm - sheet_mm, far_mm)
-        low = _Side.of(lid, far_mm, flat, out, seen_mm, 0.25 * margin_mm)
+        far = lid.grid.needed(lid.at(far_mm), seen_mm)
+        assert far is not None
+        low = _Side.of(lid, far_mm, flat, out, far, 0.25 * margin_mm)
     # What goes: down to the wanted surface at the hollow's edge, and to a level further in.
     beyond = share > 0
     beyond[facets[inward]] = False
@@ -146,9 +148,8 @@ def _seam(
         deep = nowhere.copy()  # its far skin may run through it
     deep[facets[(height_mm[facets] > FLANK * bottom_mm).any(axis=1)]] = False
     floor = np.where(beyond, rise_mm - margin_mm, np.where(deep, DEEP * bottom_mm, height_mm))
-    bottom = _Side.of(lid, height_mm, floor, deep, seen_mm, 0.25 * margin_mm, unseen=beyond)
-    high = np.full(len(share), rise_mm)
-    roof = _Side.of(lid, high, high, nowhere, margin_mm, 0.0, unseen=~nowhere)
+    bottom = _Side.of(lid, height_mm, floor, deep, fine, 0.25 * margin_mm, unseen=beyond)
+    roof = _Side.hidden(lid, np.full(len(share), rise_mm), margin_mm)
     raised = _stand_in(lid, low, top, whole=share <= END)
     taken = _stand_in(lid, bottom, roof)
     return Seam(raised=raised, taken=taken) if raised.fits and taken.fits else None
@@ -183,19 +184,18 @@ class _Side:
         wanted_mm: Floats,
         instead_mm: Floats,
         moved: Bools,
-        wanted_loose_mm: float,
+        fine: Bools,
         instead_loose_mm: float,
         unseen: Bools | None = None,
     ) -> Self:
         """Thin a wanted surface (n,) that others stand in for where it is `moved` (n,).
 
-        Where neither `moved` nor `unseen`, the faces are those of the wanted surface, bit by bit.
+        `fine` states which places of the grid the wanted surface needs. Where neither `moved` nor
+        `unseen`, the faces are those of the wanted surface, bit by bit.
         """
         grid = lid.grid
         assert grid is not None
         wanted, instead = lid.at(wanted_mm), lid.at(instead_mm)
-        fine = grid.needed(wanted, wanted_loose_mm)
-        assert fine is not None
         needed, finer = fine, np.zeros((0, 3), np.int32)
         if moved.any():
             coarse = grid.needed(instead, instead_loose_mm, moved)
@@ -215,6 +215,19 @@ class _Side:
         return cls(
             places_mm=instead, faces=faces, seen=seen, standing=standing,
             finer=finer, finer_mm=wanted, moved=moved,
+        )  # fmt: skip
+
+    @classmethod
+    def hidden(cls, lid: Patch, height_mm: Floats, loose_mm: float) -> Self:
+        """Thin a surface (n,) that no result may show."""
+        grid = lid.grid
+        assert grid is not None
+        places = lid.at(height_mm)
+        faces = grid.thinned(places, loose_mm)
+        none, nowhere = np.zeros(len(faces), np.bool_), np.zeros(len(places), np.bool_)
+        return cls(
+            places_mm=places, faces=faces, seen=none, standing=none,
+            finer=np.zeros((0, 3), np.int32), finer_mm=places, moved=nowhere,
         )  # fmt: skip
 
 

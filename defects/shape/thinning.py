@@ -261,35 +261,56 @@ def _own_error(
     return float(max(own, tolerance_mm / SKEW * share))
 
 
-def _triangles(
-    needed: Bools, others: Bools, block: int
-) -> tuple[NDArray[np.int64], Bools]:
+@njit(cache=True)
+def _triangles(needed: Bools, others: Bools, block: int) -> tuple[Ints, Bools]:
     """Return the triangles (k, 3) of the points needed, by their places in the flattened grid.
 
     And which of them the triangles of other points don't have.
     """
     n, m = needed.shape
-    i, j = (index.ravel() for index in np.mgrid[0 : n - 1 : block, 0 : m - 1 : block])
-    low, right = i * m + j, i * m + j + block
-    up, far = low + block * m, right + block * m
-    odd = ((i + j) // block % 2).astype(np.bool_)
-    # Both halves of a square: the ends of the longest side, then the right angle.
-    start, end = np.where(odd, up, low), np.where(odd, right, far)
-    a, b = np.concatenate([start, end]), np.concatenate([end, start])
-    c = np.concatenate([np.where(odd, low, right), np.where(odd, far, up)])
-    own = np.zeros(len(a), np.bool_)
-    flat, other, done, apart = needed.ravel(), others.ravel(), [], []
-    for _ in range(2 * (block.bit_length() - 1)):
-        middle = (a + b) // 2
-        split, theirs = flat[middle], other[middle]
-        done.append(np.stack([a, b, c], axis=1)[~split])
-        apart.append((own | theirs)[~split])
-        a, b, c, middle, own = a[split], b[split], c[split], middle[split], (own | ~theirs)[split]
-        a, b, c = np.concatenate([c, b]), np.concatenate([a, c]), np.concatenate([middle, middle])
-        own = np.concatenate([own, own])
-    return (
-        np.concatenate([*done, np.stack([a, b, c], axis=1)]), np.concatenate([*apart, own])
-    )  # fmt: skip
+    squares = ((n - 1) // block) * ((m - 1) // block)
+    most = 2 * squares + 2 * int(needed.sum())  # a point halves two triangles at most
+    found, own = np.empty((most, 3), np.int32), np.empty(most, np.bool_)
+    now, differs = np.empty((most, 3), np.int32), np.zeros(most, np.bool_)
+    after, differs_after = np.empty((most, 3), np.int32), np.zeros(most, np.bool_)
+    at = 0
+    for i in range(0, n - 1, block):
+        for j in range(0, m - 1, block):
+            # Both halves of a square: the ends of the longest side, then the right angle.
+            odd = (i + j) // block % 2
+            now[at, 0], now[at, 1] = (i + block * odd) * m + j, (i + block - block * odd) * m + j
+            now[at, 1] += block
+            now[at, 2] = i * m + j + block * (1 - odd)
+            now[at + squares, 0], now[at + squares, 1] = now[at, 1], now[at, 0]
+            now[at + squares, 2] = (i + block) * m + j + block * odd
+            at += 1
+    flat, theirs = needed.ravel(), others.ravel()
+    made, count, halvings = 0, 2 * squares, 0
+    while 2**halvings < block * block:  # each halves the triangles' area
+        halvings += 1
+    for level in range(halvings + 1):
+        split = 0
+        for k in range(count):
+            if level < halvings and flat[(now[k, 0] + now[k, 1]) // 2]:
+                split += 1
+        at = 0
+        for k in range(count):
+            a, b, c = now[k, 0], now[k, 1], now[k, 2]
+            middle = (a + b) // 2
+            if level < halvings and flat[middle]:
+                after[at, 0], after[at, 1], after[at, 2] = c, a, middle
+                other = at + split
+                after[other, 0], after[other, 1], after[other, 2] = b, c, middle
+                differs_after[at] = differs_after[other] = differs[k] or not theirs[middle]
+                at += 1
+            else:
+                found[made, 0], found[made, 1], found[made, 2] = a, b, c
+                own[made] = differs[k] or (level < halvings and theirs[middle])
+                made += 1
+        now, after = after, now
+        differs, differs_after = differs_after, differs
+        count = 2 * split
+    return found[:made].copy(), own[:made].copy()
 
 
 def _quads(here: Ints, there: Ints) -> Ints:

@@ -40,9 +40,13 @@ class Site:
 
     def direction(self, angle_rad: float = 0.0) -> Floats:
         """Return the unit tangent (3,) at `angle_rad` from the heading, about the normal."""
+        return np.asarray(self.directions(np.array([angle_rad]))[0])
+
+    def directions(self, angles_rad: Floats) -> Floats:
+        """Return the unit tangents (k, 3) at angles (k,) from the heading, about the normal."""
         first, second = tangent_axes(self.normal)
-        angle = self.heading_rad + angle_rad
-        return np.asarray(np.cos(angle) * first + np.sin(angle) * second)
+        angles = (self.heading_rad + angles_rad)[:, None]
+        return np.asarray(np.cos(angles) * first + np.sin(angles) * second)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -289,9 +293,8 @@ class Surface:
         """
         angles = np.arange(16) * (2 * np.pi / 16)
         start = np.repeat(site.position_mm[None], 16, axis=0)
-        directions = np.stack([site.direction(angle) for angle in angles])
         step = radius_mm / 12 / np.hypot(np.cos(angles), np.sin(angles) / aspect)[:, None]
-        walk = self.walk(start, directions, np.repeat(step, 12, axis=1))
+        walk = self.walk(start, site.directions(angles), np.repeat(step, 12, axis=1))
         if whole and not walk.complete.all():
             raise SiteError("the flaw would cross an edge of the part")
         turn = np.linalg.norm(np.diff(walk.normals, axis=1), axis=2)

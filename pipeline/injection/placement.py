@@ -102,17 +102,16 @@ class Search:
             sites = [site for site, good in zip(sites, seen, strict=True) if good]
         if not sites:
             raise Misplaced("no visible place found")
-        site, apart_mm = sites[0], self.plan.min_distance_mm
+        site = sites[0]
         for other in placed:
-            near = max(apart_mm, other.footprint.spacing_mm)
-            if other.footprint.tree.query(site.position_mm)[0] < near:
+            if other.footprint.is_near_point(site.position_mm):
                 raise Misplaced("too near to another flaw")
         cutter = flaw.cutter(
             self.surface, site, shape_rng(seed, attempt), self.plan.facet_um * 1e-3
         )
         _check_free(self.surface, self.plan, cutter, self.forbidden)
-        footprint = Footprint.of(cutter, apart_mm)
-        if any(footprint.is_near(other.footprint, apart_mm) for other in placed):
+        footprint = Footprint(cutter, self.plan.min_distance_mm)
+        if any(footprint.is_near(other.footprint) for other in placed):
             raise Misplaced("too near to another flaw")
         return Placed(
             plan=kind_plan,
