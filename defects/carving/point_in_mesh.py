@@ -7,6 +7,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from defects.carving.bounding_box import bounding_box
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
@@ -71,7 +73,7 @@ def face_bins(plane: Floats, faces: Ints, low: Floats, cell: float, nx: int, ny:
             i1 = min(nx - 1, max(0, int((x1 - low[0]) / cell)))
             j0 = min(ny - 1, max(0, int((y0 - low[1]) / cell)))
             j1 = min(ny - 1, max(0, int((y1 - low[1]) / cell)))
-            wide = i1 > i0 and j1 > j0
+            wide = i1 > i0 + 1 and j1 > j0 + 1
             for i in range(i0, i1 + 1):
                 for j in range(j0, j1 + 1):
                     if wide and not _touches(
@@ -200,7 +202,7 @@ class Inside:
         """Sort the faces of a closed mesh into a grid normal to the ray."""
         plane = np.ascontiguousarray(np.asarray(vertices_mm, np.float64) @ _AXES.T)
         faces = np.array(faces, dtype=np.int32, order="C")
-        low, high = plane.min(axis=0), plane.max(axis=0)
+        low, high = bounding_box(plane)
         span = high[:2] - low[:2]
         cells = max(len(faces), min(CELLS_PER_FACE * len(faces), MOST_CELLS))
         cell = max(float(np.sqrt(span[0] * span[1] / cells)), 1e-9)

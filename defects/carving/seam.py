@@ -12,9 +12,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from defects.carving.bounding_box import bounding_box, row_boxes
 from defects.carving.point_in_mesh import Inside, face_bins
 from defects.carving.solid import BooleanError, Solid
-from defects.carving.stitch import Carved, is_closed
+from defects.carving.stitch import Carved, is_closed, same_corners
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -113,9 +114,7 @@ class StandIn:
         standing = self.check(source)
         rows, before = rows[standing], self.solid.faces[source[standing]]
         now = carved.faces[rows]
-        same = (
-            carved.vertices_mm[now][:, :, None] == self.solid.vertices_mm[before][:, None]
-        ).all(axis=3)
+        same = same_corners(carved.vertices_mm[now], self.solid.vertices_mm[before])
         number = np.full(len(self.solid.vertices_mm) + len(self.further_mm), -1, np.int64)
         face, corner, old = np.nonzero(same)
         number[before[face, old]] = now[face, corner]
@@ -142,17 +141,19 @@ class StandIn:
 
     def _meets(self, skin_mm: Floats) -> bool:
         """Return whether triangles (n, 3, 3) meet the finer faces or lie behind them."""
-        corners = self.vertices_mm[self.faces]
-        axes = _frame(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
         between = self.between
+        a, b, c = (between.vertices_mm[self.faces[:, k]] for k in range(3))
+        axes = _frame(np.cross(b - a, c - a))
         turned = between.vertices_mm @ axes.T
-        used = turned[np.concatenate([self.faces.ravel(), between.faces.ravel()])]
+        used = np.zeros(len(turned), np.bool_)
+        used[between.faces] = True  # the finer faces are among these
+        low, high = bounding_box(turned[used])
         skin = (skin_mm.reshape(-1, 3) @ axes.T).reshape(-1, 3, 3)
-        low, high = used.min(axis=0), used.max(axis=0)
-        near = ((skin.max(axis=1) >= low) & (skin.min(axis=1) <= high)).all(axis=1)
+        least, most = row_boxes(skin)
+        near = np.logical_and.reduce(((most >= low) & (least <= high)).T)
         if not near.any():
             return False
-        cell = max(float(np.sqrt(FACES_PER_CELL * np.prod((high - low)[:2]) / len(corners))), 1e-9)
+        cell = max(float(np.sqrt(FACES_PER_CELL * np.prod((high - low)[:2]) / len(a))), 1e-9)
         nx, ny = (int(n) for n in np.floor((high - low)[:2] / cell) + 1)
         faces = self.faces.astype(np.int32)
         start, members = face_bins(turned, faces, low, cell, nx, ny)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from defects.carving.bounding_box import bounding_box
 from defects.carving.closed_patch import ClosedPatch
 from defects.carving.stitch import Carved, is_closed
 
@@ -83,8 +84,7 @@ class Cutter:
     @property
     def box_mm(self) -> Floats:
         """Return the least and the greatest corner (2, 3) of all the solids."""
-        points = np.concatenate([solid.vertices_mm for solid in self.solids])
-        return np.stack([points.min(axis=0), points.max(axis=0)])
+        return bounding_box(np.concatenate([solid.vertices_mm for solid in self.solids]))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

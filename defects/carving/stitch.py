@@ -57,6 +57,18 @@ def is_closed(faces: Faces) -> bool:
     return int(mix[forth].sum(dtype=np.uint64)) == int(mix[~forth].sum(dtype=np.uint64))
 
 
+def same_corners(one_mm: Floats, other_mm: Floats) -> NDArray[np.bool_]:
+    """Return which corners of triangles (n, 3, 3) are which of others' (n, 3, 3), bit by bit.
+
+    Returns
+    -------
+    same
+        (n, 3, 3): of the first triangles, of the others.
+    """
+    x, y, z = (one_mm[:, :, None, k] == other_mm[:, None, :, k] for k in range(3))
+    return np.asarray(x & y & z)
+
+
 class Stitches:
     """A solid whose patches are replaced one by one; patches share no face.
 
@@ -93,9 +105,7 @@ class Stitches:
         skin = source >= 0
         number = np.full(len(carved.vertices_mm), -1, np.int64)
         before = closed.faces[source[skin]]
-        same = (
-            carved.vertices_mm[faces[skin]][:, :, None] == closed.vertices_mm[before][:, None]
-        ).all(axis=3)
+        same = same_corners(carved.vertices_mm[faces[skin]], closed.vertices_mm[before])
         face, corner, old = np.nonzero(same)
         number[faces[skin][face, corner]] = closed.corners[before[face, old]]
         new = np.zeros(len(number), np.bool_)

@@ -120,8 +120,8 @@ def _seam(
     if lid.grid is None or fine is None:
         return None
     facets, nowhere = lid.grid.triangles(fine), np.zeros(len(share), np.bool_)
-    inward = (share[facets] <= 0).any(axis=1)
-    outward = (share[facets] > END).any(axis=1)
+    inward = _at_corners(share <= 0, facets)
+    outward = _at_corners(share > END, facets)
     if (inward & outward).any():
         return None
     # The button: the wanted surface outside the crest, a flat top in the air within.
@@ -146,7 +146,7 @@ def _seam(
     deep = (share <= 0) & (height_mm < DEEP * bottom_mm)
     if sheet_mm is not None:
         deep = nowhere.copy()  # its far skin may run through it
-    deep[facets[(height_mm[facets] > FLANK * bottom_mm).any(axis=1)]] = False
+    deep[facets[_at_corners(height_mm > FLANK * bottom_mm, facets)]] = False
     floor = np.where(beyond, rise_mm - margin_mm, np.where(deep, DEEP * bottom_mm, height_mm))
     bottom = _Side.of(lid, height_mm, floor, deep, fine, 0.25 * margin_mm, unseen=beyond)
     roof = _Side.hidden(lid, np.full(len(share), rise_mm), margin_mm)
@@ -202,16 +202,16 @@ class _Side:
             assert coarse is not None
             needed = grid.reached(fine, ~moved) | (fine & coarse)
             finer, own = grid.apart(fine, needed)
-            finer = finer[own | moved[finer].any(axis=1)]
+            finer = finer[own | _at_corners(moved, finer)]
         fewer = needed
         if unseen is not None and not unseen.all():
             coarse = grid.needed(instead, instead_loose_mm, unseen)
             assert coarse is not None
             fewer = grid.reached(needed, ~unseen) | (needed & coarse)
         faces, own = grid.apart(fewer, fine)
-        standing = (own | moved[faces].any(axis=1)) & ~grid.apart(fewer, needed)[1]
+        standing = (own | _at_corners(moved, faces)) & ~grid.apart(fewer, needed)[1]
         hidden = np.zeros(len(lid.skin_mm), np.bool_) if unseen is None else unseen
-        seen = ~np.any(hidden[faces], axis=1)
+        seen = ~_at_corners(hidden, faces)
         return cls(
             places_mm=instead, faces=faces, seen=seen, standing=standing,
             finer=finer, finer_mm=wanted, moved=moved,
@@ -231,6 +231,12 @@ class _Side:
         )  # fmt: skip
 
 
+def _at_corners(there: Bools, faces: Ints) -> Bools:
+    """Return which faces (k, 3) have a corner among the points that are `there` (n,)."""
+    a, b, c = (there[faces[:, k]] for k in range(3))
+    return np.asarray(a | b | c)
+
+
 def _stand_in(lid: Patch, low: _Side, high: _Side, whole: Bools | None = None) -> StandIn:
     """Join two sides to a solid, with the finer faces of both in its numbers.
 
@@ -239,7 +245,7 @@ def _stand_in(lid: Patch, low: _Side, high: _Side, whole: Bools | None = None) -
     solid, number = lid.closed((low.places_mm, low.faces), (high.places_mm, high.faces))
     walls = np.zeros(len(solid.faces) - len(low.faces) - len(high.faces), np.bool_)
     faces, further, count = [], [], len(solid.vertices_mm)
-    top = np.zeros(len(high.faces), np.bool_) if whole is None else whole[high.faces].all(axis=1)
+    top = np.zeros(len(high.faces), np.bool_) if whole is None else ~_at_corners(~whole, high.faces)
     for side, own in ((low, number[0]), (high, number[1])):
         put = np.zeros(len(own), np.bool_)
         put[side.finer] = True
