@@ -74,7 +74,8 @@ def _measured(
     vertices_mm: Floats, faces: NDArray[np.integer], about_mm: Floats
 ) -> tuple[Floats, Floats]:
     """Return the areas of faces, and the volumes between them and a point."""
-    a, b, c = (vertices_mm[faces[:, i]] - about_mm for i in range(3))
+    about = vertices_mm - about_mm
+    a, b, c = (about.take(faces[:, i], axis=0) for i in range(3))
     cross = np.cross(b - a, c - a)
     return np.linalg.norm(cross, axis=1) / 2, np.einsum("ij,ij->i", a, cross) / 6
 

@@ -39,20 +39,30 @@ def _side(px: float, py: float, plane: Floats, a: int, b: int) -> bool:
 
 
 @njit(cache=True)
-def _touches(
-    plane: Floats, a: int, b: int, c: int, x: float, y: float, half: float
-) -> bool:
-    """Return whether a triangle's projection may touch the square of half side around a place."""
+def _write_sides(plane: Floats, face: Ints, low: Floats, half: float, side: Floats) -> None:
+    """Write the factors of x, y and 1, and the least sum (3, 4), of each side of a triangle.
+
+    For `_touches`, with x and y counted from `low`.
+    """
+    a, b, c = face[0], face[1], face[2]
     one = (plane[b, 0] - plane[a, 0]) * (plane[c, 1] - plane[a, 1])
     other = (plane[b, 1] - plane[a, 1]) * (plane[c, 0] - plane[a, 0])
     turn = 1.0 if one >= other else -1.0
-    for _ in range(3):
-        ux, uy = plane[b, 0] - plane[a, 0], plane[b, 1] - plane[a, 1]
-        inwards = turn * (ux * (y - plane[a, 1]) - uy * (x - plane[a, 0]))
-        if inwards < -half * (abs(ux) + abs(uy)):
-            return False
+    for k in range(3):
+        ux, uy = turn * (plane[b, 0] - plane[a, 0]), turn * (plane[b, 1] - plane[a, 1])
+        side[k, 0], side[k, 1] = -uy, ux
+        side[k, 2] = uy * (plane[a, 0] - low[0]) - ux * (plane[a, 1] - low[1])
+        side[k, 3] = -half * (abs(ux) + abs(uy))
         a, b, c = b, c, a
-    return True
+
+
+@njit(cache=True)
+def _touches(side: Floats, x: float, y: float) -> bool:
+    """Return whether a triangle's projection may touch a grid's cell around a place."""
+    touches = True
+    for k in range(3):
+        touches &= side[k, 0] * x + side[k, 1] * y + side[k, 2] >= side[k, 3]
+    return touches
 
 
 @njit(cache=True)
@@ -61,7 +71,7 @@ def face_bins(plane: Floats, faces: Ints, low: Floats, cell: float, nx: int, ny:
 ]:
     """List for each cell of a grid in the projection the faces that may touch it."""
     start, fill = np.zeros(nx * ny + 1, np.int32), np.zeros(nx * ny + 1, np.int32)
-    members = np.empty(0, np.int32)
+    members, side = np.empty(0, np.int32), np.empty((3, 4))
     half = 0.5 * cell * (1.0 + 1e-6)  # a place may be rounded into the next cell
     for sweep in range(2):
         for f in range(len(faces)):
@@ -74,12 +84,11 @@ def face_bins(plane: Floats, faces: Ints, low: Floats, cell: float, nx: int, ny:
             j0 = min(ny - 1, max(0, int((y0 - low[1]) / cell)))
             j1 = min(ny - 1, max(0, int((y1 - low[1]) / cell)))
             wide = i1 > i0 + 1 and j1 > j0 + 1
+            if wide:
+                _write_sides(plane, faces[f], low, half, side)
             for i in range(i0, i1 + 1):
                 for j in range(j0, j1 + 1):
-                    if wide and not _touches(
-                        plane, faces[f, 0], faces[f, 1], faces[f, 2],
-                        low[0] + (i + 0.5) * cell, low[1] + (j + 0.5) * cell, half,
-                    ):  # fmt: skip
+                    if wide and not _touches(side, (i + 0.5) * cell, (j + 0.5) * cell):
                         continue
                     if sweep == 0:
                         start[i * ny + j + 1] += 1

@@ -142,7 +142,7 @@ class StandIn:
     def _meets(self, skin_mm: Floats) -> bool:
         """Return whether triangles (n, 3, 3) meet the finer faces or lie behind them."""
         between = self.between
-        a, b, c = (between.vertices_mm[self.faces[:, k]] for k in range(3))
+        a, b, c = (between.vertices_mm.take(self.faces[:, k], axis=0) for k in range(3))
         axes = _frame(np.cross(b - a, c - a))
         turned = between.vertices_mm @ axes.T
         used = np.zeros(len(turned), np.bool_)

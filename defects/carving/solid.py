@@ -42,7 +42,8 @@ class Solid:
     @property
     def volume_mm3(self) -> float:
         """Return the signed volume, by the divergence theorem about the first vertex."""
-        a, b, c = (self.vertices_mm[self.faces[:, i]] - self.vertices_mm[0] for i in range(3))
+        about = self.vertices_mm - self.vertices_mm[0]
+        a, b, c = (about.take(self.faces[:, i], axis=0) for i in range(3))
         return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
     @property

@@ -284,9 +284,9 @@ class Patch:
         )
 
     def _check(self) -> None:
-        a, b, c = (self.skin_mm[self.faces[:, i]] for i in range(3))
+        a, b, c = (self.skin_mm.take(self.faces[:, i], axis=0) for i in range(3))
         cross = np.cross(b - a, c - a)
-        one, other, third = (self.normals[self.faces[:, i]] for i in range(3))
+        one, other, third = (self.normals.take(self.faces[:, i], axis=0) for i in range(3))
         mean = one + other + third
         size = np.linalg.norm(cross, axis=1) * np.linalg.norm(mean, axis=1)
         if not (np.einsum("ij,ij->i", cross, mean) > 0.2 * size).all():

@@ -99,7 +99,8 @@ class Grid:
             return None
         held = np.ones(node.shape, np.bool_) if where is None else where[node]
         error = np.zeros(node.shape)
-        _own_errors(places_mm[node], block, tolerance_mm, self.hub is not None, held, error)
+        places = places_mm.take(node, axis=0)
+        _own_errors(places, block, tolerance_mm, self.hub is not None, held, error)
         _hand_up(error, block, self.hub is not None)
         found: Bools = error > tolerance_mm
         return found
@@ -126,7 +127,7 @@ class Grid:
         """
         node = self._closed
         found, own = _triangles(needed, others, self._block)
-        faces: Ints = node.ravel()[found]
+        faces: Ints = node.ravel().take(found)
         if self.hub is None:
             return faces, own
         kept = np.zeros(int(node.max()) + 1, np.bool_)
