@@ -291,7 +291,7 @@ class Surface:
         SiteError
             When it must be and isn't.
         """
-        angles = np.arange(16) * (2 * np.pi / 16)
+        angles: Floats = np.arange(16.0) * (2 * np.pi / 16)
         start = np.repeat(site.position_mm[None], 16, axis=0)
         step = radius_mm / 12 / np.hypot(np.cos(angles), np.sin(angles) / aspect)[:, None]
         walk = self.walk(start, site.directions(angles), np.repeat(step, 12, axis=1))
