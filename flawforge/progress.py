@@ -39,6 +39,7 @@ class Progress(logging.Handler):
             if sys.stderr.isatty():
                 from tqdm import tqdm
 
+                tqdm.monitor_interval = 0  # its thread would keep processes from being forked
                 self._bar = tqdm(total=self._total, unit="scan", smoothing=0.1)
         elif name in ("shard", "scan"):
             self._count(facts["scans"])

@@ -1,20 +1,23 @@
 """Where shards are made: processes here, or the workers of a Dask scheduler.
 
-Only this module uses joblib. The module imports late, so that processes start while the rest is
-loaded.
+Only this module uses joblib. Processes beside this one are forked from it where that is safe;
+elsewhere joblib's loky starts them anew, and this module imports late, so that they start while the
+rest is loaded.
 """
 
 import importlib
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Future
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from queue import SimpleQueue
 from threading import Lock
-from typing import Any, Final
+from typing import Any, Final, Protocol
+
+from pipeline.batch.forked import forkable, forked
 
 QUEUED: Final = 1024  # shards that wait at a Dask scheduler
 IDLE_S: Final = 300.0  # after which a process that has nothing to do ends
@@ -32,6 +35,13 @@ def one_thread_each() -> None:
         os.environ.setdefault(name, threads)
 
 
+class Pool(Protocol):
+    """Processes that run a task on arguments given by their number."""
+
+    def submit(self, number: int) -> "Future[Any]":
+        """Run the task on these arguments; a broken pool raises RuntimeError."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Backend:
     """Where shards are made: `jobs` processes here, or the workers of a Dask scheduler.
@@ -44,7 +54,7 @@ class Backend:
 
     @contextmanager
     def started(self) -> Iterator["Backend"]:
-        """Start the other processes, which load modules while the recipe is read.
+        """Start processes that can't be forked: they load modules while the recipe is read.
 
         They end with the context: all their results are written.
         """
@@ -52,22 +62,29 @@ class Backend:
             yield self
             return
         one_thread_each()
-        others = self._others()
+        if forkable():
+            yield self
+            return
+        others = self._fresh()
         others.submit(os.getpid)
         try:
             yield self
         finally:
             others.shutdown(kill_workers=True)
 
-    def results(self, task: Task, each: Iterable[Arguments]) -> Iterator[Any]:
+    def forks(self, tasks: int) -> bool:
+        """Whether so many tasks would be run by forks of this process, which share its memory."""
+        return min(self.jobs, tasks) > 1 and not self.scheduler and forkable()
+
+    def results(self, task: Task, each: Sequence[Arguments]) -> Iterator[Any]:
         """Run a task on each argument; yield results in the order of completion."""
         if self.scheduler:
             return self._by_dask(task, each)
-        if self.jobs > 1:
+        if min(self.jobs, len(each)) > 1:
             return self._together(task, each)
         return (_worked(task, one) for one in each)
 
-    def _by_dask(self, task: Task, each: Iterable[Arguments]) -> Iterator[Any]:
+    def _by_dask(self, task: Task, each: Sequence[Arguments]) -> Iterator[Any]:
         import joblib
 
         parallel = joblib.Parallel(
@@ -80,54 +97,66 @@ class Backend:
         results: Iterator[Any] = parallel(joblib.delayed(_worked)(task, one) for one in each)
         return results
 
-    def _together(self, task: Task, each: Iterable[Arguments]) -> Iterator[Any]:
+    def _together(self, task: Task, each: Sequence[Arguments]) -> Iterator[Any]:
         """Work here and in the other processes; whoever is free takes the next arguments."""
-        others, left, turn = self._others(), iter(each), Lock()
+        left, turn = iter(range(len(each))), Lock()
         done: SimpleQueue[Future[Any]] = SimpleQueue()
         sent = got = 0
 
-        def take() -> Arguments | None:
+        def take() -> int | None:
             with turn:
                 return next(left, None)
 
-        def send() -> None:
+        def send(others: Pool) -> None:
             nonlocal sent
             with turn:
-                one = next(left, None)
-                if one is None:
+                number = next(left, None)
+                if number is None:
                     return
                 sent += 1
             try:
-                others.submit(_worked, task, one).add_done_callback(receive)
+                future = others.submit(number)
             except RuntimeError as error:  # broken, or shut down meanwhile
-                lost: Future[Any] = Future()
-                lost.set_exception(error)
-                done.put(lost)
+                future = Future()
+                future.set_exception(error)
+                done.put(future)
+            else:
+                future.add_done_callback(lambda future: receive(others, future))
 
-        def receive(future: Future[Any]) -> None:
+        def receive(others: Pool, future: Future[Any]) -> None:
             if not future.cancelled() and future.exception() is None:
-                send()
+                send(others)
             done.put(future)
 
-        whole = False
-        try:
+        with self._others(min(self.jobs, len(each)) - 1, task, each) as others:
             for _ in range(self.jobs - 1):
-                send()
-            while (one := take()) is not None:
-                yield _worked(task, one)
+                send(others)
+            while (number := take()) is not None:
+                yield _worked(task, each[number])
                 while not done.empty():
                     got += 1
                     yield done.get().result()
             while got < sent:
                 got += 1
                 yield done.get().result()
+
+    @contextmanager
+    def _others(self, count: int, task: Task, each: Sequence[Arguments]) -> Iterator[Pool]:
+        """Provide the processes beside this one; where the context fails, they are killed."""
+        if forkable():
+            with forked(count, _worked, [(task, one) for one in each]) as pool:
+                yield pool
+            return
+        others, whole = self._fresh(), False
+        try:
+            yield _Fresh(others, task, each)
             whole = True
         finally:
             if not whole:
                 others.shutdown(kill_workers=True)
 
-    def _others(self) -> Any:
-        """Return the processes beside this one, the same every time."""
+    def _fresh(self) -> Any:
+        """Return loky's processes beside this one, the same every time."""
         from joblib.externals.loky import get_reusable_executor
 
         return get_reusable_executor(
@@ -169,6 +198,18 @@ class Backend:
             ) from None
 
 
+class _Fresh:
+    """Loky's processes as a pool: task and arguments are sent."""
+
+    def __init__(self, executor: Any, task: Task, each: Sequence[Arguments]) -> None:
+        self._executor, self._task, self._each = executor, task, each
+
+    def submit(self, number: int) -> "Future[Any]":
+        """Run the task on the arguments of this number."""
+        future: Future[Any] = self._executor.submit(_worked, self._task, self._each[number])
+        return future
+
+
 def _begin() -> None:
     """Make a process ready: load what scans need, and let it keep as much memory as it needs.
 
@@ -190,19 +231,23 @@ def _worked(task: Task, arguments: Arguments) -> Any:
 
 @cache
 def one_thread() -> None:
-    """Hold the booleans of this process to one thread: a job is a core.
+    """Hold booleans and trees of this process to one thread: a job is a core, and can be forked.
 
-    manifold3d starts as many threads as the process may use cores at its first boolean, and has
-    no switch for it; so that one is done on a single core.
+    manifold3d and Embree start as many threads as the process may use cores, at their first
+    boolean and tree, and have no switch for it; so these are made on a single core.
     """
     if not hasattr(os, "sched_setaffinity"):
         return
+    import numpy as np
     from manifold3d import Manifold
+
+    from sensors.casting.scene import Scene
 
     cores = os.sched_getaffinity(0)
     os.sched_setaffinity(0, {min(cores)})
     try:
         ball = Manifold.sphere(1.0, 32)
         (ball - ball.translate((0.5, 0.5, 0.5))).status()
+        _ = Scene(np.eye(3), np.array([[0, 1, 2]])).tree
     finally:
         os.sched_setaffinity(0, cores)

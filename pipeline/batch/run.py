@@ -16,7 +16,7 @@ from files.budget import regular
 from files.errors import RecipeError
 from pipeline.batch.backend import Backend
 from pipeline.batch.plan import Plan, PlannedPart, make_plan
-from pipeline.batch.work import Workplace, is_whole, make_shard, read_journal
+from pipeline.batch.work import Workplace, is_whole, load_shared, make_shard, read_journal
 from pipeline.dataset.checksums import NAME as CHECKSUMS
 from pipeline.dataset.checksums import write_checksums
 from pipeline.dataset.compression import reader_needs
@@ -201,7 +201,7 @@ def prepare(
     folder.mkdir()
     results: dict[str, tuple[str | None, dict[str, Any]]] = {}
     for name, stored, facts in backend.results(
-        _prepare_one, ((recipe, want, folder) for want in wanted)
+        _prepare_one, [(recipe, want, folder) for want in wanted]
     ):
         results[name] = stored, facts
         _log("part", facts)
@@ -256,5 +256,7 @@ def _make_shards(
         for shard in todo
     }
     todo.sort(key=lambda shard: cost[shard.name], reverse=True)
-    for name, scans in backend.results(make_shard, ((place, shard) for shard in todo)):
+    if backend.forks(len(todo)):
+        load_shared(place, todo)
+    for name, scans in backend.results(make_shard, [(place, shard) for shard in todo]):
         _log("shard", {"shard": name, "scans": scans, "kept": False})

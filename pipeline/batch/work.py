@@ -3,18 +3,20 @@
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from files.plain_data import plain
 from files.whole_file import write_whole
+from pipeline.batch.backend import one_thread
 from pipeline.batch.plan import PlannedPart, PlannedScans, PlannedShard
 from pipeline.dataset.object_store import HIDDEN, ObjectStore
 from pipeline.dataset.shards import ShardWriter, file_sha256
 from pipeline.injection.flawed_part import Flaw
-from pipeline.injection.specimen import Specimen, make_specimen
+from pipeline.injection.specimen import Specimen, make_specimen, skin_of, stored_part
 from pipeline.motion.trajectory import Trajectory
 from pipeline.parts.part_error import PartError
 from pipeline.recipe import Recipe
@@ -108,7 +110,7 @@ def make_shard(place: Workplace, shard: PlannedShard) -> tuple[str, int]:
     ) as writer:
         for work in shard.work:
             try:
-                specimen = _specimen(place, work.part.name, work.specimen, work)
+                specimen = _specimen(place, work)
             except PartError as error:
                 failed.append(
                     {"part": work.part.name, "specimen": work.specimen_id, "why": str(error)}
@@ -157,17 +159,36 @@ def make_shard(place: Workplace, shard: PlannedShard) -> tuple[str, int]:
     return shard.name, len(scans)
 
 
+def load_shared(place: Workplace, shards: Sequence[PlannedShard]) -> None:
+    """Load and build what the processes that will be forked need, so that none does it again.
+
+    These are the parts with trees and skins, as many as a process keeps, and, where the first
+    shards are of one specimen, that specimen and the loops of its scans.
+    """
+    one_thread()
+    parts = {work.part.stored: None for shard in shards for work in shard.work}
+    for stored in list(parts)[: stored_part.cache_parameters()["maxsize"]]:
+        _, scene = stored_part(place.hidden / stored)
+        _ = scene.tree
+        skin_of(place.hidden / stored)
+    first = shards[0].work[0]
+    if not first.whole:
+        with suppress(PartError):  # which its shards report
+            specimen = _specimen(place, first)
+            simulate(place.recipe, first.part, specimen, (first.specimen, first.first))
+
+
 # A specimen with more scans than a shard holds comes back for the next shard: keep the last one.
 _SPECIMENS: dict[tuple[str, str, int], Specimen] = {}
 
 
-def _specimen(place: Workplace, part: str, number: int, work: PlannedScans) -> Specimen:
-    key = (str(place.out), part, number)
+def _specimen(place: Workplace, work: PlannedScans) -> Specimen:
+    key = (str(place.out), work.part.name, work.specimen)
     specimen = _SPECIMENS.get(key)
     if specimen is None:
         _SPECIMENS.clear()
         specimen = make_specimen(
-            place.recipe, work.part, number, place.hidden, shared=not work.whole
+            place.recipe, work.part, work.specimen, place.hidden, shared=not work.whole
         )
         _SPECIMENS[key] = specimen
     return specimen

@@ -5,6 +5,7 @@ import json
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from multiprocessing.util import register_after_fork
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,7 @@ def held(out: Path, fingerprint: str) -> Iterator[Path]:
         lock = (hidden / "lock").open("w")
     except OSError as error:
         raise RecipeError(f"can't be written ({error.strerror})", where=out) from None
+    register_after_fork(lock, type(lock).close)  # a fork of this process would hold the lock, too
     with lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -106,6 +106,8 @@ class Tree:
         self._scene = EmbreeScene(robust=True)
         corners = _grown(vertices_mm, faces, self._centre, self._margin_mm)
         TriangleMesh(self._scene, corners)
+        ray = np.zeros((1, 3), dtype=np.float32)
+        self._scene.run(ray, ray + 1, output=1)  # Embree builds at the first ray: forks share it
         self.skin = Skin(
             vertices_mm, faces, normals, *_triangles_at_vertices(faces, len(vertices_mm))
         )

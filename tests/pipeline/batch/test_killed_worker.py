@@ -18,12 +18,13 @@ HOME = Path(__file__).resolve().parents[3]
 
 
 def workers_of(process: subprocess.Popen[str]) -> list[int]:
-    """Return the processes that compute for a command: those that hold no resource tracker."""
+    """Return the processes that compute for a command: its forks, or those that loky started."""
     if not Path("/proc/self/task").exists():
         pytest.skip("no /proc here: workers can't be found")
     children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
     lines = {int(pid): Path(f"/proc/{pid}/cmdline").read_bytes() for pid in children}
-    return [pid for pid, line in lines.items() if b"popen_loky_posix" in line]
+    same = Path(f"/proc/{process.pid}/cmdline").read_bytes()
+    return [pid for pid, line in lines.items() if line == same or b"popen_loky_posix" in line]
 
 
 @pytest.mark.slow
