@@ -104,6 +104,7 @@ def recipe_in(folder: Path, *, profiles: int, points: int, parts: str, work: str
 
 def scan_cost(profiles: int, points: int, *, rounds: int = 7, part: str) -> ScanCost:
     """Scan one flawed part `rounds` times in this process and write each scan."""
+    from pipeline.batch.backend import keep_memory, one_thread
     from pipeline.batch.plan import PlannedPart, PlannedScans
     from pipeline.batch.run import find_wanted
     from pipeline.batch.work import _scan
@@ -111,6 +112,8 @@ def scan_cost(profiles: int, points: int, *, rounds: int = 7, part: str) -> Scan
     from pipeline.injection.specimen import load_entry, make_specimen, store_part
     from pipeline.recipe import Recipe
 
+    one_thread()
+    keep_memory()  # as a job does
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         recipe = Recipe.load(recipe_in(folder, profiles=profiles, points=points, parts=part))

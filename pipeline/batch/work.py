@@ -11,7 +11,7 @@ from typing import Any
 
 from files.plain_data import plain
 from files.whole_file import write_whole
-from pipeline.batch.backend import one_thread
+from pipeline.batch.backend import keep_memory, one_thread
 from pipeline.batch.plan import PlannedPart, PlannedScans, PlannedShard
 from pipeline.dataset.object_store import HIDDEN, ObjectStore
 from pipeline.dataset.shards import ShardWriter, file_sha256
@@ -166,6 +166,7 @@ def load_shared(place: Workplace, shards: Sequence[PlannedShard]) -> None:
     shards are of one specimen, that specimen and the loops of its scans.
     """
     one_thread()
+    keep_memory()
     parts = {work.part.stored: None for shard in shards for work in shard.work}
     for stored in list(parts)[: stored_part.cache_parameters()["maxsize"]]:
         _, scene = stored_part(place.hidden / stored)
