@@ -120,7 +120,7 @@ class JobCost:
     processor_s
         Of all processes together, for 1 job and for `MANY_JOBS`.
     serial_s
-        Of the first process until scans can be made, its modules excepted.
+        Until the processes share the shards: modules, parts, what all of them need.
     """
 
     name: str
@@ -129,7 +129,7 @@ class JobCost:
 
     @property
     def each_job_s(self) -> float:
-        """Processor seconds that each further job adds: libraries, parts, trees once more."""
+        """Processor seconds that each further job adds: loops and trees once more, memory copied."""
         return max(0.0, (self.processor_s[MANY_JOBS] - self.processor_s[1]) / (MANY_JOBS - 1))
 
     def speed_up(self, jobs: int) -> float:
@@ -163,7 +163,7 @@ def batch_cost(name: str, recipe: Path, *, turns: int = 3) -> BatchCost:
 
 
 def job_cost(name: str, recipe: Path) -> JobCost:
-    """Generate a recipe's dataset by 1 job and by `MANY_JOBS`, and only until its first scan."""
+    """Generate a recipe's dataset by 1 job and by `MANY_JOBS`, and only until its first shard."""
     with tempfile.TemporaryDirectory() as name_of_folder:
         folder = Path(name_of_folder)
         processor_s = {
@@ -183,23 +183,25 @@ def _processor_s(run: Callable[[], Any]) -> float:
 
 
 SERIAL = """
-import sys, time
+import os, sys
 from pathlib import Path
-import pipeline.batch.work
-from pipeline.batch import run, work
+from pipeline.batch.backend import Backend
+from pipeline.batch import run
 from pipeline.recipe import Recipe
-begin = time.process_time()
-def stop(*_):
-    print(time.process_time() - begin)
+results = Backend.results
+def stop_at_shards(self, task, each):
+    if task is not run.make_shard:
+        return results(self, task, each)
+    spent = os.times()
+    print(spent.user + spent.system + spent.children_user + spent.children_system)
     raise SystemExit
-make = work.simulate
-work.simulate = stop
-run.generate(Recipe.load(sys.argv[1]), Path(sys.argv[2]))
+Backend.results = stop_at_shards
+run.generate(Recipe.load(sys.argv[1]), Path(sys.argv[2]), backend=Backend(jobs=2))
 """
 
 
 def _serial_s(recipe: Path, out: Path) -> float:
-    """Return processor seconds from the recipe to the first scan: parts, plan, first specimen."""
+    """Return processor seconds until processes share the shards; all parts count in full."""
     said = subprocess.run(
         [sys.executable, "-c", SERIAL, recipe, out], cwd=HOME, env={**os.environ, **THREADS},
         check=True, capture_output=True, text=True,
