@@ -129,7 +129,7 @@ class JobCost:
 
     @property
     def each_job_s(self) -> float:
-        """Processor seconds that each further job adds: loops and trees once more, memory copied."""
+        """Processor seconds that each further job adds: its loops, trees and copied memory."""
         return max(0.0, (self.processor_s[MANY_JOBS] - self.processor_s[1]) / (MANY_JOBS - 1))
 
     def speed_up(self, jobs: int) -> float:
