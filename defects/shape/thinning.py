@@ -262,56 +262,61 @@ def _own_error(
     return float(max(own, tolerance_mm / SKEW * share))
 
 
-@njit(cache=True)
 def _triangles(needed: Bools, others: Bools, block: int) -> tuple[Ints, Bools]:
     """Return the triangles (k, 3) of the points needed, by their places in the flattened grid.
 
     And which of them the triangles of other points don't have.
     """
     n, m = needed.shape
-    squares = ((n - 1) // block) * ((m - 1) // block)
-    most = 2 * squares + 2 * int(needed.sum())  # a point halves two triangles at most
-    found, own = np.empty((most, 3), np.int32), np.empty(most, np.bool_)
-    now, differs = np.empty((most, 3), np.int32), np.zeros(most, np.bool_)
-    after, differs_after = np.empty((most, 3), np.int32), np.zeros(most, np.bool_)
-    at = 0
-    for i in range(0, n - 1, block):
-        for j in range(0, m - 1, block):
-            # Both halves of a square: the ends of the longest side, then the right angle.
-            odd = (i + j) // block % 2
-            now[at, 0], now[at, 1] = (i + block * odd) * m + j, (i + block - block * odd) * m + j
-            now[at, 1] += block
-            now[at, 2] = i * m + j + block * (1 - odd)
-            now[at + squares, 0], now[at + squares, 1] = now[at, 1], now[at, 0]
-            now[at + squares, 2] = (i + block) * m + j + block * odd
-            at += 1
-    flat, theirs = needed.ravel(), others.ravel()
-    made, count, halvings = 0, 2 * squares, 0
-    while 2**halvings < block * block:  # each halves the triangles' area
-        halvings += 1
+    i, j = (index.ravel() for index in np.mgrid[0 : n - 1 : block, 0 : m - 1 : block])
+    low, right = i * m + j, i * m + j + block
+    up, far = low + block * m, right + block * m
+    odd = ((i + j) // block % 2).astype(np.bool_)
+    # Both halves of a square: the ends of the longest side, then the right angle.
+    start, end = np.where(odd, up, low), np.where(odd, right, far)
+    count = 2 * len(low)
+    most = count + 2 * int(np.count_nonzero(needed))  # a point halves two triangles at most
+    now, after, found = np.zeros((3, most, 4), np.int32)
+    now[:count, 0], now[:count, 1] = np.concatenate([start, end]), np.concatenate([end, start])
+    now[:count, 2] = np.concatenate([np.where(odd, low, right), np.where(odd, far, up)])
+    halvings = 2 * (block.bit_length() - 1)
+    made = _halve(needed.ravel(), others.ravel(), count, halvings, now, after, found)
+    return found[:made, :3], found[:made, 3] > 0
+
+
+@njit(cache=True)
+def _halve(
+    needed: Bools, others: Bools, count: int, halvings: int, now: Ints, after: Ints, found: Ints
+) -> int:
+    """Halve the first triangles `now` at needed points; write those that stay, return how many.
+
+    A row holds a triangle's places and whether it is none of the others' triangles.
+    """
+    made = 0
     for level in range(halvings + 1):
         split = 0
         for k in range(count):
-            if level < halvings and flat[(now[k, 0] + now[k, 1]) // 2]:
+            if level < halvings and needed[(now[k, 0] + now[k, 1]) // 2]:
                 split += 1
         at = 0
         for k in range(count):
-            a, b, c = now[k, 0], now[k, 1], now[k, 2]
+            a, b, c, own = now[k, 0], now[k, 1], now[k, 2], now[k, 3]
             middle = (a + b) // 2
-            if level < halvings and flat[middle]:
-                after[at, 0], after[at, 1], after[at, 2] = c, a, middle
+            if level < halvings and needed[middle]:
+                own = max(own, 1 - others[middle])
+                after[at, 0], after[at, 1], after[at, 2], after[at, 3] = c, a, middle, own
                 other = at + split
-                after[other, 0], after[other, 1], after[other, 2] = b, c, middle
-                differs_after[at] = differs_after[other] = differs[k] or not theirs[middle]
+                after[other, 0], after[other, 1] = b, c
+                after[other, 2], after[other, 3] = middle, own
                 at += 1
             else:
-                found[made, 0], found[made, 1], found[made, 2] = a, b, c
-                own[made] = differs[k] or (level < halvings and theirs[middle])
+                if level < halvings and others[middle]:
+                    own = 1
+                found[made, 0], found[made, 1], found[made, 2], found[made, 3] = a, b, c, own
                 made += 1
         now, after = after, now
-        differs, differs_after = differs_after, differs
         count = 2 * split
-    return found[:made].copy(), own[:made].copy()
+    return made
 
 
 def _quads(here: Ints, there: Ints) -> Ints:
