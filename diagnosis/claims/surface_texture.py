@@ -21,7 +21,6 @@ from diagnosis.model.workspace import Workspace
 from diagnosis.noise.calibration import nominal_noise, nominal_sd_mm
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.uncertainty import Estimate, plain_values
-from diagnosis.prepare import Prepared
 from diagnosis.settings import SETTINGS
 from diagnosis.validate.found_effects import FoundEffect, plainly_found, probability
 from diagnosis.validate.heldout import judge
@@ -33,6 +32,7 @@ from sensors.noise.uncertainty import sigma_mm
 
 if TYPE_CHECKING:
     from diagnosis.explain import Explanation
+    from diagnosis.prepare import Prepared
 
 SURELY_LESS = 0.75
 """Factor on a plate's noise that is told beside a bent mean, too, which only adds to noise."""
@@ -56,7 +56,7 @@ class Claim:
 
 
 def texture(
-    ready: Prepared, explanation: "Explanation", *, bent: bool, withheld: Collection[str]
+    ready: "Prepared", explanation: "Explanation", *, bent: bool, withheld: Collection[str]
 ) -> tuple[list[FoundEffect], NoiseModel]:
     """Compare the noise with what plates, baselines or the surface's file claim.
 
