@@ -53,7 +53,7 @@ def sample(law: "Law", rng_of: "RngOf", view: View) -> tuple[Floats, NDArray[np.
             spike *= _rows(law.outlier_sd_mm, part, n)
             block += np.where(chance < _rows(law.p_outlier, part, n), spike, 0.0)
         if law.step_mm:
-            block[...] = quantise(block, law.step_mm)
+            quantise(block, law.step_mm, out=block)
         beyond = (block < sheet.depth_min_mm) | (block > sheet.depth_max_mm)
         if beyond.any():
             block[beyond] = np.nan

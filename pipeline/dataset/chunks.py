@@ -29,5 +29,16 @@ def deflated(values: NDArray[Any], rows: int) -> bytes:
     if plain is not values:
         plain[: len(values)] = values
     octets = np.ascontiguousarray(plain).reshape(-1).view(np.uint8)
-    shuffled = np.ascontiguousarray(octets.reshape(-1, size).T)
-    return isal_zlib.compress(shuffled.data, LEVEL)
+    return isal_zlib.compress(_shuffled(octets, size).data, LEVEL)
+
+
+def _shuffled(octets: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
+    """Return all values' first bytes, then their second ones, and so on, (size, n)."""
+    planes = np.empty((size, octets.size // size), dtype=np.uint8)
+    if size not in (2, 4, 8):
+        planes[...] = octets.reshape(-1, size).T
+        return planes
+    words = octets.view(f"<u{size}")  # shifts are two to four times faster than steps in memory
+    for number, plane in enumerate(planes):
+        plane[...] = words >> words.dtype.type(8 * number)  # the lowest byte is kept
+    return planes

@@ -196,7 +196,7 @@ def _name_flaw_shadows(
     may stand in the sight line; there the clean part is asked.
     """
     hidden = (reason == Reason.HIDDEN_FROM_CAMERA) & clean.in_range
-    rows, columns = np.nonzero(hidden)
+    rows, columns = np.divmod(np.flatnonzero(hidden), hidden.shape[1])
     if rows.size == 0:
         return
     points = _points(clean, rows, columns)

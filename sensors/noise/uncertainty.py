@@ -38,7 +38,7 @@ def gaussian_sd_mm(resolution_mm: float, repeatability_mm: float = 0.0) -> float
     return math.hypot(resolution_mm / math.sqrt(12.0), repeatability_mm)
 
 
-def quantise(depth_mm: Floats, step_mm: float) -> Floats:
+def quantise(depth_mm: Floats, step_mm: float, out: Floats | None = None) -> Floats:
     """Round readings to the nearest multiple of ΔZ, halves to even; NaN stays NaN.
 
     Parameters
@@ -47,6 +47,8 @@ def quantise(depth_mm: Floats, step_mm: float) -> Floats:
         Readings, mm.
     step_mm : float
         ΔZ in mm; 0 leaves the readings as they are.
+    out : array, optional
+        Where the rounded readings go; `depth_mm` itself is allowed.
 
     Notes
     -----
@@ -55,4 +57,5 @@ def quantise(depth_mm: Floats, step_mm: float) -> Floats:
     """
     if step_mm == 0.0:
         return depth_mm
-    return np.rint(depth_mm / step_mm) * step_mm
+    counts: Floats = np.rint(np.divide(depth_mm, step_mm, out=out), out=out)
+    return np.multiply(counts, step_mm, out=out)

@@ -82,7 +82,7 @@ def camera_visible(
         )
         if screen is not None:
             _screen(state[leg], Lines(place[leg], x_mm, slope_x, depth[leg], b), screen)
-    profile, point = np.nonzero(state == _OPEN)
+    profile, point = np.divmod(np.flatnonzero(state == _OPEN), state.shape[1])
     if profile.size:
         rays, length = _lines(poses, x_mm, slope_x, depth, profile, point, b)
         _, met = scene.tree.first(
