@@ -140,15 +140,15 @@ def take_scan(
     )
     depth, reason = law.sample(rng_of, view)
     law = replace(law, mean_mm=np.broadcast_to(np.nan, law.shape))  # its memory is needed
-    instance, moved = faces_hit(
-        view.triangle, flawed.instance, view.depth_mm, clean.depth_mm, SAME_MM
-    )
-    if moved.size:  # what a cut took away is the cut's, too
-        rows, columns = np.divmod(moved, instance.shape[1])
-        instance[rows, columns] = flawed.removed_at(_points(clean, rows, columns))
     _name_flaw_shadows(reason, view, clean, flawed)
     clean_mm = clean.depth_mm
     del clean  # its triangles' memory is needed
+    instance, moved = faces_hit(
+        view.triangle, flawed.instance, view.depth_mm, clean_mm, SAME_MM
+    )
+    if moved.size:  # what a cut took away is the cut's, too
+        rows, columns = np.divmod(moved, instance.shape[1])
+        instance[rows, columns] = flawed.removed_at(_points(view, clean_mm, rows, columns))
     noise = law.sd_mm(view)
     mask, mask_visible = stand_out(
         instance, flawed.classes, depth, view.depth_mm, clean_mm, noise, visible_at
@@ -177,9 +177,11 @@ def take_scan(
     )
 
 
-def _points(view: View, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Floats:
-    """Points (k, 3) of some pixels, part frame, mm."""
-    depth = view.depth_mm[rows, columns]
+def _points(
+    view: View, depth_mm: Floats, rows: NDArray[np.intp], columns: NDArray[np.intp]
+) -> Floats:
+    """Points (k, 3) of some pixels at the depths (n, m), part frame, mm."""
+    depth = depth_mm[rows, columns]
     local = np.stack(
         [view.laser.x_mm[columns] + depth * view.laser.slope_x[columns], 0 * depth, depth], axis=-1
     )
@@ -199,7 +201,7 @@ def _name_flaw_shadows(
     rows, columns = np.divmod(np.flatnonzero(hidden), hidden.shape[1])
     if rows.size == 0:
         return
-    points = _points(clean, rows, columns)
+    points = _points(clean, clean.depth_mm, rows, columns)
     poses = clean.poses[rows]
     cameras = poses[:, :3, 1] * clean.datasheet.camera_offset_mm + poses[:, :3, 3]
     with np.errstate(invalid="ignore"):
