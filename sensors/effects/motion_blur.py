@@ -86,12 +86,18 @@ class MotionBlur(Effect):
     def grid(self, view: View) -> tuple[Self, ...]:
         """Return exposures from a quarter of the time between profiles to six times that time.
 
-        The poses of a registered recording are those of the exposures' middle.
+        Each in steady light and in light that flickers as it usually does: at a step that decides
+        how probable a reading is. The poses of a registered recording are those of the exposures'
+        middle.
         """
         step_s = float(np.median(np.diff(view.time_s))) if len(view.time_s) > 1 else 0.0
         longest = self.parameter("exposure_ms").high
         times = [min(1e3 * share * step_s, longest) for share in SHARES if step_s > 0]
-        return tuple(self.with_parameters(exposure_ms=t, stamped="middle") for t in times)
+        flickers = (0.0, self.parameter("flicker").typical)
+        return tuple(
+            self.with_parameters(exposure_ms=t, flicker=f, stamped="middle")
+            for t in times for f in flickers
+        )  # fmt: skip
 
     def words(self) -> dict[str, str]:
         """Return the shift for the statement."""

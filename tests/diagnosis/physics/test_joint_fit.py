@@ -6,9 +6,10 @@ from diagnosis.components.component import components_of
 from diagnosis.evidence.reported_causes import Cause
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
-from diagnosis.physics.joint_fit import among_laws, strongest_law
+from diagnosis.physics.joint_fit import among_laws, fit_law, strongest_law
 from sensors.effects.finite_spot import FiniteSpot
 from sensors.effects.line_bow import LineBow
+from sensors.effects.motion_blur import MotionBlur
 from tests.support.effect_case import bench_workspace, taken_with
 
 AT_EDGES = [c for c in components_of("mean") if c.effect in ("finite_spot", "edge_mixing")]
@@ -44,3 +45,14 @@ def test_the_strongest_law_comes_first() -> None:
     bent = taken_with(bench_workspace("domes"), "domes", LineBow(sag_um=40.0))
     first = strongest_law([named("incidence_bias"), named("line_bow")], bent, Model())
     assert first.name == "line_bow"
+
+
+def test_a_blur_in_steady_light_is_seen_before_its_law_is_searched() -> None:
+    """Which laws are fitted at all is decided at points of their grids."""
+    steady = MotionBlur(exposure_ms=20.0, flicker=0.0, stamped="middle")
+    moved = taken_with(bench_workspace("steps"), "steps", steady)
+    rough, fitted = (
+        fit_law(named("motion_blur"), moved, Model(), polish=polish) for polish in (False, True)
+    )
+    assert rough is not None and fitted is not None
+    assert rough.gain > 0.9 * fitted.gain > 1000.0
