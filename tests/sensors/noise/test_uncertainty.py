@@ -57,3 +57,10 @@ def test_missing_readings_stay_missing_and_no_step_changes_nothing() -> None:
     depth = np.array([np.nan, 1.2345])
     assert np.isnan(quantise(depth, 0.01)[0])
     np.testing.assert_array_equal(quantise(depth, 0.0), depth)
+
+
+def test_rounding_in_place_gives_the_same_bits():
+    depth = np.random.default_rng(3).uniform(100.0, 400.0, (7, 11))
+    rounded = quantise(depth.copy(), 0.0038)
+    assert quantise(depth, 0.0038, out=depth) is depth
+    np.testing.assert_array_equal(depth, rounded)
