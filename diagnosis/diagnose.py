@@ -14,7 +14,7 @@ from diagnosis.diagnosis import Diagnosis
 from diagnosis.discrepancy.population import population
 from diagnosis.evidence.next_scan import next_scans
 from diagnosis.evidence.reported_causes import Cause
-from diagnosis.explain import Explanation, by_curves, disowned, explain
+from diagnosis.explain import Explanation, explain, with_free_curves, without_names
 from diagnosis.localise.maps import RecordingMaps, map_recording
 from diagnosis.localise.residual_structure import residual_structure
 from diagnosis.model.edge_shrinkage import shrunk_at_edges
@@ -76,29 +76,29 @@ def diagnose(
     by_form = delivered(ready.recorded.recordings, datasheet, notes, baselines)
     for coarse in (f.effect for f in by_form if isinstance(f.effect, AxisQuantisation)):
         ready = ready.in_steps(1e-3 * coarse.step_um)
-    usual_sizes = population()
-    explanation = explain(ready, usual_sizes, withheld=withheld, notes=notes, progress=progress)
+    known = population()
+    explanation = explain(ready, known, withheld=withheld, notes=notes, progress=progress)
     progress("judging on held-out readings")
-    explanation, judged, beside = _standing(ready, explanation, withheld, notes)
-    beside += [f for f in by_form if f.name not in withheld]
-    verdict = _verdict(bool(explanation.causes or beside), bool(explanation.strange))
-    found, beside = averaged_grain(judged.found, beside, withheld)
-    found = tuple(sorted([*found, *beside], key=lambda f: -f.heldout_gain))
+    explanation, judged, against_claims = _standing(ready, explanation, withheld, notes)
+    against_claims += [f for f in by_form if f.name not in withheld]
+    verdict = _verdict(bool(explanation.causes or against_claims), bool(explanation.unexplained))
+    found, against_claims = averaged_grain(judged.found, against_claims, withheld)
+    found = tuple(sorted([*found, *against_claims], key=lambda f: -f.heldout_gain))
     notes += at_limits(found)
     progress("asking what to measure next")
     measure = next_scans(
         explanation.members, explanation.first, ready.recorded, ready.placed, ready.noise
     )
     progress("drawing maps")
-    maps = _maps(ready, explanation, judged, verdict, beside)
+    maps = _maps(ready, explanation, judged, verdict, against_claims)
     sheet = explanation.recorded.datasheet
     return Diagnosis(
         verdict=verdict,
         effects=found,
-        left=residual_structure(explanation.strange, explanation.ws, judged.model),
+        left=residual_structure(explanation.unexplained, explanation.ws, judged.model),
         next_measurements=measure,
-        none_of_these=_none_of_these(judged.causes, beside),
-        population=usual_sizes.name,
+        none_of_these=_none_of_these(judged.causes, against_claims),
+        population=known.name,
         assumed=_assumed(sheet, datasheet),
         regions=tuple(region for m in maps for region in m.regions),
         share_of_points=float(np.mean(np.concatenate([m.mask.ravel() for m in maps]))),
@@ -125,18 +125,19 @@ def _standing(
 
     Returns
     -------
-    the explanation that stands, its model as judged, and the effects found beside it
+    the explanation that stands, its model as judged, and the effects found against claims
     """
-    model, beside, plain_noise = _against_claims(ready, explanation, withheld)
-    judged = _judged(ready, explanation, refined(explanation.ws, model), plain_noise, notes)
-    for instead, why in ((by_curves, LAWS_REFUTED), (disowned, CURVES_REFUTED)):
+    model, against_claims, plain_noise = _against_claims(ready, explanation, withheld)
+    model = refined(explanation.ws, model)
+    judged = _judge_on_heldout(ready, explanation, model, plain_noise, notes)
+    for instead, why in ((with_free_curves, LAWS_REFUTED), (without_names, CURVES_REFUTED)):
         if not _refuted(explanation, judged):
             break
         notes.append(why)
         explanation = instead(explanation, ready)
-        model, beside, plain_noise = _against_claims(ready, explanation, withheld)
-        judged = _judged(ready, explanation, model, plain_noise, notes)
-    return explanation, judged, beside
+        model, against_claims, plain_noise = _against_claims(ready, explanation, withheld)
+        judged = _judge_on_heldout(ready, explanation, model, plain_noise, notes)
+    return explanation, judged, against_claims
 
 
 LAWS_REFUTED = "held-out readings refute the laws found: free curves take their place"
@@ -184,29 +185,29 @@ def _against_claims(
 
     Returns
     -------
-    the model, the effects found beside it, and the nominal noise
+    the model, the effects found against claims, and the nominal noise
     """
-    model, ws, strange = explanation.model, explanation.ws, explanation.strange
+    model, ws, unexplained = explanation.model, explanation.ws, explanation.unexplained
     # what a law of light leaves of the mean passes for noise that isn't the same throughout
     light = any(
         c.component is not None and c.component.relaxed.spanned for c in explanation.causes
     )
-    bent = any(s.channel == "mean" or (light and s.channel == "scale") for s in strange)
-    beside, plain_noise = texture(ready, explanation, bent=bent, withheld=withheld)
+    bent = any(s.channel == "mean" or (light and s.channel == "scale") for s in unexplained)
+    against_claims, plain_noise = texture(ready, explanation, bent=bent, withheld=withheld)
     if plain_noise is not ready.noise and ready.nominal is not None:
-        model = sunken(ws, model, [f.effect for f in beside], withheld)
+        model = sunken(ws, model, [f.effect for f in against_claims], withheld)
     warped = any(isinstance(e, FormError) and e.coefficients_um for e in model.effects)
     if "pose_error" not in withheld and not warped:
         # what the model takes for physics is no misplacement; a warped part's low waves turn and
         # shift it, so that how it lies can't be told from how the sensor sits
-        beside += mounted(
+        against_claims += mounted(
             ws, model, [*ready.recorded.recordings, *ready.good],
             {**ready.placed, **explanation.placed}, explanation.held, ready.baseline,
         )  # fmt: skip
-    return model, beside, plain_noise
+    return model, against_claims, plain_noise
 
 
-def _judged(
+def _judge_on_heldout(
     ready: Prepared,
     explanation: Explanation,
     model: Model,
@@ -249,23 +250,25 @@ def _maps(
     explanation: Explanation,
     judged: _Judged,
     verdict: str,
-    beside: Sequence[FoundEffect],
+    against_claims: Sequence[FoundEffect],
 ) -> list[RecordingMaps]:
     """Draw each recording's maps; without a place of its own an effect concerns every reading."""
     ws, noise = explanation.ws, ready.noise
     finally_placed = judged.candidates.placed(shrunk_at_edges(ws, judged.model))
     # a mismatch is held against the noise of an instrument without it
-    usual = 1.0 if ready.nominal is None else ready.nominal.sd_mm / noise.sd_mm
+    noise_ratio = 1.0 if ready.nominal is None else ready.nominal.sd_mm / noise.sd_mm
     for blur in blurs(judged.model):
-        usual = max(usual, 1 / blur.quieter(ws.patches[0].view))
+        noise_ratio = max(noise_ratio, 1 / blur.quieter(ws.patches[0].view))
     maps = [
-        map_recording(explanation.recorded, k, judged.nominal, finally_placed, noise, usual=usual)
+        map_recording(
+            explanation.recorded, k, judged.nominal, finally_placed, noise, usual=noise_ratio
+        )
         for k in range(len(ready.recorded.recordings))
     ]
     if verdict == "match":
         return [m.silenced() for m in maps]
-    if beside:
-        return [m if m.mask.any() else m.everywhere(beside[-1].name) for m in maps]
+    if against_claims:
+        return [m if m.mask.any() else m.everywhere(against_claims[-1].name) for m in maps]
     return maps
 
 
@@ -278,18 +281,18 @@ def _assumed(sheet: Datasheet, given: Datasheet) -> dict[str, object]:
     }
 
 
-def _verdict(named: bool, strange: bool) -> str:
+def _verdict(named: bool, unexplained: bool) -> str:
     """Sum up: whether causes were named, and whether something is left that none explains."""
     if named:
-        return "partly_explained" if strange else "explained"
-    return "unexplained" if strange else "match"
+        return "partly_explained" if unexplained else "explained"
+    return "unexplained" if unexplained else "match"
 
 
-def _none_of_these(causes: Sequence[Cause], beside: Sequence[FoundEffect]) -> float:
+def _none_of_these(causes: Sequence[Cause], against_claims: Sequence[FoundEffect]) -> float:
     """Probability that none of the names given holds, or that what departs has no name at all."""
-    if not causes and not beside:
+    if not causes and not against_claims:
         return 1.0
     missed = 1.0
-    for held in [1 - c.none_of_these for c in causes] + [f.probability for f in beside]:
+    for held in [1 - c.none_of_these for c in causes] + [f.probability for f in against_claims]:
         missed *= 1 - held
     return float(max(missed, 0.0))

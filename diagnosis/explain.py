@@ -24,7 +24,7 @@ from diagnosis.evidence.mean_causes import Member
 from diagnosis.evidence.noise_and_loss_baselines import beside_baselines
 from diagnosis.evidence.noise_and_loss_channels import Channel
 from diagnosis.evidence.noise_level import AGAINST_PLATES, steady_level
-from diagnosis.evidence.reported_causes import Cause, Strange, reported, without_kin
+from diagnosis.evidence.reported_causes import Cause, Unexplained, not_yet_named, reported
 from diagnosis.evidence.seen import Seen, channels_seen, seen
 from diagnosis.fields import Field
 from diagnosis.model.model import Model
@@ -37,16 +37,16 @@ from diagnosis.physics.remainder import curves_of, is_curve, remainder
 from diagnosis.predict.edges import BESIDE_EDGES, EDGE_COVARIATES
 from diagnosis.prepare import Prepared
 from diagnosis.register.placement import Placement
-from diagnosis.reregister.reregistration import log_density, settled
+from diagnosis.reregister.reregistration import log_density, reregistered
 from diagnosis.settings import SETTINGS
 from sensors.effects import CATALOGUE
 
 Progress = Callable[[str], None]
-SETTLED = EDGE_COVARIATES | BESIDE_EDGES | {"wall_distance"}
+MOVED_WITH_PLACEMENT = EDGE_COVARIATES | BESIDE_EDGES | {"wall_distance"}
 """Covariates of effects that are fitted again where the recordings lie then."""
 
 
-ASKEW = (
+TRAVEL_OFF = (
     "the sensor's way is longer, shorter or in another direction than the poses say: the placement "
     "of each recording takes that up"
 )
@@ -59,7 +59,7 @@ class Explanation:
     Attributes
     ----------
     causes : catalogued, strongest first
-    strange : components that no catalogued effect claims
+    unexplained : components that no catalogued effect claims
     first, members : the recordings as they were seen under the nominal model, and the mean's
         causes as they were weighed then
     scales : what a good instrument has of each component
@@ -67,7 +67,7 @@ class Explanation:
 
     model: Model
     causes: tuple[Cause, ...]
-    strange: tuple[Strange, ...]
+    unexplained: tuple[Unexplained, ...]
     patches: tuple[Patch, ...]
     placed: Mapping[str, Placement]
     recorded: Recorded
@@ -132,8 +132,8 @@ def explain(
     ws = fitted_part(ready.patches, noise)
     first = seen(ws.patches, noise, Model())
     before = seen(baseline, noise, Model(), like=first) if baseline else None
-    usual = channels_seen(baseline, noise, Model(), first) if baseline else ()
-    scales = _good(population, first, before, usual)
+    baseline_channels = channels_seen(baseline, noise, Model(), first) if baseline else ()
+    scales = _good(population, first, before, baseline_channels)
     if ready.nominal is not None and baseline:
         changes = levels_of_each(baseline, ready.nominal)
         scales |= steady_level(changes, scales[AGAINST_PLATES])
@@ -144,7 +144,7 @@ def explain(
         causes=(), now=first, before=before,
     )  # fmt: skip
     members: tuple[Member, ...] = ()
-    strange: list[Strange] = []
+    unexplained: list[Unexplained] = []
     for _ in range(SETTINGS.rounds):
         found = assessed_mean(
             state.now, scales, state.before, withheld=withheld, refuted=state.refuted,
@@ -153,20 +153,20 @@ def explain(
         if not members:
             members = found.mean
             if any(m.candidate.component.placement for m in members):
-                notes.append(ASKEW)
-        named, strange = reported(found)
+                notes.append(TRAVEL_OFF)
+        named, unexplained = reported(found)
         further = _further(state, found, named, noise, notes, progress)
         if further is None:
             break
         state = further
     ws = fitted_part(state.patches, noise)
     channels: Sequence[Channel] = channels_seen(ws.patches, noise, state.model, first)
-    if usual:
-        channels = beside_baselines(channels, usual)
-    named, odd = reported(assessed_rates(channels, scales, withheld=withheld))
-    state = _with_rates(state, without_kin(named, state.names), noise, notes, progress)
+    if baseline_channels:
+        channels = beside_baselines(channels, baseline_channels)
+    named, of_rates = reported(assessed_rates(channels, scales, withheld=withheld))
+    state = _with_rates(state, not_yet_named(named, state.names), noise, notes, progress)
     return Explanation(
-        model=state.model, causes=state.causes, strange=(*strange, *odd),
+        model=state.model, causes=state.causes, unexplained=(*unexplained, *of_rates),
         patches=tuple(state.patches), placed=state.placed, recorded=state.recorded,
         ws=fitted_part(state.patches, noise), first=first, members=members, scales=scales,
     )  # fmt: skip
@@ -184,7 +184,7 @@ def _further(
 
     One law at a time: what it leaves isn't what the others would have to explain.
     """
-    new = without_kin(named, state.names)
+    new = not_yet_named(named, state.names)
     if len(new) > 1:
         new = [strongest_law(new, fitted_part(state.patches, noise), state.model)]
     rest = remainder(found, set(state.names) - curved(state.model))
@@ -237,7 +237,7 @@ def _seen_again(
     state: _State, model: Model, causes: tuple[Cause, ...], noise: NoiseModel
 ) -> _State:
     """Place the recordings under a model and look at them again."""
-    patches, placed = settled(model, state.patches, state.recorded, state.placed, noise)
+    patches, placed = reregistered(model, state.patches, state.recorded, state.placed, noise)
     ws = fitted_part(patches, noise)
     if _needs_refit(model):
         model = refit(ws.thin(SETTINGS.fitted_readings), model)
@@ -268,7 +268,7 @@ def _with_rates(
     )
 
 
-def by_curves(explanation: Explanation, ready: Prepared) -> Explanation:
+def with_free_curves(explanation: Explanation, ready: Prepared) -> Explanation:
     """Put the curves by which causes were weighed in place of all laws; the rest has no name."""
     curves = {
         m.candidate.effect: m for m in explanation.members if is_curve(m.candidate.component)
@@ -283,18 +283,18 @@ def by_curves(explanation: Explanation, ready: Prepared) -> Explanation:
         curve = curve.beside(own)
     model = Model(curve=curve)
     others = tuple(c for c in explanation.causes if c.name not in curves)
-    plain = disowned(replace(explanation, causes=others), ready)
-    patches, placed = settled(model, ready.patches, plain.recorded, ready.placed, ready.noise)
+    plain = without_names(replace(explanation, causes=others), ready)
+    patches, placed = reregistered(model, ready.patches, plain.recorded, ready.placed, ready.noise)
     return replace(
         plain, model=model, causes=kept, patches=tuple(patches), placed=placed,
         ws=fitted_part(patches, ready.noise),
     )  # fmt: skip
 
 
-def disowned(explanation: Explanation, ready: Prepared) -> Explanation:
+def without_names(explanation: Explanation, ready: Prepared) -> Explanation:
     """Take all laws back: what their components show has no name."""
     nameless = tuple(
-        Strange(
+        Unexplained(
             component=c.name if c.component is None else c.component.name, channel=c.channel,
             probability=c.probability, nats=c.nats, size=c.size, repeats=c.repeats,
             relaxed=None if c.component is None else c.component.relaxed,
@@ -302,24 +302,24 @@ def disowned(explanation: Explanation, ready: Prepared) -> Explanation:
         for c in explanation.causes
     )  # fmt: skip
     return replace(
-        explanation, model=Model(), causes=(), strange=(*nameless, *explanation.strange),
+        explanation, model=Model(), causes=(), unexplained=(*nameless, *explanation.unexplained),
         patches=ready.patches, placed=ready.placed, ws=fitted_part(ready.patches, ready.noise),
     )  # fmt: skip
 
 
 def _good(
-    population: Population, first: Seen, before: Seen | None, usual: Sequence[Channel]
+    population: Population, first: Seen, before: Seen | None, baseline_channels: Sequence[Channel]
 ) -> dict[str, Field]:
     """Probability of each component's sizes in this instrument when it is good.
 
     Parameters
     ----------
-    before, usual : the mean and the channels of baselines, where there are some
+    before, baseline_channels : the mean and the channels of baselines, where there are some
     """
     if before is None:
         return population.of_kinds(kinds_of(population, mean_factors(first), good=False))
     factors = mean_factors(before)
-    own = informed(population, factors, rate_factors(usual))
+    own = informed(population, factors, rate_factors(baseline_channels))
     return alike_at_edges(own, factors, before.candidates)
 
 
@@ -365,7 +365,7 @@ def fitted_part(patches: Sequence[Patch], noise: NoiseModel) -> Workspace:
 
 
 def _needs_refit(model: Model) -> bool:
-    return any(e.covariate in SETTLED for e in model.effects)
+    return any(e.covariate in MOVED_WITH_PLACEMENT for e in model.effects)
 
 
 def _complete(

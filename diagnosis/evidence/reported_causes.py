@@ -44,7 +44,7 @@ class Cause:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Strange:
+class Unexplained:
     """A component that no catalogued effect claims.
 
     Attributes
@@ -78,7 +78,7 @@ def shares_by_effect(
     return named, rest
 
 
-def reported(assessment: Assessment) -> tuple[list[Cause], list[Strange]]:
+def reported(assessment: Assessment) -> tuple[list[Cause], list[Unexplained]]:
     """Split what was found into catalogued causes and unknown physics.
 
     A place in the set is a catalogued effect's where the catalogued effects together are more
@@ -86,7 +86,7 @@ def reported(assessment: Assessment) -> tuple[list[Cause], list[Strange]]:
     placement takes that up.
     """
     causes: dict[str, Cause] = {}
-    strange: list[Strange] = []
+    unexplained: list[Unexplained] = []
     for channel, member, shares, component in _members(assessment):
         named, rest = shares_by_effect(shares, assessment.effects[channel])
         if named and 1 - rest > SETTINGS.reported:
@@ -107,12 +107,12 @@ def reported(assessment: Assessment) -> tuple[list[Cause], list[Strange]]:
         elif component.placement:
             continue
         elif not component.effect and 1 - shares.get("", 0.0) > SETTINGS.reported:
-            strange.append(Strange(
+            unexplained.append(Unexplained(
                 component=member.name, channel=channel, probability=1 - shares.get("", 0.0),
                 nats=member.nats, size=member.size, repeats=member.repeats,
                 relaxed=component.relaxed,
             ))  # fmt: skip
-    return sorted(causes.values(), key=lambda c: (-c.size, -c.nats)), strange
+    return sorted(causes.values(), key=lambda c: (-c.size, -c.nats)), unexplained
 
 
 def _members(
@@ -135,6 +135,6 @@ class _Plain:
     repeats: float
 
 
-def without_kin(causes: Sequence[Cause], known: Sequence[str]) -> list[Cause]:
+def not_yet_named(causes: Sequence[Cause], known: Sequence[str]) -> list[Cause]:
     """Return the causes whose names aren't known already."""
     return [c for c in causes if c.name not in known]

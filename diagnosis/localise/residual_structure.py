@@ -11,7 +11,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter
 
 from diagnosis.components.row_periods import image_row
-from diagnosis.evidence.reported_causes import Strange
+from diagnosis.evidence.reported_causes import Unexplained
 from diagnosis.fields import Field
 from diagnosis.localise.regions import NEIGHBOURS, Region, departure_mask, regions_of
 from diagnosis.model.model import Model
@@ -67,7 +67,7 @@ class Residual:
 
 
 def residual_structure(
-    strange: Sequence[Strange], ws: Workspace, model: Model
+    unexplained: Sequence[Unexplained], ws: Workspace, model: Model
 ) -> tuple[Residual, ...]:
     """Describe unknown components that are left beside a model, most probable first.
 
@@ -75,10 +75,10 @@ def residual_structure(
     ----------
     ws : the patches that were fitted
     """
-    in_mean = any(s.channel == "mean" for s in strange)
+    in_mean = any(s.channel == "mean" for s in unexplained)
     regions = _regions(ws, model) if in_mean else ()
     out = []
-    for one in sorted(strange, key=lambda s: -s.nats):
+    for one in sorted(unexplained, key=lambda s: -s.nats):
         words, frame = _follows(one)
         period, unit = _period(one, ws)
         mean = one.channel == "mean"
@@ -91,7 +91,7 @@ def residual_structure(
     return tuple(out)
 
 
-def _follows(one: Strange) -> tuple[str, str]:
+def _follows(one: Unexplained) -> tuple[str, str]:
     """Words and frame of what a component follows."""
     names = ["time"]
     if one.relaxed is not None:
@@ -101,7 +101,7 @@ def _follows(one: Strange) -> tuple[str, str]:
     return " and ".join(c.words for c in found), found[0].frame
 
 
-def _period(one: Strange, ws: Workspace) -> tuple[float | None, str]:
+def _period(one: Unexplained, ws: Workspace) -> tuple[float | None, str]:
     """Period of what repeats over the range, in µm at the middle of the readings."""
     if one.relaxed is None or not one.relaxed.periodic or one.relaxed.each or one.repeats <= 0:
         return None, ""

@@ -60,7 +60,7 @@ def placed_anew(
     return out, found
 
 
-def settled(
+def reregistered(
     model: Model,
     patches: Sequence[Patch],
     recorded: Recorded,

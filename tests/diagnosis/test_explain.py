@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from diagnosis.discrepancy.population import population
-from diagnosis.explain import Explanation, by_curves, disowned, explain, fitted_part
+from diagnosis.explain import Explanation, explain, fitted_part, with_free_curves, without_names
 from diagnosis.model.model import Model
 from diagnosis.prepare import Prepared
 from sensors.effects.line_bow import LineBow
@@ -30,7 +30,7 @@ def found(bent: Prepared) -> Explanation:
 def test_a_good_instrument_needs_no_cause() -> None:
     plain = ready([], 11)
     nothing = explained(plain)
-    assert (nothing.causes, nothing.strange) == ((), ())
+    assert (nothing.causes, nothing.unexplained) == ((), ())
     assert nothing.model.is_nominal
     assert nothing.placed == plain.placed
     assert {p.recording for p in nothing.held} == {2}
@@ -43,7 +43,7 @@ def test_a_bow_is_named_and_its_law_fitted(found: Explanation) -> None:
     (law,) = found.model.effects
     assert isinstance(law, LineBow)
     assert law.sag_um == pytest.approx(40.0, abs=2.0)
-    assert found.strange == ()
+    assert found.unexplained == ()
 
 
 def test_the_readings_are_as_probable_under_the_model_as_under_the_truth(
@@ -62,13 +62,13 @@ def test_what_is_withheld_is_left_without_a_name(bent: Prepared) -> None:
     every = frozenset({"line_bow", "form_error", "lens_distortion", "column_offset"})
     nameless = explained(bent, withheld=every)
     assert not {c.name for c in nameless.causes} & every
-    assert nameless.causes or nameless.strange
+    assert nameless.causes or nameless.unexplained
 
 
 def test_a_curve_in_place_of_a_law_explains_as_much_and_keeps_the_name(
     bent: Prepared, found: Explanation
 ) -> None:
-    instead = by_curves(found, bent)
+    instead = with_free_curves(found, bent)
     assert instead.model.effects == ()
     assert {p.component.effect for p in instead.model.curve.parts} == {"line_bow"}
     assert [c.name for c in instead.causes] == ["line_bow"]
@@ -85,13 +85,13 @@ def test_a_curve_in_place_of_a_law_explains_as_much_and_keeps_the_name(
 def test_laws_taken_back_leave_their_components_without_a_name(
     bent: Prepared, found: Explanation
 ) -> None:
-    back = disowned(found, bent)
+    back = without_names(found, bent)
     assert back.causes == ()
     assert back.model.is_nominal
     assert back.placed is bent.placed
-    (cause,), strange = found.causes, back.strange[0]
-    assert (strange.nats, strange.size, strange.probability) == (
+    (cause,), unexplained = found.causes, back.unexplained[0]
+    assert (unexplained.nats, unexplained.size, unexplained.probability) == (
         cause.nats, cause.size, cause.probability
     )  # fmt: skip
     assert cause.component is not None
-    assert strange.relaxed == cause.component.relaxed
+    assert unexplained.relaxed == cause.component.relaxed

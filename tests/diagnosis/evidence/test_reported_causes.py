@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diagnosis.evidence.reported_causes import Cause, shares_by_effect, without_kin
+from diagnosis.evidence.reported_causes import Cause, not_yet_named, shares_by_effect
 
 EFFECTS = {"bow, even": "line_bow", "bow, any": "line_bow", "form": "form_error", "other": ""}
 
@@ -34,5 +34,5 @@ def test_doubts_are_kept_one_after_the_other() -> None:
 
 def test_known_names_are_left_out() -> None:
     causes = [cause("line_bow"), cause("form_error")]
-    assert [c.name for c in without_kin(causes, ["line_bow"])] == ["form_error"]
-    assert without_kin(causes, []) == causes
+    assert [c.name for c in not_yet_named(causes, ["line_bow"])] == ["form_error"]
+    assert not_yet_named(causes, []) == causes

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.evidence.reported_causes import Strange
+from diagnosis.evidence.reported_causes import Unexplained
 from diagnosis.localise.residual_structure import residual_structure
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
@@ -19,14 +19,14 @@ def ws() -> Workspace:
     return bench_workspace("domes")
 
 
-def strange(nats: float = 90.0, **more: object) -> Strange:
+def unexplained(nats: float = 90.0, **more: object) -> Unexplained:
     given = {"component": "c", "channel": "mean", "probability": 0.9, "size": 2.0, **more}
-    return Strange(nats=nats, **given)
+    return Unexplained(nats=nats, **given)
 
 
 def test_sizes_have_the_unit_of_their_channel(ws: Workspace) -> None:
     mean, scale = residual_structure(
-        [strange(), strange(40.0, channel="scale")], ws, Model()
+        [unexplained(), unexplained(40.0, channel="scale")], ws, Model()
     )
     assert mean.size == pytest.approx(2e3 * ws.noise.sd_mm)
     assert (mean.unit, scale.unit, scale.size) == ("µm", "1", 2.0)
@@ -37,9 +37,9 @@ def test_sizes_have_the_unit_of_their_channel(ws: Workspace) -> None:
 def test_the_most_probable_comes_first_with_what_it_follows(ws: Workspace) -> None:
     found = residual_structure(
         [
-            strange(10.0, relaxed=Relaxed(channel="mean", along=("x",))),
-            strange(99.0, relaxed=Relaxed(channel="mean", each="column")),
-            strange(50.0),
+            unexplained(10.0, relaxed=Relaxed(channel="mean", along=("x",))),
+            unexplained(99.0, relaxed=Relaxed(channel="mean", each="column")),
+            unexplained(50.0),
         ],
         ws, Model(),
     )  # fmt: skip
@@ -49,7 +49,7 @@ def test_the_most_probable_comes_first_with_what_it_follows(ws: Workspace) -> No
 
 def test_a_period_over_the_rows_is_a_length_of_depth(ws: Workspace) -> None:
     relaxed = Relaxed(channel="mean", along=("camera_row",), periodic=True)
-    (found,) = residual_structure([strange(repeats=300.0, relaxed=relaxed)], ws, Model())
+    (found,) = residual_structure([unexplained(repeats=300.0, relaxed=relaxed)], ws, Model())
     depths = np.concatenate([p.view.depth_mm[p.observed] for p in ws.patches])
     middle = np.quantile(depths, [0.25, 0.75])
     rows = row_of_depth(middle, ws.patches[0].view.datasheet, 300.0)
@@ -62,12 +62,12 @@ def test_a_departure_is_marked_where_it_is(ws: Workspace) -> None:
     bump = np.zeros(patch.shape)
     bump[20:28, 40:52] = 0.1
     there = replace(ws, patches=(replace(patch, depth_mm=patch.depth_mm + bump), *ws.patches[1:]))
-    (found,) = residual_structure([strange()], there, Model())
+    (found,) = residual_structure([unexplained()], there, Model())
     region = max(found.regions, key=lambda r: r.size_um)
     assert region.recording == patch.name
     for (first, end), (low, high) in ((region.profiles, (20, 28)), (region.points, (40, 52))):
         assert low - 4 <= first <= low + 2
         assert high - 2 <= end <= high + 4
-    (still,) = residual_structure([strange()], ws, Model())
+    (still,) = residual_structure([unexplained()], ws, Model())
     # noise alone, averaged over neighbours, reaches a small part of it
     assert max(r.size_um for r in still.regions) < 0.2 * region.size_um

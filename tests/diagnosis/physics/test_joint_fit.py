@@ -54,5 +54,6 @@ def test_a_blur_in_steady_light_is_seen_before_its_law_is_searched() -> None:
     rough, fitted = (
         fit_law(named("motion_blur"), moved, Model(), polish=polish) for polish in (False, True)
     )
-    assert rough is not None and fitted is not None
+    assert rough is not None
+    assert fitted is not None
     assert rough.gain > 0.9 * fitted.gain > 1000.0
