@@ -22,6 +22,7 @@ from diagnosis.localise.maps import RIGID
 from diagnosis.localise.regions import departure_mask
 from diagnosis.model.model import Model
 from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.prepare import Inputs
 from diagnosis.validate.heldout import judge
 from sensors.effects import effect_of
 from sensors.surface.reflectance import ReflectanceMap, Stripes
@@ -102,9 +103,11 @@ def run_case(
     made = [case.record(effects, k, name=f"r{k}", seed=seed * 10 + k) for k in numbers]
     plates = case.references(seed * 10)
     began = time.process_time()
-    result = diagnose(
-        made, scene.vertices_mm, scene.faces, sheet, references=plates, withheld=withheld, seed=seed
-    )
+    inputs = Inputs(
+        recordings=made, vertices_mm=scene.vertices_mm, faces=scene.faces, datasheet=sheet,
+        references=plates,
+    )  # fmt: skip
+    result = diagnose(inputs, withheld=withheld, seed=seed)
     seconds = time.process_time() - began
     exact = replace(sheet, z_resolution_um=0.0, repeatability_um=0.0)
     truth = []

@@ -4,7 +4,6 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from diagnosis.claims.mounting import blurs, mounted
 from diagnosis.claims.repeats_and_steps import delivered
@@ -28,22 +27,13 @@ from diagnosis.validate.placement_candidates import Candidates, Placed, candidat
 from sensors.datasheet import Datasheet
 from sensors.effects.axis_quantisation import AxisQuantisation
 from sensors.effects.form_error import FormError
-from sensors.recording import Recording
-from sensors.surface.surface import Surface
 
 Progress = Callable[[str], None]
 
 
 def diagnose(
-    recordings: Sequence[Recording],
-    vertices_mm: NDArray[np.float64],
-    faces: NDArray[np.int32],
-    datasheet: Datasheet,
+    inputs: Inputs,
     *,
-    surface: Surface | None = None,
-    references: Sequence[Recording] = (),
-    holdout: Sequence[Recording] = (),
-    baselines: Sequence[Recording] = (),
     seed: int = 0,
     withheld: Iterable[str] = (),
     progress: Progress = lambda _: None,
@@ -52,11 +42,7 @@ def diagnose(
 
     Parameters
     ----------
-    recordings : to fit on; without `holdout`, the last of several is held out, or blocks of one
-    vertices_mm, faces : the part's closed mesh, part frame
-    surface : nominal roughness, if any is claimed
-    references : scans of a flat plate by the same instrument
-    baselines : recordings of the part by the same instrument when it was known to be good
+    seed : of the bootstrap intervals of held-out scores
     withheld : names of effects that must not be considered
 
     Raises
@@ -66,14 +52,10 @@ def diagnose(
     """
     withheld = frozenset(withheld)
     notes: list[str] = []
-    ready = prepared(
-        Inputs(
-            recordings=recordings, vertices_mm=vertices_mm, faces=faces, datasheet=datasheet,
-            surface=surface, references=references, holdout=holdout, baselines=baselines,
-        ),
-        notes, progress,
-    )  # fmt: skip
-    by_form = delivered(ready.recorded.recordings, datasheet, notes, baselines)
+    ready = prepared(inputs, notes, progress)
+    by_form = delivered(
+        ready.recorded.recordings, inputs.datasheet, notes, inputs.baselines
+    )
     for coarse in (f.effect for f in by_form if isinstance(f.effect, AxisQuantisation)):
         ready = ready.in_steps(1e-3 * coarse.step_um)
     known = population()
@@ -99,7 +81,7 @@ def diagnose(
         next_measurements=measure,
         none_of_these=_none_of_these(judged.causes, against_claims),
         population=known.name,
-        assumed=_assumed(sheet, datasheet),
+        assumed=_assumed(sheet, inputs.datasheet),
         regions=tuple(region for m in maps for region in m.regions),
         share_of_points=float(np.mean(np.concatenate([m.mask.ravel() for m in maps]))),
         before=judged.before,
@@ -110,7 +92,7 @@ def diagnose(
         noise=ready.noise,
         fitted=ready.fitted,
         held=ready.held,
-        baselines=tuple(r.name for r in baselines),
+        baselines=tuple(r.name for r in inputs.baselines),
         held_patches=tuple(judged.nominal.held),
         fit_patches=explanation.ws.patches,
         notes=tuple(notes),

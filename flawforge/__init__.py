@@ -205,7 +205,8 @@ def diagnose(
     from pipeline.batch.backend import one_thread_each
 
     one_thread_each()
-    from diagnosis.diagnose import diagnose as explain
+    from diagnosis.diagnose import diagnose as diagnosis_of
+    from diagnosis.prepare import Inputs
     from diagnosis.report.outputs import write_outputs
     from files.output_folder import output_folder
     from pipeline.parts.part import load_part
@@ -220,18 +221,15 @@ def diagnose(
         datasheet = Datasheet.load(sensor)  # what is read in no time first
         texture = None if surface is None else Surface.load(surface)
         solid = load_part(Path(part), unit=part_unit)
-        found = explain(
-            [Recording.load(path) for path in _paths(recordings)],
-            solid.vertices_mm,
-            solid.faces,
-            datasheet,
-            surface=texture,
-            references=[Recording.load(path) for path in _paths(references)],
-            holdout=[Recording.load(path) for path in _paths(holdout)],
-            baselines=[Recording.load(path) for path in _paths(baselines)],
-            seed=seed,
-            progress=said,
+        given, plates, apart, good = (
+            [Recording.load(path) for path in _paths(paths)]
+            for paths in (recordings, references, holdout, baselines)
         )
+        inputs = Inputs(
+            recordings=given, vertices_mm=solid.vertices_mm, faces=solid.faces,
+            datasheet=datasheet, surface=texture, references=plates, holdout=apart, baselines=good,
+        )  # fmt: skip
+        found = diagnosis_of(inputs, seed=seed, progress=said)
         if folder is not None:
             write_outputs(found, folder, part_name=solid.name, progress=said)
     return found

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from diagnosis.diagnose import diagnose
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.prepare import Prepared
 from diagnosis.report.outputs import write_outputs
+from tests.support.diagnosis_of import diagnosis_of
 from tests.support.prepared_parts import ready
 from tests.support.small_parts import VIEWS, datasheet, part, record
 
@@ -22,7 +22,7 @@ def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Diagnosis, Path
         record(scene, sheet, BOW, name=n, seed=k, profiles=60, pitch_mm=0.7, **VIEWS[k])
         for k, n in enumerate(("left", "right", "kept back"))
     ]
-    result = diagnose(made, scene.vertices_mm, scene.faces, sheet)
+    result = diagnosis_of(made, scene, sheet)
     folder = tmp_path_factory.mktemp("diagnosis")
     write_outputs(result, folder, part_name="bowl")
     return result, folder

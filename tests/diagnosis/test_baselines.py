@@ -1,7 +1,7 @@
 """Baselines: what an instrument had when it was good is no fault."""
 
-from diagnosis.diagnose import diagnose
 from sensors.recording import Recording
+from tests.support.diagnosis_of import diagnosis_of
 from tests.support.small_parts import VIEWS, datasheet, part, record
 
 NOISY_ENDS: dict[str, object] = {"name": "light_falloff", "share": 0.7}
@@ -18,9 +18,7 @@ def test_noise_that_the_baselines_have_too_is_no_fault() -> None:
         ]  # fmt: skip
 
     def named(baselines: list[Recording]) -> set[str]:
-        found = diagnose(
-            made("r", 10), scene.vertices_mm, scene.faces, sheet, baselines=baselines
-        )
+        found = diagnosis_of(made("r", 10), scene, sheet, baselines=baselines)
         return {e.name for e in found.effects} | {one.detail for one in found.left}
 
     assert "light_falloff" in named([])

@@ -6,6 +6,7 @@ import pytest
 import trimesh
 
 from diagnosis.diagnose import diagnose
+from diagnosis.prepare import Inputs
 from files.errors import RecipeError
 from sensors.datasheet import Datasheet
 from sensors.recording import Recording
@@ -31,7 +32,10 @@ def diagnosed(folder, count, progress=lambda text: None):
             )
         )  # fmt: skip
     sheet = Datasheet.load(folder / "sensor.yaml")
-    return diagnose(recordings, mesh.vertices, mesh.faces, sheet, progress=progress)
+    inputs = Inputs(
+        recordings=recordings, vertices_mm=mesh.vertices, faces=mesh.faces, datasheet=sheet
+    )
+    return diagnose(inputs, progress=progress)
 
 
 @pytest.mark.parametrize("count", [4, 5, 6])

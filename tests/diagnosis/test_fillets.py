@@ -7,7 +7,6 @@ import manifold3d
 import numpy as np
 import pytest
 
-from diagnosis.diagnose import diagnose
 from diagnosis.physics.effect_fit import _as_silent
 from files.errors import RecipeError
 from sensors.casting.laser import Laser
@@ -16,6 +15,7 @@ from sensors.effects.form_error import FormError
 from sensors.model import SensorModel
 from sensors.view.creases import concave_creases, filled_mm
 from sensors.view.view import View
+from tests.support.diagnosis_of import diagnosis_of
 from tests.support.small_parts import Floats, datasheet, poses, record, solid
 
 TURN = math.radians(50)
@@ -121,7 +121,7 @@ def test_one_rounded_corner_is_named_and_measured(radius_mm: float) -> None:
             }.items()
         )
     ]
-    result = diagnose(scans, model.vertices_mm, model.faces, sheet)
+    result = diagnosis_of(scans, model, sheet)
     assert result.verdict == "explained"
     (found,) = result.effects
     assert isinstance(found.effect, FormError)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from diagnosis.claims.lay import Drawn, drawn, lay_evidence
-from diagnosis.diagnose import diagnose
 from diagnosis.noise.noise_model import calibrate
 from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.recording import Recording
+from tests.support.diagnosis_of import diagnosis_of
 from tests.support.small_parts import SPECKLE, datasheet, poses, record, solid
 
 
@@ -117,9 +117,9 @@ def test_a_lay_between_the_axes_keeps_its_angle_on_the_part() -> None:
             heading_deg=heading_deg, tilt_deg=(4.0, 3.0),
         )  # fmt: skip
 
-    result = diagnose(
+    result = diagnosis_of(
         [scan(0, 0.0, lay), scan(1, 90.0, lay), scan(2, 180.0, lay)],
-        plate.vertices_mm, plate.faces, sheet, references=[scan(7, 0.0, []), scan(8, 90.0, [])],
+        plate, sheet, references=[scan(7, 0.0, []), scan(8, 90.0, [])],
     )  # fmt: skip
     found = next(e for e in result.effects if e.name == "anisotropic_lay")
     assert isinstance(found.effect, AnisotropicLay)

@@ -4,9 +4,9 @@
 import numpy as np
 import pytest
 
-from diagnosis.diagnose import diagnose
 from sensors.casting.scene import Scene
 from sensors.recording import Recording
+from tests.support.diagnosis_of import diagnosis_of
 from tests.support.small_parts import SPECKLE, datasheet, part, record, solid
 
 
@@ -29,8 +29,8 @@ def test_what_halves_the_noise_is_no_finish(effect: dict[str, object], named: st
             heading_deg=90.0 * k, tilt_deg=(4.0, 3.0),
         )  # fmt: skip
 
-    result = diagnose(
-        [scan(blocks, k, [effect]) for k in range(3)], blocks.vertices_mm, blocks.faces, sheet,
+    result = diagnosis_of(
+        [scan(blocks, k, [effect]) for k in range(3)], blocks, sheet,
         references=[scan(plate, k, []) for k in (4, 5)],
     )  # fmt: skip
     first = result.effects[0]

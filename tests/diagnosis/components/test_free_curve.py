@@ -7,13 +7,13 @@ import pytest
 
 from diagnosis.components.component import Component, components_of, curve_columns
 from diagnosis.components.free_curve import Curve, Part
-from diagnosis.diagnose import diagnose
 from diagnosis.model.model import Model
 from diagnosis.physics.remainder import is_curve
 from diagnosis.predict.prediction import law_of
 from sensors.effects.line_bow import LineBow
 from sensors.model import SensorModel
 from sensors.view.view import View
+from tests.support.diagnosis_of import diagnosis_of
 from tests.support.small_parts import VIEWS, datasheet, part, poses, record
 
 BOW = next(c for c in components_of("mean") if c.effect == "line_bow")
@@ -77,7 +77,7 @@ def test_a_bow_of_another_formula_is_a_bow_and_leaves_nothing_behind() -> None:
         u = View(scene, SensorModel(sheet), scan.poses, scan.time_s).off_axis_mm
         bend = 0.12 * (np.broadcast_to(u, scan.depth_mm.shape) / (sheet.x_fov_mm / 2)) ** 6
         made.append(replace(scan, depth_mm=scan.depth_mm + bend.astype(np.float32)))
-    result = diagnose(made, scene.vertices_mm, scene.faces, sheet)
+    result = diagnosis_of(made, scene, sheet)
     assert [e.name for e in result.effects] == ["line_bow"]
     assert result.verdict == "explained"
     assert result.model.curve.parts

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from diagnosis.data.inputs import check_fits, check_marks
-from diagnosis.diagnose import diagnose
 from files.errors import RecipeError
 from sensors.surface.surface import Surface
+from tests.support.diagnosis_of import diagnosis_of
 from tests.support.small_parts import datasheet, part, record
 
 
@@ -33,9 +33,7 @@ def test_faults_of_the_inputs_are_told_before_the_first_registration() -> None:
         (made, sheet, {"references": [bent]}, "plate: a reference should be a flat plate"),
     ):
         with pytest.raises(RecipeError, match=fault):
-            diagnose(
-                recordings, scene.vertices_mm, scene.faces, sensor, progress=steps.append, **more
-            )
+            diagnosis_of(recordings, scene, sensor, progress=steps.append, **more)
         assert steps == []
 
 
@@ -54,10 +52,9 @@ def test_marks_for_missing_points_are_told_before_the_first_registration(
     recordings, references = ([made[0], marked], []) if role == "recording" else (made, [marked])
     steps: list[str] = []
     with pytest.raises(RecipeError, match=r"marked: .*depth \S+ mm 50 times.*--missing") as fault:
-        diagnose(
-            recordings, scene.vertices_mm, scene.faces, sheet, references=references,
-            progress=steps.append,
-        )  # fmt: skip
+        diagnosis_of(
+            recordings, scene, sheet, references=references, progress=steps.append
+        )
     assert steps == []
     assert f"depth {mark:.9g} mm" in str(fault.value)
 

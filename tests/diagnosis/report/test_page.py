@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from diagnosis.diagnose import diagnose
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.report.outputs import write_outputs
+from tests.support.diagnosis_of import diagnosis_of
 from tests.support.small_parts import VIEWS, datasheet, part, record
 
 
@@ -49,7 +49,7 @@ def test_a_shadow_is_drawn_where_the_file_states_no_camera(tmp_path: Path) -> No
         for k in range(3)
     ]  # fmt: skip
     sheet = dataclasses.replace(datasheet(100), triangulation_angle_deg=None)
-    result = diagnose(made, scene.vertices_mm, scene.faces, sheet)
+    result = diagnosis_of(made, scene, sheet)
     assert result.effects[0].name == "camera_occlusion"
     write_outputs(result, tmp_path, part_name="steps")
     assert "camera_occlusion" in (tmp_path / "report.html").read_text()
@@ -65,7 +65,7 @@ def test_pixel_locking_is_found_and_drawn_where_no_rows_are_stated(tmp_path: Pat
         for k in range(2)
     ]  # fmt: skip
     sheet = dataclasses.replace(datasheet(100), camera_rows=None)
-    result = diagnose(made, scene.vertices_mm, scene.faces, sheet)
+    result = diagnosis_of(made, scene, sheet)
     assert [e.name for e in result.effects] == ["pixel_locking"]
     assert result.effects[0].parameters["rows"].value == pytest.approx(700.0, rel=2e-3)
     write_outputs(result, tmp_path, part_name="domes")

@@ -1,0 +1,27 @@
+"""A diagnosis of recordings of one of the small parts."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from diagnosis.diagnose import Progress, diagnose
+from diagnosis.diagnosis import Diagnosis
+from diagnosis.prepare import Inputs
+from sensors.casting.scene import Scene
+from sensors.datasheet import Datasheet
+from sensors.recording import Recording
+
+
+def diagnosis_of(
+    recordings: Sequence[Recording],
+    scene: Scene,
+    sheet: Datasheet,
+    *,
+    progress: Progress = lambda _: None,
+    **more: Any,
+) -> Diagnosis:
+    """Diagnose recordings of a part; `more` as `Inputs` has it."""
+    inputs = Inputs(
+        recordings=recordings, vertices_mm=scene.vertices_mm, faces=scene.faces, datasheet=sheet,
+        **more,
+    )  # fmt: skip
+    return diagnose(inputs, progress=progress)
