@@ -61,10 +61,10 @@ def run(arguments: argparse.Namespace) -> int:
     from files.hdf5_output import created
     from pipeline.parts import builtin
     from pipeline.parts.part import load_part
-    from pipeline.planning.pareto import front, trade
-    from pipeline.planning.passes import Samples, candidates
-    from pipeline.planning.picture import draw_plan
-    from pipeline.planning.reference_flaw import ReferencePit
+    from pipeline.passes.pareto import front, trade
+    from pipeline.passes.picture import draw_plan
+    from pipeline.passes.reference_flaw import ReferencePit
+    from pipeline.passes.straight_passes import Samples, candidates
     from sensors.casting.scene import Scene
     from sensors.datasheet import Datasheet
     from sensors.surface.surface import Surface

@@ -29,8 +29,8 @@ from pipeline.motion.aim import Aimer, Outlook
 from pipeline.parts import builtin as parts
 from pipeline.parts.part import Part, load_part
 from pipeline.parts.part_error import PartError
-from pipeline.planning.passes import Pass
-from pipeline.planning.set_cover import planned_passes
+from pipeline.passes.set_cover import planned_passes
+from pipeline.passes.straight_passes import Pass
 from pipeline.recipe import PartEntry, Recipe
 from pipeline.seeds import streams
 from sensors.casting.laser import Laser

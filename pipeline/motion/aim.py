@@ -11,7 +11,7 @@ from pipeline.motion.limits import Motion
 from pipeline.motion.trajectory import Reach, Trajectory, draw, frame, rate_of, sweeps
 from pipeline.parts.part import Part
 from pipeline.parts.part_error import PartError
-from pipeline.planning.passes import Pass
+from pipeline.passes.straight_passes import Pass
 from pipeline.seeds import RngOf
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from files.whole_file import whole
-from pipeline.planning.pareto import front
-from pipeline.planning.passes import Samples
-from pipeline.planning.set_cover import Plan
+from pipeline.passes.pareto import front
+from pipeline.passes.set_cover import Plan
+from pipeline.passes.straight_passes import Samples
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.planning.passes import STEEPEST_DEG, Pass
+from pipeline.passes.straight_passes import STEEPEST_DEG, Pass
 from pipeline.scan.detectability import noise_power
 from sensors.datasheet import Datasheet
 from sensors.noise.correlation import speckle_kernel

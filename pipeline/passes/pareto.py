@@ -6,8 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.planning.passes import Pass
-from pipeline.planning.set_cover import Plan, plan_cover
+from pipeline.passes.set_cover import Plan, plan_cover
+from pipeline.passes.straight_passes import Pass
 
 SHARES: Final = tuple(k / 10 for k in range(1, 10))
 """Coverages, beside the one wanted, that plans are made for."""

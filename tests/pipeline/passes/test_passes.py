@@ -14,10 +14,10 @@ from pipeline.batch.run import generate
 from pipeline.batch.trial import try_recipe
 from pipeline.motion.recorded_path import replay
 from pipeline.parts.part import Part
-from pipeline.planning.pareto import front, trade
-from pipeline.planning.passes import Pass, Samples, candidates
-from pipeline.planning.reference_flaw import PIT_MM, ReferencePit, smallest_depth_mm
-from pipeline.planning.set_cover import plan_cover
+from pipeline.passes.pareto import front, trade
+from pipeline.passes.reference_flaw import PIT_MM, ReferencePit, smallest_depth_mm
+from pipeline.passes.set_cover import plan_cover
+from pipeline.passes.straight_passes import Pass, Samples, candidates
 from pipeline.recipe import Recipe
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet

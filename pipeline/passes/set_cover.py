@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.parts.part import Part
 from pipeline.parts.part_error import PartError
-from pipeline.planning.passes import Pass, Samples, candidates
+from pipeline.passes.straight_passes import Pass, Samples, candidates
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 
