@@ -12,6 +12,7 @@ from defects.flaw_bank import FlawBank
 from defects.kind import Kind
 from defects.kinds import KINDS
 from defects.kinds.banked import Banked
+from files.errors import RecipeError, known
 from quantity.distribution import Distribution, Fixed, parse_distribution
 
 VISIBLE = "visible"
@@ -136,10 +137,10 @@ class FlawPlan:
         if not isinstance(data, Mapping):
             raise ValueError(f"{data!r} must be a mapping of kinds of flaw")
         regions, boxes = _keep_free(data.get("keep_free", ()))
-        known = [*KINDS, "min_distance_mm", "where", "keep_free", "facet_um", "tries"]
+        allowed = [*KINDS, "min_distance_mm", "where", "keep_free", "facet_um", "tries"]
         for key in data:
-            if key not in known:
-                raise ValueError(f"{key}: unknown key, allowed are {', '.join(known)}")
+            if key not in allowed:
+                raise RecipeError("unknown key", where=str(key), **known(str(key), allowed))
         return cls(
             kinds=tuple(_kind_plan(name, data[name]) for name in KINDS if name in data),
             where=_where(data.get("where", VISIBLE)),
@@ -218,18 +219,24 @@ def _keep_free(
     return tuple(regions), tuple(boxes)
 
 
-def _sizes(kind: str, where: str, data: Mapping[str, Any]) -> dict[str, Distribution]:
-    known = {size.name: size for size in KINDS[kind].sizes()}
+def _sizes(
+    kind: str, where: str, data: Mapping[str, Any], beside: Sequence[str]
+) -> dict[str, Distribution]:
+    """Read the sizes of a kind; `beside` are the other keys of their mapping."""
+    of_kind = {size.name: size for size in KINDS[kind].sizes()}
     sizes: dict[str, Distribution] = {}
     for key, value in data.items():
-        if key not in known:
-            raise ValueError(f"{where}.{key}: unknown key, allowed are {', '.join(known)}")
+        if key in beside:
+            continue
+        if key not in of_kind:
+            hint = known(str(key), [*of_kind, *beside])
+            raise RecipeError("unknown key", where=f"{where}.{key}", **hint)
         try:
             sizes[key] = parse_distribution(value)
         except ValueError as error:
             raise ValueError(f"{where}.{key}: {error}") from None
-        if not all(known[key].holds(limit) for limit in sizes[key].limits()):
-            raise ValueError(f"{where}.{key}: {value!r} must stay within {known[key].allowed}")
+        if not all(of_kind[key].holds(limit) for limit in sizes[key].limits()):
+            raise ValueError(f"{where}.{key}: {value!r} must stay within {of_kind[key].allowed}")
     return sizes
 
 
@@ -239,9 +246,9 @@ def _kind_plan(kind: str, data: Any) -> KindPlan:
     if not isinstance(data, Mapping):
         raise ValueError(f"{kind}: {data!r} must be a number or a mapping")
     path = _bank_path(kind, data)
-    rest = {key: value for key, value in data.items() if key not in ("number", "tiers", "path")}
-    if kind == Banked.name and isinstance(rest.get("mirror"), bool):
-        rest["mirror"] = {"choice": [0, 1]} if rest["mirror"] else 0
+    beside = ("number", "tiers", *(("path",) if kind == Banked.name else ()))
+    if kind == Banked.name and isinstance(data.get("mirror"), bool):
+        data = {**data, "mirror": {"choice": [0, 1]} if data["mirror"] else 0}
     try:
         number = parse_distribution(data.get("number", 1))
     except ValueError as error:
@@ -251,7 +258,7 @@ def _kind_plan(kind: str, data: Any) -> KindPlan:
     return KindPlan(
         kind=kind,
         number=number,
-        sizes={**KINDS[kind].typical(), **_sizes(kind, kind, rest)},
+        sizes={**KINDS[kind].typical(), **_sizes(kind, kind, data, beside)},
         tiers=_tiers(kind, data.get("tiers")),
         path=path,
     )
@@ -286,10 +293,8 @@ def _tiers(kind: str, data: Any) -> tuple[Tier, ...]:
             scale = _number(tier, "scale", 1.0, 1e-3, 1e3)
         except ValueError as error:
             raise ValueError(f"{where}.{error}") from None
-        rest = {key: value for key, value in tier.items() if key not in ("weight", "scale")}
-        tiers.append(
-            Tier(name=str(name), weight=weight, scale=scale, sizes=_sizes(kind, where, rest))
-        )
+        sizes = _sizes(kind, where, tier, beside=("weight", "scale"))
+        tiers.append(Tier(name=str(name), weight=weight, scale=scale, sizes=sizes))
     if not sum(tier.weight for tier in tiers) > 0:
         raise ValueError(f"{kind}.tiers: at least one weight must be above 0")
     return tuple(tiers)

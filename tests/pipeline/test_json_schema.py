@@ -43,9 +43,9 @@ def test_every_key_stands_in_it() -> None:
     assert {f.name for f in dataclasses.fields(RecipeFile)} == {*whole["properties"]} - {"extends"}
     for entry in whole["$defs"].values():
         assert all("description" in one for one in entry["properties"].values())
-    with pytest.raises(ValueError, match="unknown key, allowed are ") as said:
+    with pytest.raises(ValueError, match="unknown key; allowed: ") as said:
         FlawPlan.from_mapping({"nonsense": 1})
-    allowed = str(said.value).partition("allowed are ")[2].split(", ")
+    allowed = str(said.value).partition("allowed: ")[2].split(", ")
     assert sorted(allowed) == sorted(whole["$defs"]["flaws"]["properties"])
     for name, kind in KINDS.items():
         own = whole["$defs"]["flaws"]["properties"][name]["anyOf"][1]["properties"]
