@@ -1,12 +1,13 @@
 """docs/diagnosis-bench.md: what the bench of other formulas found, by population."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from benchmarks.other_formulas.cases import POPULATIONS
 from benchmarks.other_formulas.formulas import CATALOGUED, OUTSIDE
 from benchmarks.other_formulas.judge import Answer, by_effect, figures, load, stated
 from benchmarks.other_formulas.parts import PARTS
+from benchmarks.other_formulas.run import committed_s
 from challenge.judging.probabilities import reliability
 
 _INTRO = """# Bench of other formulas
@@ -88,15 +89,33 @@ def cases_of(answers: Sequence[Answer]) -> list[str]:
     return lines
 
 
+def newest_first(folders: Iterable[Path]) -> list[Path]:
+    """Sort folders COMMIT/seed-N: newest commit first, in each the opened calibration last."""
+    when_s: dict[str, float] = {}
+
+    def place(folder: Path) -> tuple[float, str, bool, int]:
+        commit, seed = folder.parent.name, _seed_of(folder)
+        if commit not in when_s:
+            when_s[commit] = committed_s(commit)
+        return -when_s[commit], commit, population_of(seed) == "calibration", seed
+
+    return sorted(folders, key=place)
+
+
+def _seed_of(folder: Path) -> int:
+    return int(folder.name.removeprefix("seed-"))
+
+
 def write_page(root: Path, file: Path) -> None:
     """Write the page from all answers stored below a folder."""
     lines = [_INTRO, *names_used(), "## Rules", _RULES]
-    for folder in sorted(root.glob("*/seed-*"), key=lambda f: (f.name, f.parent.name)):
-        seed = int(folder.name.split("-")[1])
-        population = population_of(seed)
+    for folder in newest_first(root.glob("*/seed-*")):
+        population = population_of(_seed_of(folder))
         answers = load(folder)
         if answers:
             opened = population == "calibration"
-            title = f"{population.capitalize()}, seed {seed}, commit {folder.parent.name}"
+            title = (
+                f"{population.capitalize()}, seed {_seed_of(folder)}, commit {folder.parent.name}"
+            )
             lines += section(title, answers, opened)
     file.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")

@@ -9,6 +9,8 @@ import tempfile
 import time
 from pathlib import Path
 
+import numpy as np
+
 from benchmarks.other_formulas.cases import PLANS, Case, save_truth, stage, write
 
 TIMEOUT_S = 900.0
@@ -29,6 +31,15 @@ def commit() -> str:
         capture_output=True, text=True, cwd=root,
     )  # fmt: skip
     return said.stdout.strip() or "unknown"
+
+
+def committed_s(name: str) -> float:
+    """Return when a commit was made, seconds of the epoch; -inf where git doesn't know it."""
+    said = subprocess.run(
+        ["git", "show", "--no-patch", "--format=%ct", f"{name.removesuffix('-dirty')}^{{commit}}"],
+        capture_output=True, text=True, cwd=Path(__file__).parents[2],
+    )  # fmt: skip
+    return float(said.stdout) if said.returncode == 0 else -np.inf
 
 
 def words(folder: Path, out: Path, baselines: bool) -> list[str]:

@@ -3,8 +3,10 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from benchmarks.other_formulas import page
 from benchmarks.other_formulas.judge import (
     Answer,
     coverage,
@@ -17,6 +19,7 @@ from benchmarks.other_formulas.judge import (
     wrongly_sure,
 )  # fmt: skip
 from benchmarks.other_formulas.page import write_page
+from benchmarks.other_formulas.run import committed_s
 
 
 def answer(effects, sets, *, also=None, verdict="explained", sure=None, chances=()):
@@ -87,8 +90,23 @@ def test_the_page_opens_no_case_of_validation_and_test(tmp_path):
         for file, content in (("truth", truth), ("run", run), ("diagnosis", said)):
             (folder / f"{file}.json").write_text(json.dumps(content))
     write_page(tmp_path, tmp_path / "page.md")
-    calibration, validation, test = (tmp_path / "page.md").read_text().split("\n## ")[-3:]
+    validation, test, calibration = (tmp_path / "page.md").read_text().split("\n## ")[-3:]
     assert "| recall, signal to noise 12 with baselines | 1.00 (1 of 1" in test
     assert "commit abc" in test
     assert "line_bow" in calibration
     assert "line_bow" not in validation + test
+
+
+def test_the_page_begins_with_the_newest_commit(tmp_path, monkeypatch):
+    when_s = {"c": 300.0, "a": 200.0, "b": 100.0, "unknown": -np.inf}
+    monkeypatch.setattr(page, "committed_s", when_s.__getitem__)
+    stored = ["unknown/seed-1", "b/seed-200", "b/seed-0", "b/seed-101", "a/seed-9", "c/seed-103"]
+    found = page.newest_first(tmp_path / one for one in stored)
+    assert [f"{f.parent.name}/{f.name}" for f in found] == [
+        "c/seed-103", "a/seed-9", "b/seed-101", "b/seed-200", "b/seed-0", "unknown/seed-1",
+    ]  # fmt: skip
+
+
+def test_a_commit_that_git_does_not_know_is_the_oldest():
+    assert committed_s("0" * 40) == -np.inf
+    assert committed_s("HEAD-dirty") == committed_s("HEAD")
