@@ -25,6 +25,9 @@ from challenge.instrument.readout import Chip, read_out
 from challenge.instrument.sheet import LaserSheet
 from challenge.instrument.stripes import Stripes
 
+LAYERS = 4
+"""Depths below a translucent surface at which light turns."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Faults:
@@ -49,6 +52,12 @@ class Faults:
     window_dip: float = 0.0
     window_at: float = 0.0
     window_width: float = 0.2
+
+    def passed(self, columns: int) -> NDArray[np.float64]:
+        """Share (columns,) of the light that the window passes."""
+        column = np.linspace(-1, 1, columns)
+        away = (column - self.window_at) / self.window_width
+        return np.asarray(1 - self.window_dip * np.exp(-0.5 * away**4))
 
 
 @njit(cache=True, fastmath=FASTMATH)
@@ -134,51 +143,90 @@ def expose(
     frame : (columns, rows)
         Counts of the profile `keep`.
     """
-    grain = camera.amplitude_spread_mm(sheet.wavelength_mm)
-    fine_c = max(1, int(np.ceil(camera.column_pitch_mm / (1.3 * grain))))
-    fine_r = max(2, int(np.ceil(camera.row_pitch_mm / (1.3 * grain))))
-    spread_c = grain / camera.column_pitch_mm * fine_c
-    spread_r = grain / camera.row_pitch_mm * fine_r
-    # exposure: a white plate at the working distance fills `fill` of the well
-    foreshortened = sheet.waist_mm * np.cos(camera.triangulation_rad)
-    sigma_rows = np.hypot(foreshortened, grain / sqrt(2)) / camera.row_pitch_mm
-    line = camera.fill * camera.full_well_e / erf(0.5 / (sqrt(2) * sigma_rows))
-    column = np.linspace(-1, 1, camera.columns)
-    dirt = faults.window_dip * np.exp(
-        -0.5 * ((column - faults.window_at) / faults.window_width) ** 4
-    )
-    tilt = 1 + camera.ambient_tilt * np.linspace(-1, 1, camera.rows)
-    beat = 1 + camera.ambient_ripple * np.sin(2 * np.pi * camera.ambient_hz * time_s)
-    ambient = camera.ambient_e * beat[:, None] * tilt[None, :]
-    layers = np.zeros(1)
-    if translucence_mm > 0:
-        layers = -translucence_mm * np.log(1 - (np.arange(4) + 0.5) / 4)
-    full_scale = 2.0**camera.bits - 1
-    scale, threshold = full_scale / camera.full_well_e, finder.threshold * full_scale
+    grain_mm = camera.amplitude_spread_mm(sheet.wavelength_mm)
     row, peak, frame = _frames(
-        Scatterers(
-            stripes.y_mm, stripes.x_mm, stripes.z_mm, stripes.power, stripes.cosine, stripes.sine,
-            stripes.below, layers,
-        ),
-        Sheet(
-            sheet.waist_mm, sheet.waist_z_mm, sheet.rayleigh_mm,
-            stripes.spacing_mm / (np.sqrt(2 * np.pi) * sheet.waist_mm) / stripes.samples,
-        ),
-        Lens(
-            camera.columns, camera.rows, camera.step_rad, camera.fov_rad / 2, camera.focal_rows,
-            np.tan(camera.triangulation_rad), float(camera.side), camera.base_mm,
-            camera.smile, camera.keystone, camera.barrel,
-        ),
-        Grid(fine_c, fine_r, taps(spread_c), taps(spread_r)),
-        Chip(
-            line * (1 - dirt), ambient, camera.full_well_e, camera.read_noise_e, scale,
-            camera.bloom, KINDS.index(finder.kind), threshold, faults.spikes,
-            threshold > scale * (camera.read_noise_e * 7 + ambient.max()),
-        ),
+        _scatterers(stripes, translucence_mm),
+        _lit_by(sheet, stripes),
+        _lens(camera),
+        _fine_grid(camera, grain_mm),
+        _chip(camera, finder, faults, _full_line_e(camera, sheet, grain_mm), time_s),
         where_mm,
         np.zeros((where_mm.shape[0], 0, 3), np.float32) if glow is None else glow,
         rng,
         keep,
-    )  # fmt: skip
+    )
     digits = 2.0**finder.fraction_bits
-    return np.floor(row * digits + 0.5) / digits, peak / full_scale, frame
+    return np.floor(row * digits + 0.5) / digits, peak / _full_scale(camera), frame
+
+
+def _scatterers(stripes: Stripes, translucence_mm: float) -> Scatterers:
+    """Pack the lit surface; light turns at four depths below it, of equal shares of the power."""
+    layers = np.zeros(1)
+    if translucence_mm > 0:
+        layers = -translucence_mm * np.log(1 - (np.arange(LAYERS) + 0.5) / LAYERS)
+    return Scatterers(
+        stripes.y_mm, stripes.x_mm, stripes.z_mm, stripes.power, stripes.cosine, stripes.sine,
+        stripes.below, layers,
+    )  # fmt: skip
+
+
+def _lit_by(sheet: LaserSheet, stripes: Stripes) -> Sheet:
+    """Pack the laser sheet with the share of its power that one scatterer has."""
+    share = stripes.spacing_mm / (np.sqrt(2 * np.pi) * sheet.waist_mm) / stripes.samples
+    return Sheet(sheet.waist_mm, sheet.waist_z_mm, sheet.rayleigh_mm, share)
+
+
+def _lens(camera: Camera) -> Lens:
+    """Pack what tells the pixel in which a point is imaged."""
+    return Lens(
+        camera.columns, camera.rows, camera.step_rad, camera.fov_rad / 2, camera.focal_rows,
+        np.tan(camera.triangulation_rad), float(camera.side), camera.base_mm,
+        camera.smile, camera.keystone, camera.barrel,
+    )  # fmt: skip
+
+
+def _fine_grid(camera: Camera, grain_mm: float) -> Grid:
+    """Choose a grid on which the image of one point, `grain_mm` wide, is resolved."""
+    fine_c = max(1, int(np.ceil(camera.column_pitch_mm / (1.3 * grain_mm))))
+    fine_r = max(2, int(np.ceil(camera.row_pitch_mm / (1.3 * grain_mm))))
+    spread_c = grain_mm / camera.column_pitch_mm * fine_c
+    spread_r = grain_mm / camera.row_pitch_mm * fine_r
+    return Grid(fine_c, fine_r, taps(spread_c), taps(spread_r))
+
+
+def _full_line_e(camera: Camera, sheet: LaserSheet, grain_mm: float) -> float:
+    """Electrons of a column's whole line: a white plate's brightest pixel fills `fill` of a well.
+
+    The plate stands at the working distance.
+    """
+    foreshortened = sheet.waist_mm * np.cos(camera.triangulation_rad)
+    sigma_rows = np.hypot(foreshortened, grain_mm / sqrt(2)) / camera.row_pitch_mm
+    return float(camera.fill * camera.full_well_e / erf(0.5 / (sqrt(2) * sigma_rows)))
+
+
+def _ambient_e(camera: Camera, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Electrons (profiles, rows) of ambient light: tilted over the rows, beating with the mains."""
+    tilt = 1 + camera.ambient_tilt * np.linspace(-1, 1, camera.rows)
+    beat = 1 + camera.ambient_ripple * np.sin(2 * np.pi * camera.ambient_hz * time_s)
+    return np.asarray(camera.ambient_e * beat[:, None] * tilt[None, :])
+
+
+def _chip(
+    camera: Camera, finder: PeakFinder, faults: Faults, line_e: float, time_s: NDArray[np.float64]
+) -> Chip:
+    """Pack what turns light into counts, and counts into the line's row."""
+    ambient = _ambient_e(camera, time_s)
+    scale = _full_scale(camera) / camera.full_well_e
+    threshold = finder.threshold * _full_scale(camera)
+    return Chip(
+        electrons=line_e * faults.passed(camera.columns), ambient=ambient,
+        full_well=camera.full_well_e, read_noise=camera.read_noise_e, scale=scale,
+        bloom=camera.bloom, kind=KINDS.index(finder.kind), threshold=threshold,
+        spikes=faults.spikes,
+        quiet=bool(threshold > scale * (camera.read_noise_e * 7 + ambient.max())),
+    )  # fmt: skip
+
+
+def _full_scale(camera: Camera) -> float:
+    """Largest count."""
+    return float(2.0**camera.bits - 1)

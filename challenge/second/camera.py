@@ -1,6 +1,7 @@
 """An upright telecentric camera with two-dimensional distortion, and its chip and finders."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -86,6 +87,11 @@ class Camera:
         u = np.linspace(-end, end, self.columns + 2 * MARGIN)
         return np.asarray(self.x_fov_mm / 2 * u * (1 + self.barrel * (1 - u**2)))
 
+    @property
+    def lens(self) -> "Lens":
+        """The lens's blur as weights of pixels."""
+        return Lens(rows=taps(self.blur_rows), columns=taps(self.blur_columns))
+
     def row_of(self, x_mm: Floats, y_mm: Floats, z_mm: Floats) -> Floats:
         """Row in which a point of the sensor frame, z from the middle of the range, is seen.
 
@@ -148,33 +154,29 @@ def find_row(level: Floats, kind: int, threshold: float) -> float:
     return settled(level, float(at), MATCHED if kind == 3 else WINDOW)
 
 
+class Lens(NamedTuple):
+    """Weights of the lens's blur along rows and columns, each of sum 1."""
+
+    rows: Floats
+    columns: Floats
+
+
+class Chip(NamedTuple):
+    """From light to counts in one exposure, and from counts to the line's row."""
+
+    electrons: float  # of a pixel for unit light
+    ambient: float  # electrons of stray light in a pixel
+    full_well: float  # electrons
+    read_noise: float  # electrons
+    top: float  # largest count
+    kind: int  # of the finder: its place in `FINDERS`
+    threshold: float  # counts
+
+
 @njit(cache=True)
-def expose(
-    light: Floats, row: Floats, loose: Floats, spread: tuple[Floats, Floats],
-    electrons: float, full_well: float, read_noise: float, ambient: float, top: float,
-    kind: int, threshold: float, normal: Floats,
-) -> tuple[Floats, Floats]:  # fmt: skip
-    """Image one profile's light and find its rows.
-
-    Parameters
-    ----------
-    light, row : (k, columns)
-        Power of each lit cell, and the row in which it is seen.
-    loose : (n, 3)
-        Column, row and power of light from elsewhere.
-    spread
-        Weights of the lens's blur along rows and columns.
-    normal : (columns, rows)
-        Standard normal numbers for shot and read noise.
-
-    Returns
-    -------
-    found : (columns,) row, NaN without a line
-    peak : (columns,) brightest count over the converter's top
-    """
+def _fallen(light: Floats, row: Floats, loose: Floats, rows: int) -> Floats:
+    """Light (columns, rows) on the chip before the lens's blur, shared by neighbouring rows."""
     cells, columns = light.shape
-    row_taps, column_taps = spread
-    rows = normal.shape[1]
     sharp = np.zeros((columns, rows))
     for i in range(cells):
         for j in range(columns):
@@ -189,26 +191,60 @@ def expose(
         if 0 <= j < columns and 0.0 <= v < rows - 1.0:
             sharp[j, int(v)] += loose[i, 2] * (int(v) + 1 - v)
             sharp[j, int(v) + 1] += loose[i, 2] * (v - int(v))
-    half_r, half_c = row_taps.size // 2, column_taps.size // 2
+    return sharp
+
+
+@njit(cache=True)
+def _blurred_along_rows(sharp: Floats, weights: Floats) -> Floats:
+    """Spread each column's light (columns, rows) over its rows; the image ends at the chip."""
+    columns, rows = sharp.shape
+    half = weights.size // 2
     blurred = np.zeros((columns, rows))
     for j in range(columns):
         for r in range(rows):
             if sharp[j, r] != 0.0:
-                for t in range(row_taps.size):
-                    q = r + t - half_r
+                for t in range(weights.size):
+                    q = r + t - half
                     if 0 <= q < rows:
-                        blurred[j, q] += sharp[j, r] * row_taps[t]
+                        blurred[j, q] += sharp[j, r] * weights[t]
+    return blurred
+
+
+@njit(cache=True)
+def expose(
+    light: Floats, row: Floats, loose: Floats, lens: Lens, chip: Chip, normal: Floats
+) -> tuple[Floats, Floats]:
+    """Image one profile's light and find its rows.
+
+    Parameters
+    ----------
+    light, row : (k, columns)
+        Power of each lit cell, and the row in which it is seen.
+    loose : (n, 3)
+        Column, row and power of light from elsewhere.
+    normal : (columns, rows)
+        Standard normal numbers for shot and read noise.
+
+    Returns
+    -------
+    found : (columns,) row, NaN without a line
+    peak : (columns,) brightest count over the converter's top
+    """
+    columns, rows = normal.shape
+    blurred = _blurred_along_rows(_fallen(light, row, loose, rows), lens.rows)
+    half = lens.columns.size // 2
     found, peak = np.full(columns, np.nan), np.zeros(columns)
     level = np.empty(rows)
     for j in range(columns):
         for r in range(rows):
             total = 0.0
-            for t in range(column_taps.size):
-                q = min(max(j + t - half_c, 0), columns - 1)
-                total += blurred[q, r] * column_taps[t]
-            mean = electrons * total + ambient
-            charge = mean + np.sqrt(mean + read_noise**2) * normal[j, r]
-            level[r] = np.floor(min(max(charge, 0.0), full_well) / full_well * top + 0.5)
-        found[j] = find_row(level, kind, threshold * top)
-        peak[j] = level.max() / top
+            for t in range(lens.columns.size):
+                q = min(max(j + t - half, 0), columns - 1)
+                total += blurred[q, r] * lens.columns[t]
+            mean = chip.electrons * total + chip.ambient
+            charge = mean + np.sqrt(mean + chip.read_noise**2) * normal[j, r]
+            filled = min(max(charge, 0.0), chip.full_well) / chip.full_well
+            level[r] = np.floor(filled * chip.top + 0.5)
+        found[j] = find_row(level, chip.kind, chip.threshold)
+        peak[j] = level.max() / chip.top
     return found, peak

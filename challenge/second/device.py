@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from challenge.instrument.instrument import Solid
 from challenge.instrument.rays import Tree, plant
 from challenge.second.bounce import second_light
-from challenge.second.camera import FINDERS, Camera, expose, taps
+from challenge.second.camera import FINDERS, Camera, Chip, expose
 from challenge.second.exposures import Exposures
 from challenge.second.facets import Facets
 from challenge.second.firmware import Firmware
@@ -191,11 +191,13 @@ class Device:
         """Rows found and brightness of one exposure, `factor` times the nominal one long."""
         camera = self.camera
         ambient = self.ambient_e * (1 + self.flicker * np.sin(2 * np.pi * 100.3 * clock_s))
-        return expose(
-            light, rows, loose, (taps(camera.blur_rows), taps(camera.blur_columns)),
-            camera.electrons * factor, camera.full_well, camera.read_noise_e, ambient * factor,
-            float(2**camera.bits - 1), FINDERS.index(self.finder), self.threshold, normal,
+        top = float(2**camera.bits - 1)
+        chip = Chip(
+            electrons=camera.electrons * factor, ambient=float(ambient * factor),
+            full_well=camera.full_well, read_noise=camera.read_noise_e, top=top,
+            kind=FINDERS.index(self.finder), threshold=self.threshold * top,
         )  # fmt: skip
+        return expose(light, rows, loose, camera.lens, chip, normal)
 
     def _flying(self, rng: np.random.Generator) -> Floats:
         """Column, row and power (n, 3) of sparks, each as bright as a full pixel and more."""
