@@ -1,5 +1,6 @@
 """A part prepared for carving: each flaw is tried in its neighbourhood, then all are carved."""
 
+from contextlib import suppress
 from functools import cached_property
 from itertools import count
 
@@ -101,12 +102,11 @@ class Block:
             if inside.any():
                 raise BooleanError("the cutter reaches another wall")
         if closed is not None and cutter.seam is not None:
-            try:
+            with suppress(BooleanError):  # the whole solids can do what the seam alone can't
                 return self._seamed(body, closed, cutter)
-            except BooleanError:
-                pass  # the whole solids can do what the seam alone can't
         if closed is not None and cutter.removed is not None and cutter.added is not None:
-            return self._relined(body, closed, cutter)
+            with suppress(BooleanError):  # where a patch's change can't be told by its skin
+                return self._relined(body, closed, cutter)
         flaw = new_identity()  # both its solids are of one identity: their faces get one label
         result = body
         gone, come, opening, through = 0.0, 0.0, 0.0, False
