@@ -72,6 +72,13 @@ class Laser:
         points = recording.depth_mm.shape[1]
         return cls.from_datasheet(datasheet, points=points, x_mm=recording.x_mm)
 
+    @property
+    def directions(self) -> NDArray[np.float64]:
+        """Unit directions of the rays, (m, 3), sensor frame."""
+        slope = self.slope_x
+        direction = np.stack([slope, np.zeros_like(slope), np.ones_like(slope)], axis=-1)
+        return np.asarray(direction / np.linalg.norm(direction, axis=-1, keepdims=True))
+
     def points_mm(self, depth_mm: NDArray[np.float64]) -> NDArray[np.float64]:
         """Turn depths (..., m) into points (..., m, 3) in the sensor frame, mm."""
         return np.stack(

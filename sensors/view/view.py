@@ -20,6 +20,7 @@ from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.surface.albedo import Albedo
 from sensors.view.mirror import Mirror, mirror, thickness_mm
+from sensors.view.poses import displaced, to_part, travel_steps_mm, travelled_mm, turn_to_part
 from sensors.view.view_cache import ViewCache
 from sensors.view.visibility import camera_visible, facing_camera
 
@@ -191,36 +192,21 @@ class View:
 
     def to_part(self, points_mm: Floats) -> Floats:
         """Move points (n, ..., 3) of the sensor frames into the part frame, mm."""
-        return self.turn_to_part(points_mm) + self._origin(points_mm.ndim)
+        return to_part(self.poses, points_mm)
 
     def turn_to_part(self, vectors: Floats) -> Floats:
         """Turn vectors (n, ..., 3) of the sensor frames into the part frame."""
-        flat = vectors.reshape(len(vectors), -1, 3)
-        return (flat @ self.poses[:, :3, :3].transpose(0, 2, 1)).reshape(vectors.shape)
-
-    def _origin(self, ndim: int) -> Floats:
-        return self.poses[:, :3, 3].reshape(-1, *([1] * (ndim - 2)), 3)
+        return turn_to_part(self.poses, vectors)
 
     @cached_property
     def travel_mm(self) -> Floats:
         """Path length at each profile, (n,) mm, counted positive where the sensor moves to +y."""
-        return self.travel_start_mm + self._travelled_mm
-
-    @cached_property
-    def _travelled_mm(self) -> Floats:
-        """Path length from the view's own first profile, (n,) mm."""
-        step = np.diff(self.poses[:, :3, 3], axis=0)
-        forward = np.einsum("ij,ij->i", step, self.poses[:-1, :3, 1]) >= 0
-        length = np.where(forward, 1.0, -1.0) * np.linalg.norm(step, axis=1)
-        return np.concatenate([[0.0], np.cumsum(length)])
+        return self.travel_start_mm + travelled_mm(self.poses)
 
     @cached_property
     def travel_step_mm(self) -> Floats:
         """Signed travel from each profile to the next, (n,) mm; the last repeats the one before."""
-        if len(self.poses) < 2:
-            return np.zeros(len(self.poses))
-        step = np.diff(self._travelled_mm)
-        return np.concatenate([step, step[-1:]])
+        return travel_steps_mm(self.poses)
 
     # ---- directions and angles
 
@@ -250,9 +236,7 @@ class View:
     @cached_property
     def ray(self) -> Floats:
         """Unit direction of the rays, (m, 3), sensor frame."""
-        slope = self.laser.slope_x
-        direction = np.stack([slope, np.zeros_like(slope), np.ones_like(slope)], axis=-1)
-        return np.asarray(direction / np.linalg.norm(direction, axis=-1, keepdims=True))
+        return self.laser.directions
 
     @cached_property
     def cos_incidence(self) -> Floats:
@@ -403,14 +387,12 @@ class View:
         key = tuple(d.tobytes() for d in parts)
         points = math.prod(self.shape)
         return _SHIFTED.get(
-            self, key, lambda: self._moved(parts), keep=points <= KEPT_POINTS, size=points
+            self, key, lambda: self._displaced(parts), keep=points <= KEPT_POINTS, size=points
         )
 
-    def _moved(self, parts: list[Floats]) -> "View":
-        move = np.stack(np.broadcast_arrays(*parts), axis=-1) + np.zeros((len(self.poses), 1))
-        poses = self.poses.copy()
-        poses[:, :3, 3] += np.einsum("nij,nj->ni", poses[:, :3, :3], move)
-        return self.posed(poses)
+    def _displaced(self, parts: list[Floats]) -> "View":
+        shift_mm = np.stack(np.broadcast_arrays(*parts), axis=-1) + np.zeros((len(self.poses), 1))
+        return self.posed(displaced(self.poses, shift_mm))
 
 
 _SHIFTED: ViewCache[View] = ViewCache(64, room=KEPT_IN_ALL)

@@ -41,6 +41,8 @@ def test_even_angle_fan():
     assert laser.slope_x[-1] * 400 == pytest.approx(495 / 2)
     assert laser.slope_x[0] == -laser.slope_x[-1]
     assert not laser.x_mm.any()
+    assert np.linalg.norm(laser.directions, axis=1) == pytest.approx(np.ones(101))
+    assert laser.directions[:, 0] == pytest.approx(np.sin(angles))
 
 
 def test_the_fan_stands_on_the_optical_axis():
