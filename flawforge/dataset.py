@@ -1,7 +1,7 @@
 """Read a generated dataset: lazily, one scan at a time, from any process.
 
-Imports nothing else of this project but `flawforge.open_shard` and needs numpy, h5py and pandas
-only, and hdf5plugin for shards compressed by zstd or lz4::
+Imports nothing else of this project but `flawforge.open_shard` and `flawforge.shard_folder` and
+needs numpy, h5py and pandas only, and hdf5plugin for shards compressed by zstd or lz4::
 
     import flawforge.dataset
 
@@ -13,8 +13,6 @@ only, and hdf5plugin for shards compressed by zstd or lz4::
 
 import importlib
 import json
-import os
-from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal, overload
@@ -24,10 +22,9 @@ import pandas as pd
 from numpy.typing import DTypeLike, NDArray
 
 from flawforge.open_shard import OpenShard, ShardError
+from flawforge.shard_folder import ShardFolder
 
 __all__ = ["Dataset", "ShardError", "open"]
-
-OPEN_SHARDS = 16  # file handles that one dataset keeps
 
 Scan = dict[str, Any]
 
@@ -81,8 +78,7 @@ class Dataset:
     """Scans of a dataset, by number or `scan_id`; made by `open`.
 
     Holds the tables and no scan: each access reads one scan from its shard. Each process opens its
-    files on first access. Files are not pickled, so worker processes, forked or spawned, can share
-    a dataset.
+    own files, so worker processes, forked or spawned, can share a dataset.
 
     Attributes
     ----------
@@ -116,9 +112,8 @@ class Dataset:
         self.raw = raw
         self.dtype = dtype
         self._where = {str(name): at for at, name in enumerate(self.manifest["scan_id"])}
-        self._files: OrderedDict[str, OpenShard] = OrderedDict()
+        self._shards = ShardFolder(folder)
         self._places = tuple(self.manifest[key].to_numpy() for key in ("shard", "row", "scan_id"))
-        self._process = os.getpid()
 
     def __repr__(self) -> str:
         return f"Dataset({str(self.folder)!r}, {len(self)} scans)"
@@ -167,7 +162,7 @@ class Dataset:
         """Names of the mask's values."""
         named = self.info.get("classes")
         if named is None and len(self):
-            named = self._file(str(self.manifest["shard"].iloc[0])).classes
+            named = self._shards[str(self.manifest["shard"].iloc[0])].classes
         return {int(key): str(name) for key, name in (named or {}).items()}
 
     @property
@@ -313,17 +308,11 @@ class Dataset:
 
         A depth is offset_mm + scale_mm * count; the count `missing` stands for a missing reading.
         """
-        return dict(self._file(str(self.manifest["shard"].iloc[0])).coding(field))
+        return dict(self._shards[str(self.manifest["shard"].iloc[0])].coding(field))
 
     def close(self) -> None:
         """Close the files that this process holds; they reopen when needed."""
-        if self._process == os.getpid():
-            for file in self._files.values():
-                file.close()
-        self._files = OrderedDict()
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_files": OrderedDict(), "_process": None}
+        self._shards.close()
 
     def _some(self, manifest: pd.DataFrame) -> "Dataset":
         flaws = self.flaws[self.flaws["scan_id"].isin(manifest["scan_id"])]
@@ -347,7 +336,7 @@ class Dataset:
 
     def _read(self, at: int, fields: Sequence[str] | None, *, decode: bool = False) -> Scan:
         name, where, expected = (column[at] for column in self._places)
-        row, shard = int(where), self._file(str(name))
+        row, shard = int(where), self._shards[str(name)]
         if not 0 <= row < len(shard.names):
             what = f"has {len(shard.names)} scans, the manifest wants row {row}"
             raise ShardError(shard.path, what)
@@ -372,18 +361,6 @@ class Dataset:
         if field.startswith("depth"):
             return values.astype(self.dtype, copy=False)
         return values
-
-    def _file(self, name: str) -> OpenShard:
-        if self._process != os.getpid():
-            # handles inherited by a fork share the parent's file position: forget, don't close
-            self._files, self._process = OrderedDict(), os.getpid()
-        if name in self._files:
-            self._files.move_to_end(name)
-            return self._files[name]
-        shard = self._files[name] = OpenShard.at(self.folder / name)
-        if len(self._files) > OPEN_SHARDS:
-            self._files.popitem(last=False)[1].close()
-        return shard
 
 
 def _table(folder: Path, name: str) -> pd.DataFrame | None:

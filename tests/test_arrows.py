@@ -170,8 +170,8 @@ def test_each_library_has_its_place():
 def test_the_reader_needs_three_libraries():
     import sys
 
-    for name in ("dataset.py", "open_shard.py"):
+    for name in ("dataset.py", "open_shard.py", "shard_folder.py"):
         outside = imports(ROOT / "flawforge" / name) - set(sys.stdlib_module_names)
         assert outside <= {*ALLOWED_IN_DATASET, "flawforge"}
         ours = {path.name for path in needed(ROOT / "flawforge" / name)}
-        assert ours <= {"open_shard.py", "__init__.py"}
+        assert ours <= {"open_shard.py", "shard_folder.py", "__init__.py"}

@@ -222,10 +222,9 @@ def test_points_in_the_part_frame_are_each_profile_s_pose_applied(
         scans.points(0, frame="world")  # type: ignore[arg-type]  # on purpose
 
 
-def test_a_used_dataset_can_be_pickled_and_holds_no_open_file_then(scans: Dataset) -> None:
+def test_a_used_dataset_can_be_pickled(scans: Dataset) -> None:
     expected = scans[0]["depth"]
     again = pickle.loads(pickle.dumps(scans.split("train")))
-    assert not again._files
     np.testing.assert_array_equal(again[0]["depth"], expected)
 
 
@@ -242,23 +241,9 @@ def test_workers_read_what_the_parent_has_open(scans: Dataset, method: str) -> N
         assert list(pool.map(_sum_of, [(scans, number) for number in range(5)])) == expected
 
 
-def test_a_fork_does_not_use_the_parent_s_handles(scans: Dataset) -> None:
+def test_a_closed_dataset_opens_its_files_again(scans: Dataset) -> None:
     assert scans[0]["scan_id"] == "scan-0"
-    inherited = dict(scans._files)
-    scans._process = -1  # as a forked child finds it
-    assert scans[0]["scan_id"] == "scan-0"
-    assert all(scans._files[name] is not file for name, file in inherited.items())
-    assert all(shard.file.id.valid for shard in inherited.values()), "the parent's stay open"
-
-
-def test_handles_are_few_and_can_be_closed(
-    scans: Dataset, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(flawforge.dataset, "OPEN_SHARDS", 1)
-    assert [scan["scan_id"] for scan in scans] == [f"scan-{number}" for number in range(5)]
-    assert list(scans._files) == ["shard-00001.h5"]
     scans.close()
-    assert not scans._files
     assert scans[0]["scan_id"] == "scan-0"
 
 
@@ -355,11 +340,12 @@ def test_it_reads_what_the_generator_writes(small_dataset: Path) -> None:
 def test_the_reader_needs_numpy_h5py_and_pandas_only() -> None:
     home = Path(flawforge.dataset.__file__).parent
     names = set()
-    for file in ("dataset.py", "open_shard.py"):
+    of_the_reader = ("flawforge.open_shard", "flawforge.shard_folder")
+    for file in ("dataset.py", "open_shard.py", "shard_folder.py"):
         for node in ast.walk(ast.parse((home / file).read_text())):
             if isinstance(node, ast.Import):
                 names |= {alias.name.split(".")[0] for alias in node.names}
-            elif isinstance(node, ast.ImportFrom) and node.module != "flawforge.open_shard":
+            elif isinstance(node, ast.ImportFrom) and node.module not in of_the_reader:
                 names.add(str(node.module).split(".")[0])
     ours = {"flawforge", "pipeline", "sensors", "defects", "diagnosis", "challenge"}
     assert not names & ours
