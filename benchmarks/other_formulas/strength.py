@@ -91,11 +91,10 @@ class Hidden:
         off = ~self.edge[self.use]
         smooth = np.linalg.lstsq((self.columns * off).T, s * off, rcond=1e-8)[0]
         every = np.linalg.solve(self.gram, self.solved @ s)
-        tried = [self._left(s)]
-        tried += [self._left(self.capped(change - self.moved(b))) for b in (smooth, every)]
-        return 0.5 * min(tried)
+        moved = [self.capped(change - self.moved(b)) for b in (smooth, every)]
+        return 0.5 * min(self.whitened_square(one) for one in (s, *moved))
 
-    def _left(self, s: Floats) -> float:
+    def whitened_square(self, s: Floats) -> float:
         """Whitened square of a change, the placement projected out."""
         white = self.covariance.solve(s)
         along = self.columns @ white

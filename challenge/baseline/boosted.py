@@ -57,7 +57,7 @@ def baseline(out: Path, train: Path) -> int:
     for case in sorted(commitments_of(out)["cases"]):
         seen = _kept(out / "cases" / case, out / BOOSTED / case / "features.json")
         chances = trees.predict_proba(_table([seen], names))[0]
-        said = _answer(dict(zip(trees.classes_, map(float, chances), strict=True)))
+        said = answer_of(dict(zip(trees.classes_, map(float, chances), strict=True)))
         said["trained_on"] = plan["name"]
         write_whole(out / BOOSTED / case / "diagnosis.json", json.dumps(said, indent=1).encode())
     print(f"answered by a classifier trained on {len(labels)} sets of {plan['name']}", flush=True)
@@ -79,7 +79,7 @@ def _table(rows: list[dict[str, float]], names: list[str]) -> Any:
     return np.array([[row.get(name, np.nan) for name in names] for row in rows])
 
 
-def _answer(chances: dict[str, float]) -> dict[str, Any]:
+def answer_of(chances: dict[str, float]) -> dict[str, Any]:
     """Write class probabilities in the form of diagnosis.json."""
     first = max(chances, key=lambda name: chances[name])
     named = {n: p for n, p in chances.items() if n != MATCH}

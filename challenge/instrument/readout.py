@@ -26,7 +26,7 @@ class Chip(NamedTuple):
 
 
 @njit(cache=True)
-def _spill(
+def spill(
     level: NDArray[np.float64], spilt: NDArray[np.float64], full_well: float, bloom: float
 ) -> None:
     """Clip full pixels; half of what is too much runs up the column, half down."""
@@ -68,6 +68,6 @@ def read_out(
             mean += level[r]
             noise = sqrt(mean + chip.read_noise * chip.read_noise)
             level[r] = mean + noise * rng.standard_normal()
-    _spill(level, spilt, chip.full_well, chip.bloom)
+    spill(level, spilt, chip.full_well, chip.bloom)
     for r in range(rows):
         level[r] = np.floor(level[r] * chip.scale + 0.5)

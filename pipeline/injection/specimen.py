@@ -5,24 +5,20 @@ made, so that every worker starts from the same solid without repeating that wor
 parts of which several workers take scans.
 """
 
-import fcntl
 import hashlib
 import io
 import json
 import os
-import pickle
 import uuid
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from defects.surface.surface import Surface
-from files.whole_file import write_whole
 from pipeline.batch.plan import PlannedPart
+from pipeline.injection.cut_once import cut_once
 from pipeline.injection.flawed_part import FlawedPart
 from pipeline.injection.inject import inject
 from pipeline.motion.aim import Aimer, Outlook
@@ -138,29 +134,6 @@ def skin_of(path: Path) -> Surface:
     return Surface.of(part.vertices_mm, part.faces)
 
 
-def _cut_once(
-    kept: Path, cut: Callable[[], FlawedPart], meanwhile: Callable[[], Any]
-) -> FlawedPart:
-    """Cut a flawed part and keep it, or take what another worker kept; wait for one at it.
-
-    A worker that has to wait does `meanwhile` what its scans will need.
-    The lock is the operating system's: it is gone when its worker is, and the next one cuts.
-    What is kept is read in the run that wrote it alone, see `pipeline.dataset.folder.drop_parts`.
-    """
-    with kept.with_suffix(".lock").open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            meanwhile()
-            fcntl.flock(lock, fcntl.LOCK_EX)
-        if not kept.exists():
-            flawed = cut()
-            write_whole(kept, pickle.dumps(flawed, protocol=5))
-            return flawed
-    found: FlawedPart = pickle.loads(kept.read_bytes())
-    return found
-
-
 # planned once for a part in each process: the next specimens of the part take the same passes
 _PASSES: dict[tuple[Path, str, float], tuple[Pass, ...]] = {}
 
@@ -205,7 +178,7 @@ def make_specimen(
 
     if shared:
         kept = (folder / planned.stored).with_name(f"{part.name}-{number}.flawed")
-        flawed = replace(_cut_once(kept, cut, lambda: clean_scene.tree), part=part)
+        flawed = replace(cut_once(kept, cut, lambda: clean_scene.tree), part=part)
     else:
         flawed = cut()
     scene = Scene(flawed.vertices_mm, flawed.faces) if flawed.flaws else clean_scene

@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 from sensors.casting.section import Floats, Ints, passes_near, ray_depth
 
 _GROWTH = 3e-5  # margin around each triangle, as a share of the mesh's half diagonal
-_ROUNDS = 40  # candidates per ray before all triangles are tried
 _FOLLOWED = 512  # triangles looked at around a candidate
 _BATCH = 1 << 18  # rays at a time
 _GROWN = 1 << 14  # triangles at a time
+ROUNDS = 40
+"""Candidates of each ray before all triangles are tried."""
 
 
 class Rays(NamedTuple):
@@ -156,7 +157,7 @@ class Tree:
         origins, directions, start, live = _enter(rays, limits, self._low, self._high)
         best = np.full(len(depth), np.inf)
         search = Search(directions, start, best, triangle)
-        for turn in range(_ROUNDS):
+        for turn in range(ROUNDS):
             if live.size == 0:
                 break
             found = self._scene.run(

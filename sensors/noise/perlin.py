@@ -231,7 +231,7 @@ S0, S1, S2, S3, S4, S5, S6 = ((-1.0) ** k / math.factorial(2 * k + 1) for k in r
 
 
 @njit(cache=True)
-def _gradients(
+def gradients(
     key: np.uint64, row: int, columns: NDArray[np.int64], gx: Floats, gy: Floats
 ) -> None:
     """Draw unit gradients, uniform in direction, of one row of control points."""
@@ -275,8 +275,8 @@ def _add_octave(
                 gx0, gx1 = gx1, gx0
                 gy0, gy1 = gy1, gy0
             else:
-                _gradients(key, row[i], columns, gx0, gy0)
-            _gradients(key, row[i] + 1, columns, gx1, gy1)
+                gradients(key, row[i], columns, gx0, gy0)
+            gradients(key, row[i] + 1, columns, gx1, gy1)
             held = row[i]
             have = True
         yi, fade, gain = y[i], fade_y[i], gain_y[i]

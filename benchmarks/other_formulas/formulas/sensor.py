@@ -131,7 +131,7 @@ def tent(shot: Shot, size: float, _seed: int) -> Shot:
     return replace(shot, scale=shot.scale * (1 + 0.6 * size * np.abs(_line(shot))))
 
 
-def _mounted(shot: Shot, wrong: Floats) -> Shot:
+def mounted(shot: Shot, wrong: Floats) -> Shot:
     """Move the sensor by (4, 4) in its own frame; formulas on top keep the exact geometry."""
     moved = shot.view.seen_from(shot.view.scan.true_poses @ wrong)
     return replace(shot, mean=shot.mean + moved - shot.view.depth)
@@ -144,7 +144,7 @@ def flange(shot: Shot, size: float, seed: int) -> Shot:
     turn = Rotation.from_rotvec(3e-3 * size * axis / np.linalg.norm(axis)).as_matrix()
     lever = np.array([0.0, 0.0, 120.0])
     wrong[:3, :3], wrong[:3, 3] = turn, turn @ lever - lever
-    return _mounted(shot, wrong)
+    return mounted(shot, wrong)
 
 
 def shimmed(shot: Shot, size: float, seed: int) -> Shot:
@@ -154,7 +154,7 @@ def shimmed(shot: Shot, size: float, seed: int) -> Shot:
     axis = np.array([np.cos(a), np.sin(a), 0.0])
     wrong[:3, :3] = Rotation.from_rotvec(3e-3 * size * axis).as_matrix()
     wrong[:3, 3] = [0.0, 0.0, 0.1 * size]
-    return _mounted(shot, wrong)
+    return mounted(shot, wrong)
 
 
 FORMULAS = (

@@ -8,7 +8,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from benchmarks.other_formulas.cases import Case, nominal_shot, stage
 from benchmarks.other_formulas.formulas import BY_NAME
-from benchmarks.other_formulas.formulas.sensor import _mounted
+from benchmarks.other_formulas.formulas.sensor import mounted
 from benchmarks.other_formulas.speckle import Covariance, Noise, field, speckle_kernel
 from benchmarks.other_formulas.strength import Hidden, signal_to_noise
 
@@ -72,7 +72,7 @@ def test_a_rigid_movement_has_no_signal(smooth):
     shot, hidden = smooth
     wrong = np.eye(4)
     wrong[:3, 3] = [0.02, -0.03, 0.01]
-    moved = _mounted(shot, wrong)
+    moved = mounted(shot, wrong)
     raw = np.abs((moved.mean - shot.mean)[hidden.use] / hidden.sd)
     assert raw.max() > 0.5
     assert signal_to_noise([hidden], [moved]) < 0.02 * np.sqrt((raw**2).sum())
@@ -105,7 +105,7 @@ def test_mean_signal_is_the_dense_generalised_least_squares():
     white, columns = np.linalg.solve(lower, s), np.linalg.solve(lower, hidden.columns.T)
     scale = np.linalg.norm(columns, axis=0)
     rest = white - columns / scale @ np.linalg.lstsq(columns / scale, white, rcond=None)[0]
-    assert hidden._left(s) == pytest.approx(rest @ rest, rel=2e-3)
+    assert hidden.whitened_square(s) == pytest.approx(rest @ rest, rel=2e-3)
 
 
 def test_louder_noise_has_the_divergence_of_gaussians(smooth):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from challenge.baseline.boosted import MATCH, _answer, baseline
+from challenge.baseline.boosted import MATCH, answer_of, baseline
 from challenge.baseline.features import features
 from challenge.baseline.residuals import of_case
 from challenge.cases.files import write_stl
@@ -93,11 +93,11 @@ def test_figures_show_a_vibration_at_its_frequency_and_a_bow_over_the_line(tmp_p
 
 
 def test_class_probabilities_become_an_answer():
-    said = _answer({MATCH: 0.1, "line_bow": 0.6, "form_error": 0.25, "range_scale": 0.05})
+    said = answer_of({MATCH: 0.1, "line_bow": 0.6, "form_error": 0.25, "range_scale": 0.05})
     assert said["verdict"] == "explained"
     assert [e["name"] for e in said["effects"]] == ["line_bow"]
     assert said["effects"][0]["alternatives"] == [{"name": "form_error", "probability": 0.25}]
-    assert _answer({MATCH: 0.6, "line_bow": 0.4}) == {"verdict": MATCH, "effects": []}
+    assert answer_of({MATCH: 0.6, "line_bow": 0.4}) == {"verdict": MATCH, "effects": []}
 
 
 def test_a_classifier_tells_what_it_was_trained_on_and_goes_on_where_it_stopped(tmp_path):

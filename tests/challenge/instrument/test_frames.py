@@ -15,7 +15,7 @@ from challenge.instrument.coherent_image import (
     collect,
     taps,
 )
-from challenge.instrument.readout import Chip, _spill, read_out
+from challenge.instrument.readout import Chip, read_out, spill
 
 COLUMNS, ROWS, FINE = 24, 32, 3
 DEPTH = 100.0
@@ -75,7 +75,7 @@ def test_two_scatterers_in_one_place_interfere(phase_rad, times):
 def test_what_a_full_pixel_spills_stays_in_its_column(middle):
     level = np.concatenate([np.zeros(40), middle, np.zeros(40)])
     before = level.sum()
-    _spill(level, np.empty(level.size), 100.0, 1.0)
+    spill(level, np.empty(level.size), 100.0, 1.0)
     assert level.max() <= 100.0
     assert level.sum() == pytest.approx(before)
 

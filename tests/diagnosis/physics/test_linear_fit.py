@@ -1,42 +1,67 @@
 """Robust least squares beside a placement."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from diagnosis.model.log_density import Whitened
 from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.physics.effect_fit import fit_effect
-from diagnosis.physics.linear_fit import _robust, _Rows
+from diagnosis.physics.linear_fit import solve_linear
 from sensors.effects.form_error import FormError, orders
 from sensors.effects.line_bow import LineBow
 from tests.support.effect_case import bench_workspace, taken_with
 
 
-@pytest.mark.parametrize("spike", [30.0, 1000.0])
-def test_readings_far_off_do_not_spoil_the_coefficient(spike: float) -> None:
-    """A tenth of the readings, where the field is largest, are spikes of one sign; noise is 1."""
-    rng = np.random.default_rng(1)
-    count, truth = 6000, 2.0
-    field = np.sort(rng.uniform(0, 3, count))
-    columns = np.column_stack([np.ones(count), np.linspace(-1, 1, count) ** 2])
-    values = truth * field + 0.7 * columns[:, 1] + rng.normal(size=count)
-    values[-count // 10 :] += spike
-    row = _Rows(
-        white=field[:, None].astype(np.float32), columns=columns.astype(np.float32),
-        values=values.astype(np.float32),
-    )  # fmt: skip
-    found = _robust(LineBow(), {0: row})[0]
-    assert found[0] == pytest.approx(truth, rel=0.1)
+@pytest.fixture(scope="module")
+def bowed() -> Workspace:
+    """Two recordings of a wedge with a line bow of 10 µm."""
+    return taken_with(bench_workspace("wedge"), "wedge", LineBow(sag_um=10.0))
 
 
-def test_nothing_gained_without_coefficients() -> None:
-    """A placement that is not the best yet is no gain of the field's."""
-    rng = np.random.default_rng(4)
-    columns = np.ones((3000, 1), dtype=np.float32)
-    values = (5.0 + rng.normal(size=3000)).astype(np.float32)
-    rows = _Rows(white=rng.normal(size=(3000, 1)).astype(np.float32), columns=columns,
-                 values=values)  # fmt: skip
-    assert rows.gain(np.zeros(1)) == 0
-    assert abs(float(rows.unfitted.mean())) < 0.1
+def states_of(ws: Workspace) -> list[Whitened]:
+    return list(ws.states(ws.predict(Model())))
+
+
+def sag_and_gain(ws: Workspace, states: Sequence[Whitened]) -> tuple[float, float]:
+    found = solve_linear(LineBow(), ws, states, ws.masks())
+    assert found is not None
+    assert isinstance(found.effect, LineBow)
+    return found.effect.sag_um, found.gain
+
+
+@pytest.mark.parametrize("spike", [10.0, 1000.0])
+def test_readings_far_off_do_not_spoil_the_coefficient(bowed: Workspace, spike: float) -> None:
+    """A tenth of the readings, where the field is largest, are outliers of one sign."""
+    spiked = []
+    for patch, state in zip(bowed.patches, states_of(bowed), strict=True):
+        basis = LineBow().basis(patch.view)
+        assert basis is not None
+        white = state.whiten(np.broadcast_to(basis.fields[0], patch.shape))
+        largest = white > np.quantile(white[state.used], 0.9)
+        innovations = state.innovations + spike * (largest & state.used)
+        spiked.append(replace(state, innovations=innovations))
+    sag_um, gain = sag_and_gain(bowed, spiked)
+    assert sag_um == pytest.approx(10.0, rel=0.02)
+    assert gain > 500
+
+
+def test_a_placement_that_is_not_the_best_yet_is_no_gain(bowed: Workspace) -> None:
+    """Readings 5 standard deviations off by a displaced part alone."""
+
+    def displaced(state: Whitened) -> Whitened:
+        along = state.columns[..., 2]
+        change = 5.0 * along / np.abs(along).max()
+        return replace(state, innovations=state.innovations + change)
+
+    nominal = bench_workspace("wedge")
+    _, gain = sag_and_gain(nominal, [displaced(s) for s in states_of(nominal)])
+    assert gain == pytest.approx(0.0, abs=0.1)
+    right, wrong = states_of(bowed), [displaced(s) for s in states_of(bowed)]
+    assert sag_and_gain(bowed, wrong) == pytest.approx(sag_and_gain(bowed, right), rel=0.01)
 
 
 def test_a_form_has_the_waves_that_readings_bear() -> None:

@@ -13,7 +13,7 @@ from sensors.noise.perlin import (
     GRID_LIMIT,
     OCTAVE_SD,
     PerlinField,
-    _gradients,
+    gradients,
     grid_pitch,
     smoothstep,
 )
@@ -34,7 +34,7 @@ def test_field_is_the_papers_equations_4_to_8() -> None:
     corners = np.arange(-4, 8)
     gx, gy = np.empty((12, 12)), np.empty((12, 12))
     for row in range(12):
-        _gradients(key, row - 4, corners, gx[row], gy[row])
+        gradients(key, row - 4, corners, gx[row], gy[row])
     np.testing.assert_allclose(np.hypot(gx, gy), 1.0, atol=1e-12)
 
     def influence(i: int, j: int, px: float, py: float) -> float:
@@ -191,7 +191,7 @@ def test_noise_looks_alike_in_all_directions_that_a_square_lattice_allows() -> N
 
 def test_gradients_have_no_preferred_direction() -> None:
     gx, gy = np.empty(200_000), np.empty(200_000)
-    _gradients(np.uint64(12345), 7, np.arange(200_000) - 100_000, gx, gy)
+    gradients(np.uint64(12345), 7, np.arange(200_000) - 100_000, gx, gy)
     counts = np.histogram(np.arctan2(gy, gx), bins=36, range=(-np.pi, np.pi))[0]
     expected = gx.size / 36
     assert np.sum((counts - expected) ** 2 / expected) < 70.0  # 99.96 % of chi² with 35

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from pipeline.parts.mesh import self_intersection
-from pipeline.parts.mesh.self_intersection import _cross, _straddling
 from pipeline.parts.mesh.solid import make_solid
+from pipeline.parts.mesh.triangle_pairs import cross, straddling
 from pipeline.parts.part_error import PartError
 
 COORDINATE = st.one_of(  # coplanar, collapsed, needles, and anything
@@ -25,8 +25,8 @@ COORDINATE = st.one_of(  # coplanar, collapsed, needles, and anything
 def test_no_crossing_is_lost(corners, far_mm):
     corners = corners + far_mm
     pairs = np.array([(i, j) for i in range(6) for j in range(i)])
-    hit, _ = _cross(corners, pairs, 1e-6)
-    kept = _straddling(corners, pairs, 1e-6)
+    hit, _ = cross(corners, pairs, 1e-6)
+    kept = straddling(corners, pairs, 1e-6)
     assert not (hit & ~kept).any()
 
 
@@ -47,9 +47,9 @@ def test_thin_triangles_askew_are_told_apart_cheaply(monkeypatch):
 
     def counted(corners, pairs, tolerance_mm):
         asked.append(len(pairs))
-        return _cross(corners, pairs, tolerance_mm)
+        return cross(corners, pairs, tolerance_mm)
 
-    monkeypatch.setattr(self_intersection, "_cross", counted)
+    monkeypatch.setattr(self_intersection, "cross", counted)
     found = self_intersection.crossings(vertices, faces, tolerance_mm=1e-6)
     assert not len(found.pairs)
     assert found.complete
@@ -64,7 +64,7 @@ def test_bodies_that_nearly_coincide_end_in_one_line(monkeypatch):
     other.apply_transform(trimesh.transformations.rotation_matrix(1e-3, [3, 1, 2]))
     both = trimesh.util.concatenate([one, other])
     monkeypatch.setattr(self_intersection, "MOST_PAIRS", 100_000)
-    monkeypatch.setattr(self_intersection, "_CHUNK", 20_000)
+    monkeypatch.setattr(self_intersection, "CHUNK", 20_000)
     with pytest.raises(PartError, match="nearly coincide: over 60 million pairs") as refused:
         make_solid("twins.stl", both.vertices, both.faces)
     assert "\n" not in str(refused.value)
@@ -77,6 +77,6 @@ def test_the_check_says_when_its_budget_ran_out(monkeypatch):
     whole = self_intersection.crossings(ball.vertices, ball.faces, tolerance_mm=1e-6)
     assert (whole.complete, whole.over_budget) == (True, False)
     monkeypatch.setattr(self_intersection, "MOST_PAIRS", 10)
-    monkeypatch.setattr(self_intersection, "_CHUNK", 100)
+    monkeypatch.setattr(self_intersection, "CHUNK", 100)
     short = self_intersection.crossings(ball.vertices, ball.faces, tolerance_mm=1e-6)
     assert (short.complete, short.over_budget) == (False, True)

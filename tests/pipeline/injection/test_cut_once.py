@@ -3,12 +3,12 @@
 import fcntl
 import threading
 
-from pipeline.injection.specimen import _cut_once
+from pipeline.injection.cut_once import cut_once
 
 
 def test_who_waits_for_a_cut_prepares_meanwhile(tmp_path):
     kept, done = tmp_path / "plate-0.flawed", []
-    assert _cut_once(kept, lambda: "cut", lambda: done.append("prepared")) == "cut"
+    assert cut_once(kept, lambda: "cut", lambda: done.append("prepared")) == "cut"
     assert done == []  # nobody held it
     with kept.with_suffix(".lock").open("w") as other:
         fcntl.flock(other, fcntl.LOCK_EX)
@@ -19,7 +19,7 @@ def test_who_waits_for_a_cut_prepares_meanwhile(tmp_path):
 
         found = []
         waiting = threading.Thread(
-            target=lambda: found.append(_cut_once(kept, lambda: "again", prepared))
+            target=lambda: found.append(cut_once(kept, lambda: "again", prepared))
         )
         waiting.start()
         waiting.join(30)
