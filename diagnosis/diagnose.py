@@ -18,6 +18,7 @@ from diagnosis.localise.maps import RecordingMaps, map_recording
 from diagnosis.localise.residual_structure import residual_structure
 from diagnosis.model.edge_shrinkage import shrunk_at_edges
 from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.uncertainty import refined
 from diagnosis.prepare import Inputs, Prepared, prepared
@@ -139,7 +140,13 @@ def _refuted(explanation: Explanation, judged: "_Judged") -> bool:
         return True
     worse = judged.after.log_score - judged.before.log_score
     readings = sum(int(p.scored.sum()) for p in judged.nominal.held)
-    return readings * worse > sum(c.nats for c in explanation.causes)
+    return readings * worse > max(gained(explanation.ws, explanation.model), 0.0)
+
+
+def gained(ws: Workspace, model: Model) -> float:
+    """By how much more probable the fitted readings are under a model than without, nats."""
+    of_each = zip(ws.log_densities(model), ws.log_densities(Model()), ws.masks(), strict=True)
+    return float(sum((after - before)[mask].sum() for after, before, mask in of_each))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

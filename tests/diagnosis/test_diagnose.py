@@ -1,15 +1,20 @@
 """The whole diagnosis on small simulated recordings: silence, explanation, honest ignorance."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from diagnosis.diagnose import diagnose
+from diagnosis.diagnose import gained
 from diagnosis.diagnosis import Diagnosis
+from diagnosis.explain import fitted_part
+from diagnosis.model.model import Model
+from diagnosis.prepare import Inputs, prepared
 from files.errors import RecipeError
+from sensors.effects.line_bow import LineBow
 from sensors.recording import Recording
+from tests.support.diagnosis_of import diagnosis_of
 from tests.support.small_parts import VIEWS, datasheet, part, record
 
 
@@ -23,9 +28,8 @@ def recordings(
     ]  # fmt: skip
 
 
-def run(name: str, made: Sequence[Recording], **options: object) -> Diagnosis:
-    scene = part(name)
-    return diagnose(made, scene.vertices_mm, scene.faces, datasheet(100), **options)  # type: ignore[arg-type]
+def run(name: str, made: Sequence[Recording], withheld: Iterable[str] = ()) -> Diagnosis:
+    return diagnosis_of(made, part(name), datasheet(100), withheld=withheld)
 
 
 @pytest.mark.parametrize(("name", "seed"), [("domes", 1), ("steps", 2), ("bowl", 3)])
@@ -93,3 +97,19 @@ def test_input_that_cannot_be_used_is_named() -> None:
         run("bowl", [replace(made[0], depth_mm=made[0].depth_mm / 1000)])
     with pytest.raises(RecipeError, match="out of its range"):
         run("bowl", [replace(made[0], depth_mm=made[0].depth_mm + 300)])
+
+
+def test_what_laws_gain_is_how_much_more_probable_they_make_the_fitted_readings() -> None:
+    made, scene = recordings("domes", [{"name": "line_bow", "sag_um": 30.0}]), part("domes")
+    inputs = Inputs(
+        recordings=made, vertices_mm=scene.vertices_mm, faces=scene.faces, datasheet=datasheet(100)
+    )
+    ready = prepared(inputs, [], lambda _: None)
+    ws = fitted_part(ready.patches, ready.noise)
+
+    def nats(sag_um: float) -> float:
+        return gained(ws, Model().with_effect(LineBow(sag_um=sag_um)))
+
+    assert nats(0.0) == 0.0
+    # quadratic about the truth: half of it gains three quarters
+    assert nats(15.0) == pytest.approx(0.75 * nats(30.0), rel=0.1)

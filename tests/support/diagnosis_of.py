@@ -1,6 +1,6 @@
 """A diagnosis of recordings of one of the small parts."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from diagnosis.diagnose import Progress, diagnose
@@ -16,6 +16,7 @@ def diagnosis_of(
     scene: Scene,
     sheet: Datasheet,
     *,
+    withheld: Iterable[str] = (),
     progress: Progress = lambda _: None,
     **more: Any,
 ) -> Diagnosis:
@@ -24,4 +25,4 @@ def diagnosis_of(
         recordings=recordings, vertices_mm=scene.vertices_mm, faces=scene.faces, datasheet=sheet,
         **more,
     )  # fmt: skip
-    return diagnose(inputs, progress=progress)
+    return diagnose(inputs, withheld=withheld, progress=progress)

@@ -90,7 +90,8 @@ def hold_against_the_whole(part, plan, seed):
         assert one.through == other.through == trial.through
         for key, sliver in SLIVERS.items():
             value = getattr(other, key)
-            assert getattr(one, key) == pytest.approx(value, rel=1e-9, abs=1e-12)
+            # what goes may be a difference of a patch's volumes, of some mm³
+            assert getattr(one, key) == pytest.approx(value, rel=1e-9, abs=1e-11)
             assert getattr(trial, key) == pytest.approx(value, rel=1e-9, abs=sliver)
     # By their seams the flaws are the same faces, however many share a patch.
     for changes in (trials, [replace(trial, patch=None) for trial in trials]):
