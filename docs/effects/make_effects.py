@@ -1,9 +1,13 @@
 """Make docs/effects.md and its pictures from the code of the catalogue.
 
-With --text the pictures are left as they are; names of effects draw those alone.
+A picture holds a digest of the parameters that it was drawn with, see `stamp`. With --text the
+pictures are left as they are; names of effects draw those alone.
 """
 
 import argparse
+import dataclasses
+import hashlib
+import json
 import math
 from pathlib import Path
 from typing import Any
@@ -109,6 +113,32 @@ def shown(name: str) -> Effect:
     return CATALOGUE[name].example().with_parameters(SHOWN.get(name, {}))
 
 
+STAMP = "Parameters"
+"""Key of the digest in a picture's metadata."""
+
+
+def stamp(name: str) -> str:
+    """Return a digest of what the picture of an effect shows: parameters, equation, scan, axes."""
+    cls = CATALOGUE[name]
+    facts = {
+        "effect": shown(name).to_mapping(),
+        "equation": cls.equation,
+        "channels": cls.channels,
+        "sensor": _given(SHEET),
+        "speckle": _given(SPECKLE),
+        "turned_deg": TURNED_DEG.get(name, 0.0),
+        "covariate": PLOTTED.get(name, cls.covariate),
+        "clipped": name in CLIPPED,
+    }
+    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+
+
+def _given(record: Any) -> dict[str, Any]:
+    """Fields of a record that aren't at their defaults: a new field changes no digest."""
+    values = {f.name: (getattr(record, f.name), f.default) for f in dataclasses.fields(record)}
+    return {name: value for name, (value, default) in values.items() if value != default}
+
+
 def draw(name: str, view: View) -> None:
     """Write the picture of one effect's signature."""
     import matplotlib
@@ -116,6 +146,7 @@ def draw(name: str, view: View) -> None:
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
     from PIL import Image
+    from PIL.PngImagePlugin import PngInfo
 
     bare = geometric_law(view, SPECKLE)
     law = shown(name).apply(bare, view)
@@ -148,8 +179,10 @@ def draw(name: str, view: View) -> None:
     path = HERE / f"{name}.png"
     figure.savefig(path, dpi=80)
     plt.close(figure)
+    facts = PngInfo()
+    facts.add_text(STAMP, stamp(name))
     with Image.open(path) as picture:  # a palette keeps the file small
-        picture.convert("RGB").quantize(96).save(path, optimize=True)
+        picture.convert("RGB").quantize(96).save(path, optimize=True, pnginfo=facts)
 
 
 def _plot(axes: Any, name: str, view: View, bare: Law, law: Law) -> None:

@@ -45,8 +45,9 @@ class Effect(ABC):
     source : reference of the equation
     statement : sentence for a process engineer, with {parameter} fields
     channels : moments of the law that the effect changes and by which it is detected
-    also : moments that the effect changes in addition, near edges
-    faint : whether `fields` hold for small parameters only, so that a fit iterates from there
+    also : secondary channels: further moments that the effect changes, by which it isn't detected
+    faint : whether `fields` are the first-order terms of a mean that isn't linear in the
+        parameters; a fit starts from the linear solution and searches the full law
     frame : frame in which the signature is fixed
     covariate : key of `sensors.view.covariates.COVARIATES` on which the effect depends
     relaxed : components by which a diagnosis recognises the effect, whatever its equation
