@@ -7,7 +7,8 @@ import manifold3d
 import numpy as np
 import pytest
 
-from diagnosis.physics.effect_fit import _as_silent
+from diagnosis.model.model import Model
+from diagnosis.physics.effect_fit import fit_effect
 from files.errors import RecipeError
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
@@ -16,21 +17,23 @@ from sensors.model import SensorModel
 from sensors.view.creases import concave_creases, filled_mm
 from sensors.view.view import View
 from tests.support.diagnosis_of import diagnosis_of
+from tests.support.effect_case import workspace_of
 from tests.support.small_parts import Floats, datasheet, poses, record, solid
 
 TURN = math.radians(50)
 AT_MM = 10.0
 
 
-def trough(left_mm: float, right_mm: float) -> Scene:
+def trough(left_mm: float, right_mm: float, *, left_rad: float = TURN) -> Scene:
     """Build a floor between two slopes, the corners rounded to these radii."""
 
     def height(x: Floats, y: Floats) -> Floats:
-        out = np.maximum(np.abs(x) - AT_MM, 0.0) * math.tan(TURN)
-        for side, radius in ((-1, left_mm), (1, right_mm)):
+        rise = np.where(x < 0, math.tan(left_rad), math.tan(TURN))
+        out = np.maximum(np.abs(x) - AT_MM, 0.0) * rise
+        for side, radius, turn in ((-1, left_mm, left_rad), (1, right_mm, TURN)):
             if radius > 0:
-                way = side * x - AT_MM + radius * math.tan(TURN / 2)
-                arc = (way > 0) & (way < radius * math.sin(TURN))
+                way = side * x - AT_MM + radius * math.tan(turn / 2)
+                arc = (way > 0) & (way < radius * math.sin(turn))
                 out[arc] = radius - np.sqrt(radius**2 - way[arc] ** 2)
         return out
 
@@ -132,8 +135,33 @@ def test_one_rounded_corner_is_named_and_measured(radius_mm: float) -> None:
     assert "corners are rounded" in found.statement
 
 
-def test_a_corner_that_no_reading_tells_of_is_as_those_of_its_kind() -> None:
-    turn = np.radians([50.0, 45.0, 90.0, 52.0, 90.0])
-    assert list(_as_silent(turn, np.array([300.0, 0.0, 0.0, 2.0, -80.0]))) == [1, 3]
-    # one of the kind is sharp
-    assert list(_as_silent(turn, np.array([300.0, 0.0, 0.0, -40.0, 0.0]))) == []
+def rounded_corners(made: Scene, model: Scene, shift_mm: float) -> set[float]:
+    """Return at which x of the model a fit finds rounded corners, in scans shifted along x."""
+    sheet = datasheet(100)
+    scans = [
+        record(made, sheet, [], name=name, seed=seed, profiles=40, shift_mm=(shift_mm, 0.0, 0.0),
+               tilt_deg=tilt_deg)
+        for seed, (name, tilt_deg) in enumerate({"a": (4.0, 3.0), "b": (-3.0, -2.0)}.items())
+    ]  # fmt: skip
+    ws = workspace_of(scans, model, sheet)
+    states = ws.states(ws.predict(Model()))
+    found = fit_effect(FormError, ws, Model(), states, polish=False)
+    assert found is not None
+    assert isinstance(found.effect, FormError)
+    assert found.effect.fillet_mm == pytest.approx(4.0, rel=0.25)  # radii of the grid
+    return {float(x) for x in np.reshape(found.effect.corners_mm, (-1, 3))[:, 0].round(6)}
+
+
+def test_a_corner_without_readings_is_presumed_to_be_as_those_of_its_angle() -> None:
+    both, other = {-AT_MM, AT_MM}, math.radians(35)
+    assert rounded_corners(trough(4, 4), trough(0, 0), shift_mm=0.0) == both
+    # the left corner isn't seen
+    assert rounded_corners(trough(0, 4), trough(0, 0), shift_mm=25.0) == both
+    askew = rounded_corners(
+        trough(4, 4, left_rad=other), trough(0, 0, left_rad=other), shift_mm=25.0
+    )
+    assert askew == {AT_MM}
+
+
+def test_where_a_corner_of_the_angle_is_sharp_none_is_presumed_rounded() -> None:
+    assert rounded_corners(trough(0, 4), trough(0, 0), shift_mm=0.0) == {AT_MM}

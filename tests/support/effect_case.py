@@ -24,6 +24,22 @@ POINTS, PROFILES, PITCH_MM = 100, 72, 0.6
 Entry = dict[str, object]
 
 
+def workspace_of(recordings: Sequence[Recording], scene: Scene, sheet: Datasheet) -> Workspace:
+    """Register recordings of a part, their noise calibrated from themselves."""
+    laser = Laser.from_datasheet(sheet)
+    patches = []
+    for k, made in enumerate(recordings):
+        valid = np.isfinite(made.depth_mm)
+        placed = register(scene, made, laser, datasheet=sheet, valid=valid, sd_mm=0.001)
+        patches += cut(k, made, placed, scene, sheet, laser, lateral_mm=0.03)
+    noise = calibrate(
+        [p.depth_mm - p.plain_mm for p in patches],
+        [np.isfinite(p.depth_mm - p.plain_mm) & ~p.edge for p in patches],
+        pitch_mm=(0.44, PITCH_MM), missing_share=0.0, from_reference=False,
+    )  # fmt: skip
+    return Workspace.build(patches, replace(noise, tail_share=0.0))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
     """An effect of the bench and the recordings that can show it.
@@ -94,19 +110,7 @@ class Case:
 
     def workspace_of(self, recordings: Sequence[Recording]) -> Workspace:
         """Register recordings, their noise calibrated from themselves."""
-        sheet, scene = self.datasheet(), self.scene()
-        laser = Laser.from_datasheet(sheet)
-        patches = []
-        for k, made in enumerate(recordings):
-            valid = np.isfinite(made.depth_mm)
-            placed = register(scene, made, laser, datasheet=sheet, valid=valid, sd_mm=0.001)
-            patches += cut(k, made, placed, scene, sheet, laser, lateral_mm=0.03)
-        noise = calibrate(
-            [p.depth_mm - p.plain_mm for p in patches],
-            [np.isfinite(p.depth_mm - p.plain_mm) & ~p.edge for p in patches],
-            pitch_mm=(0.44, PITCH_MM), missing_share=0.0, from_reference=False,
-        )  # fmt: skip
-        return Workspace.build(patches, replace(noise, tail_share=0.0))
+        return workspace_of(recordings, self.scene(), self.datasheet())
 
     def taken_with(self, ws: Workspace, effect: Effect) -> Workspace:
         """Return the workspace with the recordings taken again with an effect in them."""
