@@ -104,9 +104,6 @@ class Block:
         if closed is not None and cutter.seam is not None:
             with suppress(BooleanError):  # the whole solids can do what the seam alone can't
                 return self._seamed(body, closed, cutter)
-        if closed is not None and cutter.removed is not None and cutter.added is not None:
-            with suppress(BooleanError):  # where a patch's change can't be told by its skin
-                return self._relined(body, closed, cutter)
         flaw = new_identity()  # both its solids are of one identity: their faces get one label
         result = body
         gone, come, opening, through = 0.0, 0.0, 0.0, False
@@ -144,38 +141,6 @@ class Block:
         return Change(
             removed_mm3=gone, added_mm3=come, opening_mm2=opening, depth_mm=depth,
             through=through, patch=patch,
-        )  # fmt: skip
-
-    def _relined(self, body: Manifold, closed: ClosedPatch, cutter: Cutter) -> Change:
-        """Carve a pocket and its lid, and measure them.
-
-        The volume that goes is not that of a boolean: pocket and lid nearly coincide, so that
-        one of both takes ten times as long as others. It is what comes less what the part grew by.
-
-        Raises
-        ------
-        BooleanError
-            When a check fails.
-        """
-        assert cutter.removed is not None
-        assert cutter.added is not None
-        flaw = new_identity()
-        added = manifold(cutter.added, flaw)
-        result = checked(body - manifold(cutter.removed, flaw), "difference")
-        result = checked(result + added, "union")
-        come = float(checked(added - body, "difference").volume())
-        mesh = checked_mesh(result, float(result.volume()))
-        carved = labelled(mesh, {self._identity: 0, flaw: 1})
-        grown_mm3 = float(result.volume() - body.volume())
-        opening, change_mm3 = _change(closed, carved, cutter, grown_mm3, result.surface_area())
-        if not come > 0:
-            raise BooleanError("nothing is added")
-        if not come - change_mm3 > VOLUME_TOLERANCE_MM * opening:
-            raise BooleanError("nothing is removed")
-        return Change(
-            removed_mm3=come - change_mm3, added_mm3=come, opening_mm2=opening,
-            depth_mm=float(-cutter.height_mm.min()), through=False,
-            patch=CarvedPatch(closed=closed, carved=carved, change_mm3=change_mm3),
         )  # fmt: skip
 
     def _seamed(self, body: Manifold, closed: ClosedPatch, cutter: Cutter) -> Change:

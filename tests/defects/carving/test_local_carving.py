@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from defects.carving.block import Block
-from defects.carving.closed_patch import ClosedPatch
 from defects.carving.solid import BooleanError, Change
 from defects.carving.stitch import is_closed
 from defects.kinds import KINDS
@@ -90,8 +89,7 @@ def hold_against_the_whole(part, plan, seed):
         assert one.through == other.through == trial.through
         for key, sliver in SLIVERS.items():
             value = getattr(other, key)
-            # what goes may be a difference of a patch's volumes, of some mm³
-            assert getattr(one, key) == pytest.approx(value, rel=1e-9, abs=1e-11)
+            assert getattr(one, key) == pytest.approx(value, rel=1e-9, abs=1e-12)
             assert getattr(trial, key) == pytest.approx(value, rel=1e-9, abs=sliver)
     # By their seams the flaws are the same faces, however many share a patch.
     for changes in (trials, [replace(trial, patch=None) for trial in trials]):
@@ -140,17 +138,3 @@ def test_the_whole_part_is_what_is_left_when_the_patch_fails():
     assert areas(one, len(part.faces))[0] == pytest.approx(
         areas(other, len(part.faces))[0], rel=1e-12
     )
-
-
-def test_whole_solids_tell_what_a_patch_cannot(monkeypatch):
-    """A scratch whose patch doesn't tell its change is carved all the same, and as large."""
-    part = builtin.build("steel_plate", 30.0)
-    flawed = inject(part, FlawPlan.from_mapping({"scratch": 2}), rng_of=streams(3, "flaws"))
-    block = Block(part.vertices_mm, part.faces)
-    plain = [replace(cutter, seam=None) for cutter in flawed.cutters]
-    told = [block.trial(cutter) for cutter in plain]
-    monkeypatch.setattr(ClosedPatch, "change", lambda self, *carved: (1.0, 1.0))
-    for cutter, one in zip(plain, told, strict=True):
-        other = block.trial(cutter)
-        for key in ("removed_mm3", "added_mm3", "opening_mm2", "depth_mm"):
-            assert getattr(other, key) == pytest.approx(getattr(one, key), rel=1e-9)
