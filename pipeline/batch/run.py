@@ -85,8 +85,7 @@ def generate(
         parts, facts, failed_parts = prepare(recipe, wanted, hidden / "parts", backend)
         failed += failed_parts
         if not parts:
-            wrong, _, mend = failed[0]["why"].partition("; mend: ")
-            raise PartError(recipe.document.path, f"no part can be used: {wrong}", mend)
+            raise no_part(recipe, wanted, failed)
         _warn_of_many(recipe, parts)
         plan = make_plan(recipe, parts)
         _log("plan", {"scans": plan.scans, "shards": len(plan.shards), "parts": len(parts)})
@@ -216,6 +215,20 @@ def prepare(
         )
         facts_kept.append(facts)
     return planned, facts_kept, failed
+
+
+def no_part(
+    recipe: Recipe, wanted: Sequence[Wanted], failed: Sequence[Mapping[str, str]]
+) -> PartError:
+    """Return the error of a recipe none of whose parts can be used: the first one's."""
+    name, why = failed[0]["part"], failed[0]["why"]
+    found = next((want.entry for want in wanted if want.name == name), None)
+    index = next(
+        k for k, entry in enumerate(recipe.file.parts) if entry is found or str(entry.path) == name
+    )
+    wrong, _, mend = why.partition("; mend: ")
+    where = recipe.document.where(("parts", index))
+    return PartError(where, f"no part can be used: {wrong}", mend)
 
 
 def _prepare_one(

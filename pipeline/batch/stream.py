@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pipeline.batch.backend import Backend
 from pipeline.batch.plan import PlannedPart
-from pipeline.batch.run import find_wanted, prepare
+from pipeline.batch.run import find_wanted, no_part, prepare
 from pipeline.batch.work import simulate
 from pipeline.injection.specimen import Specimen, make_specimen
 from pipeline.parts.part_error import PartError
@@ -89,7 +89,6 @@ class ScanStream:
             wanted, failed = find_wanted(recipe)
             parts, _, more = prepare(recipe, wanted, self._folder / "parts", Backend())
             if not parts:
-                wrong, _, mend = [*failed, *more][0]["why"].partition("; mend: ")
-                raise PartError(recipe.document.path, f"no part can be used: {wrong}", mend)
+                raise no_part(recipe, wanted, [*failed, *more])
             self._ready = recipe, parts
         return self._ready

@@ -14,10 +14,9 @@ from typing import Any, Final
 
 from pipeline.batch.backend import Backend
 from pipeline.batch.plan import Plan, PlannedScans, PlannedShard, make_plan
-from pipeline.batch.run import find_wanted, prepare
+from pipeline.batch.run import find_wanted, no_part, prepare
 from pipeline.batch.work import Workplace, make_shard, read_journal
 from pipeline.dataset.shortfalls import shortfalls
-from pipeline.parts.part_error import PartError
 from pipeline.recipe import Recipe
 
 COUNTS: Final = ("seen", "visible", "detectable")
@@ -85,8 +84,7 @@ def try_recipe(recipe: Recipe, *, specimens: int = 2, scans: int = 4) -> Trial:
         loading_s = time.perf_counter() - begin
         failed += failed_parts
         if not parts:
-            wrong, _, mend = failed[0]["why"].partition("; mend: ")
-            raise PartError(recipe.document.path, f"no part can be used: {wrong}", mend)
+            raise no_part(recipe, wanted, failed)
         plan = make_plan(recipe, parts)
         journals, costs = _tried(place, plan, specimens, max(scans, 2))
     statistics, planned_s, planned_bytes = _expected(recipe, plan, journals, costs)
