@@ -13,7 +13,7 @@ from diagnosis.diagnosis import Diagnosis
 from diagnosis.discrepancy.population import population
 from diagnosis.evidence.next_scan import next_scans
 from diagnosis.evidence.reported_causes import Cause
-from diagnosis.explain import Explanation, explain, with_free_curves, without_names
+from diagnosis.explain import Explanation, explain
 from diagnosis.localise.maps import RecordingMaps, map_recording
 from diagnosis.localise.residual_structure import residual_structure
 from diagnosis.model.edge_shrinkage import shrunk_at_edges
@@ -22,6 +22,7 @@ from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.uncertainty import refined
 from diagnosis.prepare import Inputs, Prepared, prepared
+from diagnosis.refuted import with_free_curves, without_names
 from diagnosis.validate.found_effects import FoundEffect, at_limits, found_effects, sheet_with
 from diagnosis.validate.heldout import Judgement, judge
 from diagnosis.validate.placement_candidates import Candidates, Placed, candidates_of

@@ -7,7 +7,6 @@ import numpy as np
 
 from diagnosis.claims.plate_noise import levels_of_each
 from diagnosis.components.component import Component
-from diagnosis.components.free_curve import Curve
 from diagnosis.data.patch import Patch
 from diagnosis.data.recorded import Recorded
 from diagnosis.discrepancy.good_instrument import (
@@ -33,7 +32,7 @@ from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.assumed_camera import assumed_sheets, seen_by
 from diagnosis.physics.joint_fit import among_laws, fit_laws, refit, strongest_law
 from diagnosis.physics.linear_fit import Fitted
-from diagnosis.physics.remainder import curves_of, is_curve, remainder
+from diagnosis.physics.remainder import curves_of, remainder
 from diagnosis.predict.edges import BESIDE_EDGES, EDGE_COVARIATES
 from diagnosis.prepare import Prepared
 from diagnosis.register.placement import Placement
@@ -266,45 +265,6 @@ def _with_rates(
     return replace(
         state, recorded=recorded, patches=patches, model=model, causes=(*state.causes, *fitted)
     )
-
-
-def with_free_curves(explanation: Explanation, ready: Prepared) -> Explanation:
-    """Put the curves by which causes were weighed in place of all laws; the rest has no name."""
-    curves = {
-        m.candidate.effect: m for m in explanation.members if is_curve(m.candidate.component)
-    }
-    kept = tuple(
-        c.doubted("Its law is refuted by readings held out; the curve that it follows is kept.")
-        for c in explanation.causes if c.name in curves
-    )  # fmt: skip
-    curve = Curve()
-    for cause in kept:
-        own = curves_of(curves[cause.name], explanation.first, ready.noise.sd_mm)
-        curve = curve.beside(own)
-    model = Model(curve=curve)
-    others = tuple(c for c in explanation.causes if c.name not in curves)
-    plain = without_names(replace(explanation, causes=others), ready)
-    patches, placed = reregistered(model, ready.patches, plain.recorded, ready.placed, ready.noise)
-    return replace(
-        plain, model=model, causes=kept, patches=tuple(patches), placed=placed,
-        ws=fitted_part(patches, ready.noise),
-    )  # fmt: skip
-
-
-def without_names(explanation: Explanation, ready: Prepared) -> Explanation:
-    """Take all laws back: what their components show has no name."""
-    nameless = tuple(
-        Unexplained(
-            component=c.name if c.component is None else c.component.name, channel=c.channel,
-            probability=c.probability, nats=c.nats, size=c.size, repeats=c.repeats,
-            relaxed=None if c.component is None else c.component.relaxed,
-        )
-        for c in explanation.causes
-    )  # fmt: skip
-    return replace(
-        explanation, model=Model(), causes=(), unexplained=(*nameless, *explanation.unexplained),
-        patches=ready.patches, placed=ready.placed, ws=fitted_part(ready.patches, ready.noise),
-    )  # fmt: skip
 
 
 def _good(

@@ -37,7 +37,7 @@ EDGE_COSTS = 0.5
 ALIKE = math.radians(12.0)
 """Turns of corners of one kind differ by less."""
 STRONGER = (1.0, 2.0, 4.0, 8.0, 16.0)
-"""Strengths from which a search goes on where the one found holds for faint effects."""
+"""Strengths from which a search goes on where the one found holds to the first order."""
 PEAKS = 4
 
 
@@ -66,7 +66,7 @@ def fit_effect(
         return None
     if not points:
         return None
-    # a faint one's fields are where to begin, no more
+    # first-order fields are where to begin, no more
     if has_fields(points[0], ws) if start is None else is_linear(start, ws):
         found = _fit_linear(points, ws, model, states, masks, polish)
     else:
@@ -172,13 +172,13 @@ def _fit_linear(
     names = [p.name for p in point.searched(linear=False) if _moves(p.name, point)]
     if polish and names:
         best = _polish_linear(point, names, ws, states, masks, best)
-    if best.effect.faint and not best.effect.is_null:
+    if best.effect.first_order and not best.effect.is_null:
         return _fit_searched(_larger(best.effect), ws, model, masks, polish)
     return best
 
 
 def _larger(effect: Effect) -> tuple[Effect, ...]:
-    """Put an effect at the strength found, which holds for faint ones, and at some above it."""
+    """Put an effect at the strength found, which holds to the first order, and at some above it."""
     strength = next(p for p in effect.parameters() if p.linear)
     found = getattr(effect, strength.name)
     sizes = sorted({min(s * found, strength.high) for s in STRONGER})
@@ -302,7 +302,7 @@ def _fit_searched(
 ) -> Fitted | None:
     """Search on the full log density: grid first, then a simplex."""
     # what leaves the mean alone leaves the placement alone
-    moves = {"mean"} & {*points[0].channels, *points[0].also}
+    moves = {"mean"} & {*points[0].channels, *points[0].secondary_channels}
     still = None if moves else ws.placements(model)
 
     def total(trial: Model) -> float:

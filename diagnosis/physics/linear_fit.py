@@ -44,13 +44,13 @@ class Fitted:
 
 
 def has_fields(effect: Effect, ws: Workspace) -> bool:
-    """Whether the mean is linear in something, for faint effects at least."""
+    """Whether the mean is linear in something, to the first order at least."""
     return _basis(effect, ws, 0) is not None
 
 
 def is_linear(effect: Effect, ws: Workspace) -> bool:
     """Whether the mean is linear in something, however strong the effect."""
-    return not effect.faint and has_fields(effect, ws)
+    return not effect.first_order and has_fields(effect, ws)
 
 
 def solve_linear(

@@ -288,7 +288,8 @@ def text() -> str:
     for name, cls in CATALOGUE.items():
         rivals = ", ".join(f"[{rival}](#{rival})" for rival in cls.rivals)
         lines.append(
-            f"| [{name}](#{name}) | {', '.join((*cls.channels, *cls.also))} | {cls.frame} "
+            f"| [{name}](#{name}) "
+            f"| {', '.join((*cls.channels, *cls.secondary_channels))} | {cls.frame} "
             f"| {COVARIATES[cls.covariate].words} | {rivals} |"
         )
     for name in CATALOGUE:

@@ -37,17 +37,17 @@ AVERAGED = 8
 class Effect(ABC):
     """A physical effect beyond the nominal model.
 
-    Class attributes
-    ----------------
+    Attributes
+    ----------
     name : the effect's name in formats.md and sensor.yaml
     summary : the effect in one sentence
     equation : the equation in one line of plain text
     source : reference of the equation
     statement : sentence for a process engineer, with {parameter} fields
     channels : moments of the law that the effect changes and by which it is detected
-    also : secondary channels: further moments that the effect changes, by which it isn't detected
-    faint : whether `fields` are the first-order terms of a mean that isn't linear in the
-        parameters; a fit starts from the linear solution and searches the full law
+    secondary_channels : further moments that the effect changes, by which it isn't detected
+    first_order : whether `fields` are first-order terms of a mean that isn't linear; a fit starts
+        from the linear solution and searches the full law
     frame : frame in which the signature is fixed
     covariate : key of `sensors.view.covariates.COVARIATES` on which the effect depends
     relaxed : components by which a diagnosis recognises the effect, whatever its equation
@@ -64,8 +64,8 @@ class Effect(ABC):
     source: ClassVar[str]
     statement: ClassVar[str]
     channels: ClassVar[tuple[Channel, ...]]
-    also: ClassVar[tuple[Channel, ...]] = ()
-    faint: ClassVar[bool] = False
+    secondary_channels: ClassVar[tuple[Channel, ...]] = ()
+    first_order: ClassVar[bool] = False
     frame: ClassVar[Frame]
     covariate: ClassVar[str]
     relaxed: ClassVar[tuple[Relaxed, ...]] = ()

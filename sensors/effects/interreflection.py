@@ -46,7 +46,7 @@ class Interreflection(Effect):
         " a weight of {weight:.3f} at the corner that decays over {reach_mm:.1f} mm."
     )
     channels: ClassVar = ("mean", "variance")
-    faint: ClassVar = True
+    first_order: ClassVar = True
     frame: ClassVar = "part"
     covariate: ClassVar = "wall_distance"
     relaxed: ClassVar = (Relaxed(channel="mean", spanned=True),)

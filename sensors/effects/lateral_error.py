@@ -42,7 +42,7 @@ class LateralError(MotionEffect):
         "more at the ends of the line and {shear_um:.0f} µm more at its far corners."
     )
     channels: ClassVar = ("mean",)
-    also: ClassVar = ("missing",)
+    secondary_channels: ClassVar = ("missing",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "slope_x"
     relaxed: ClassVar = (Relaxed(channel="mean", along=("x",), times="shift_x"),)

@@ -62,7 +62,7 @@ class OnboardFilter(DeliveryEffect):
         "over the window, which is no property of the surface."
     )
     channels: ClassVar = ("variance", "correlation")
-    also: ClassVar = ("mean", "missing", "tails")
+    secondary_channels: ClassVar = ("mean", "missing", "tails")
     frame: ClassVar = "sensor"
     covariate: ClassVar = "curvature_y"
     rivals: ClassVar = ("roughness_level", "finite_spot", "motion_blur")

@@ -33,7 +33,7 @@ class RowRepeat(DeliveryEffect):
         "their readings belong one profile back."
     )
     channels: ClassVar = ("mean", "variance")
-    also: ClassVar = ("missing", "correlation")
+    secondary_channels: ClassVar = ("missing", "correlation")
     frame: ClassVar = "time"
     covariate: ClassVar = "time"
     rivals: ClassVar = ("motion_blur", "travel_ripple")

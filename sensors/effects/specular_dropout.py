@@ -46,7 +46,7 @@ class SpecularDropout(Effect):
         "{lobe_deg:.1f}° predicts."
     )
     channels: ClassVar = ("missing",)
-    also: ClassVar = ("mean",)
+    secondary_channels: ClassVar = ("mean",)
     frame: ClassVar = "sensor"
     covariate: ClassVar = "half_vector"
     relaxed: ClassVar = (Relaxed(channel="missing", along=("half_vector",)),)

@@ -5,9 +5,10 @@ from typing import Any
 import pytest
 
 from diagnosis.discrepancy.population import population
-from diagnosis.explain import Explanation, explain, fitted_part, with_free_curves, without_names
+from diagnosis.explain import Explanation, explain, fitted_part
 from diagnosis.model.model import Model
 from diagnosis.prepare import Prepared
+from diagnosis.refuted import with_free_curves, without_names
 from sensors.effects.line_bow import LineBow
 from tests.support.prepared_parts import ready
 

@@ -158,7 +158,7 @@ def test_it_changes_the_channels_that_it_claims(cls, view, view_of):
     if new.lay_ratio != law.lay_ratio:
         changed.add("correlation")
     assert changed
-    claimed = {*cls.channels, *cls.also}
+    claimed = {*cls.channels, *cls.secondary_channels}
     assert changed <= claimed | ({"missing"} if issubclass(cls, MotionEffect) else set())
     assert new.mean_mm.shape == view.shape
     assert np.array_equal(np.isnan(new.mean_mm), new.reason > 0)

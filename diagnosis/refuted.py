@@ -1,0 +1,50 @@
+"""What is left of an explanation that held-out readings refute: curves, or no name at all."""
+
+from dataclasses import replace
+
+from diagnosis.components.free_curve import Curve
+from diagnosis.evidence.reported_causes import Unexplained
+from diagnosis.explain import Explanation, fitted_part
+from diagnosis.model.model import Model
+from diagnosis.physics.remainder import curves_of, is_curve
+from diagnosis.prepare import Prepared
+from diagnosis.reregister.reregistration import reregistered
+
+
+def with_free_curves(explanation: Explanation, ready: Prepared) -> Explanation:
+    """Put the curves by which causes were weighed in place of all laws; the rest has no name."""
+    curves = {
+        m.candidate.effect: m for m in explanation.members if is_curve(m.candidate.component)
+    }
+    kept = tuple(
+        c.doubted("Its law is refuted by readings held out; the curve that it follows is kept.")
+        for c in explanation.causes if c.name in curves
+    )  # fmt: skip
+    curve = Curve()
+    for cause in kept:
+        own = curves_of(curves[cause.name], explanation.first, ready.noise.sd_mm)
+        curve = curve.beside(own)
+    model = Model(curve=curve)
+    others = tuple(c for c in explanation.causes if c.name not in curves)
+    plain = without_names(replace(explanation, causes=others), ready)
+    patches, placed = reregistered(model, ready.patches, plain.recorded, ready.placed, ready.noise)
+    return replace(
+        plain, model=model, causes=kept, patches=tuple(patches), placed=placed,
+        ws=fitted_part(patches, ready.noise),
+    )  # fmt: skip
+
+
+def without_names(explanation: Explanation, ready: Prepared) -> Explanation:
+    """Take all laws back: what their components show has no name."""
+    nameless = tuple(
+        Unexplained(
+            component=c.name if c.component is None else c.component.name, channel=c.channel,
+            probability=c.probability, nats=c.nats, size=c.size, repeats=c.repeats,
+            relaxed=None if c.component is None else c.component.relaxed,
+        )
+        for c in explanation.causes
+    )  # fmt: skip
+    return replace(
+        explanation, model=Model(), causes=(), unexplained=(*nameless, *explanation.unexplained),
+        patches=ready.patches, placed=ready.placed, ws=fitted_part(ready.patches, ready.noise),
+    )  # fmt: skip
