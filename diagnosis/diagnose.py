@@ -258,7 +258,14 @@ def _maps(
     if verdict == "match":
         return [m.silenced() for m in maps]
     if against_claims:
-        return [m if m.mask.any() else m.everywhere(against_claims[-1].name) for m in maps]
+        # a change of the noise is everywhere; what stands out are its extremes
+        noise_alone = not (judged.causes or explanation.unexplained) and all(
+            {*f.effect.channels} <= {"variance", "correlation"} for f in against_claims
+        )
+        return [
+            m.everywhere(against_claims[-1].name) if noise_alone or not m.mask.any() else m
+            for m in maps
+        ]
     return maps
 
 

@@ -160,3 +160,17 @@ def _splits(
         mine = [chosen[unit] for unit in units_of(name, specimen)]
         found[name, specimen] = tuple(mine * (scans[name] // len(mine)))
     return found
+
+
+def in_turns(shards: Sequence[PlannedShard], cost: Mapping[str, int]) -> list[PlannedShard]:
+    """Order shards: a first one of every specimen, then a second one; the most expensive first.
+
+    Two of one specimen at once would both wait until it is cut; at the end short waits are best.
+    """
+    turns: Counter[str] = Counter()
+    order = {}
+    for shard in sorted(shards, key=lambda shard: -cost[shard.name]):
+        specimen = shard.work[0].specimen_id
+        order[shard.name] = turns[specimen], -cost[shard.name]
+        turns[specimen] += 1
+    return sorted(shards, key=lambda shard: order[shard.name])

@@ -15,7 +15,7 @@ from typing import Any, Final
 from files.budget import regular
 from files.errors import RecipeError
 from pipeline.batch.backend import Backend
-from pipeline.batch.plan import Plan, PlannedPart, make_plan
+from pipeline.batch.plan import Plan, PlannedPart, in_turns, make_plan
 from pipeline.batch.work import Workplace, is_whole, load_shared, make_shard, read_journal
 from pipeline.dataset.checksums import NAME as CHECKSUMS
 from pipeline.dataset.checksums import write_checksums
@@ -257,7 +257,7 @@ def _prepare_one(
 def _make_shards(
     place: Workplace, plan: Plan, triangles: Mapping[str, int], backend: Backend
 ) -> None:
-    """Make the missing shards, the most expensive first, to shorten the wait at the end."""
+    """Make the missing shards, in an order that lets no process wait for another."""
     todo = []
     for shard in plan.shards:
         if is_whole(place, shard.name):
@@ -268,7 +268,7 @@ def _make_shards(
         shard.name: sum(triangles[work.part.name] * (work.last - work.first) for work in shard.work)
         for shard in todo
     }
-    todo.sort(key=lambda shard: cost[shard.name], reverse=True)
+    todo = in_turns(todo, cost)
     if backend.forks(len(todo)):
         load_shared(place, todo)
     for name, scans in backend.results(make_shard, [(place, shard) for shard in todo]):

@@ -173,7 +173,7 @@ def load_shared(place: Workplace, shards: Sequence[PlannedShard]) -> None:
         _ = scene.tree
         skin_of(place.hidden / stored)
     first = shards[0].work[0]
-    if not first.whole:
+    if len({shard.work[0].specimen_id for shard in shards[:2]}) == 1 and not first.whole:
         with suppress(PartError):  # which its shards report
             specimen = _specimen(place, first)
             simulate(place.recipe, first.part, specimen, (first.specimen, first.first))

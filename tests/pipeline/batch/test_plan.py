@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from files.yaml_document import Document
-from pipeline.batch.plan import PlannedPart, make_plan
+from pipeline.batch.plan import PlannedPart, in_turns, make_plan
 from pipeline.batch.splits import Unit, assign
 from pipeline.injection.flawplan import FlawPlan
 from pipeline.recipe import PartEntry, Recipe, RecipeFile
@@ -143,6 +143,19 @@ def test_few_scans_still_make_many_shards():
     assert len(planned([24], 2, {"train": 1.0}, None).shards) >= 12
     with pytest.raises(ValueError, match="add up to 1"):
         planned([1], 1, {"train": 0.5}, None)
+
+
+def test_shards_of_a_specimen_are_not_made_at_once():
+    """Each would wait until the other has cut it."""
+    plan = planned([3, 2], 6, {"train": 1.0}, 2)
+    cost = {shard.name: 10 - len(shard.work[0].part.name) - k for k, shard in enumerate(plan.shards)}
+    order = in_turns(plan.shards, cost)
+    assert sorted(s.name for s in order) == sorted(s.name for s in plan.shards)
+    specimens = [shard.work[0].specimen_id for shard in order]
+    assert len(set(specimens[:5])) == len(set(specimens[5:10])) == 5
+    for turn in (order[:5], order[5:10], order[10:]):
+        costs = [cost[shard.name] for shard in turn]
+        assert costs == sorted(costs, reverse=True)
 
 
 def test_good_specimens_of_each_part_are_spread_over_the_splits():
