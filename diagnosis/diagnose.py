@@ -141,7 +141,8 @@ def _refuted(explanation: Explanation, judged: "_Judged") -> bool:
         return True
     worse = judged.after.log_score - judged.before.log_score
     readings = sum(int(p.scored.sum()) for p in judged.nominal.held)
-    return readings * worse > max(gained(explanation.ws, explanation.model), 0.0)
+    lost = readings * worse
+    return lost > 0 and lost > gained(explanation.ws, explanation.model)
 
 
 def gained(ws: Workspace, model: Model) -> float:

@@ -200,7 +200,7 @@ def diagnose(
     ValueError
         `RecipeError` or `PartError`: one line with the error, its place, and the allowed values.
     """
-    from contextlib import ExitStack
+    from contextlib import nullcontext
 
     from pipeline.batch.backend import one_thread_each
 
@@ -215,8 +215,7 @@ def diagnose(
     from sensors.surface.surface import Surface
 
     said = progress or (lambda _: None)
-    with ExitStack() as stack:
-        folder = None if out is None else stack.enter_context(output_folder(Path(out)))
+    with nullcontext() if out is None else output_folder(Path(out)) as folder:
         said("reading")
         datasheet = Datasheet.load(sensor)  # what is read in no time first
         texture = None if surface is None else Surface.load(surface)

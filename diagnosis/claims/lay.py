@@ -165,9 +165,10 @@ def lay_evidence(
         fixed = known + np.diag(np.repeat([d.variance[j] for d in every], 2))
         if not good:
             fixed = fixed + plate.variance[j] * same @ same.T
+        covariance = fixed + shared
         right = np.broadcast_to(y[:, None], (*size.shape, count, 1))
-        solved = np.linalg.solve(fixed + shared, right)[..., 0]
-        logs -= 0.5 * (np.linalg.slogdet(fixed + shared)[1] + solved @ y)
+        solved = np.linalg.solve(covariance, right)[..., 0]
+        logs -= 0.5 * (np.linalg.slogdet(covariance)[1] + solved @ y)
         # largest where it is nearest: speckle that is drawn out may turn negative far from there
         ways += np.square(size)[..., None] * (solved @ lay)
     way = np.einsum("abc,abck->k", np.exp(logs - logsumexp(logs)), ways)

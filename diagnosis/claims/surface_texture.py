@@ -103,16 +103,16 @@ def joined(level: Claim | None, lay: Claim | None, *, bent: bool) -> list[Claim]
         than a lay that draws the noise out by far, whose ridges bend the mean themselves, and noise
         that is far smaller all the same
     """
-    claims = [c for c in (level, lay) if c is not None and (not bent or _stands_out(c.effect))]
-    if len(claims) < 2 or level is None or lay is None:
-        return claims
-    rough, drawn = level.effect, lay.effect
-    if isinstance(rough, RoughnessLevel) and rough.amplitude > 1:
+    level, lay = (
+        c if c is not None and (not bent or _stands_out(c.effect)) else None for c in (level, lay)
+    )
+    rough = None if level is None else level.effect
+    if lay is not None and isinstance(rough, RoughnessLevel) and rough.amplitude > 1:
         # the ridges of a lay are what makes it rougher
-        most = drawn.parameter("amplitude").high
-        effect = drawn.with_parameters({"amplitude": min(rough.amplitude, most)})
+        most = lay.effect.parameter("amplitude").high
+        effect = lay.effect.with_parameters({"amplitude": min(rough.amplitude, most)})
         return [replace(lay, effect=effect)]
-    return claims
+    return [c for c in (level, lay) if c is not None]
 
 
 def _level(
