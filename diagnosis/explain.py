@@ -19,6 +19,7 @@ from diagnosis.discrepancy.good_instrument import (
 )
 from diagnosis.discrepancy.population import Population
 from diagnosis.evidence.assess import Assessment, assessed_mean, assessed_rates
+from diagnosis.evidence.explained_rates import explained_shares
 from diagnosis.evidence.mean_causes import Member
 from diagnosis.evidence.noise_and_loss_baselines import beside_baselines
 from diagnosis.evidence.noise_and_loss_channels import Channel
@@ -87,7 +88,7 @@ class _State:
 
     Attributes
     ----------
-    now : recordings under the model
+    first, now : recordings under the nominal model, and under the model
     before : baselines, while the model is nominal
     explained : whitened rms of what the laws explain
     gained : what laws of light at edges gain, nats
@@ -99,6 +100,7 @@ class _State:
     placed: Mapping[str, Placement]
     model: Model
     causes: tuple[Cause, ...]
+    first: Seen
     now: Seen
     before: Seen | None
     explained: float = 0.0
@@ -140,7 +142,7 @@ def explain(
         scales = rectified(scales, ready.recorded.datasheet)
     state = _State(
         recorded=ready.recorded, patches=ready.patches, placed=ready.placed, model=Model(),
-        causes=(), now=first, before=before,
+        causes=(), first=first, now=first, before=before,
     )  # fmt: skip
     members: tuple[Member, ...] = ()
     unexplained: list[Unexplained] = []
@@ -158,14 +160,17 @@ def explain(
         if further is None:
             break
         state = further
-    ws = fitted_part(state.patches, noise)
-    channels: Sequence[Channel] = channels_seen(ws.patches, noise, state.model, first)
-    if baseline_channels:
-        channels = beside_baselines(channels, baseline_channels)
-    named, of_rates = reported(assessed_rates(channels, scales, withheld=withheld))
-    state = _with_rates(state, not_yet_named(named, state.names), noise, notes, progress)
+    channels = _channels(state, noise, baseline_channels)
+    of_rates = assessed_rates(channels, scales, withheld=withheld)
+    named, nameless = reported(of_rates)
+    new = not_yet_named(named, state.names)
+    if new:
+        state = _with_rates(state, new, noise, notes, progress)
+        shares = explained_shares(of_rates.rates, _channels(state, noise, baseline_channels))
+        state, strange = _explained(state, new, shares)
+        nameless = [*strange, *nameless]
     return Explanation(
-        model=state.model, causes=state.causes, unexplained=(*unexplained, *of_rates),
+        model=state.model, causes=state.causes, unexplained=(*unexplained, *nameless),
         patches=tuple(state.patches), placed=state.placed, recorded=state.recorded,
         ws=fitted_part(state.patches, noise), first=first, members=members, scales=scales,
     )  # fmt: skip
@@ -203,15 +208,16 @@ def _further(
     ws = fitted_part(patches, noise)
     if _is_law(new[0]):
         laws = _laws_of(state, found)
-        named_by_law, gain, known = among_laws(new[0], laws, ws, state.model)
+        ordinary = _against_good(found)
+        named_by_law, gain, known = among_laws(new[0], laws, ordinary, ws, state.model)
         if state.gained > 0 and gain <= SETTINGS.doubt_of_laws * state.gained:
             # no more than what a law at edges leaves where its formula is another
             return replace(state, refuted=state.refuted | {new[0].name, *(c.effect for c in laws)})
         new = [named_by_law]
     model, new = fit_laws(new, ws, state.model, known=known)
     without = replace(state, refuted=state.refuted | {new[0].name})
-    if _is_law(new[0]) and new[0].name not in model.names():
-        # what was weighed is the law itself at points of its grid: fitted, it does nothing
+    if _is_law(new[0]) and (new[0].doubt or new[0].name not in model.names()):
+        # what was weighed is the law itself at points of its grid: fitted, it does next to nothing
         return without
     if state.causes:
         model, new = _without_remainders(state.model, model, new, notes)
@@ -219,6 +225,16 @@ def _further(
             return without
     again = _seen_again(state, model, (*state.causes, *new), noise)
     return replace(again, explained=explained, gained=state.gained + gain)
+
+
+def _against_good(found: Assessment) -> dict[str, float]:
+    """Log odds of each law at edges in the place of one that stands out, against none at all."""
+    out: dict[str, float] = {}
+    for member in (m for m in found.mean if m.candidate.component.relaxed.spanned):
+        for name, odds in member.odds.items():
+            effect = found.effects["mean"].get(name, "")
+            out[effect] = max(odds, out.get(effect, -np.inf))
+    return out
 
 
 def _laws_of(state: _State, found: Assessment) -> list[Component]:
@@ -255,8 +271,6 @@ def _with_rates(
     progress: Progress,
 ) -> _State:
     """Fit the laws of causes of noise, losses and outliers, all together."""
-    if not new:
-        return state
     progress(f"fitting {', '.join(c.name for c in new)}")
     recorded, patches = _complete(
         state.recorded, state.patches, new, noise, state.model, notes
@@ -265,6 +279,35 @@ def _with_rates(
     return replace(
         state, recorded=recorded, patches=patches, model=model, causes=(*state.causes, *fitted)
     )
+
+
+def _channels(
+    state: _State, noise: NoiseModel, baseline_channels: Sequence[Channel]
+) -> Sequence[Channel]:
+    """Look at noise, losses and outliers under the model, beside what baselines have of them."""
+    patches = fitted_part(state.patches, noise).patches
+    channels = channels_seen(patches, noise, state.model, state.first)
+    return beside_baselines(channels, baseline_channels) if baseline_channels else channels
+
+
+def _explained(
+    state: _State, new: Sequence[Cause], shares: Mapping[tuple[str, str], float]
+) -> tuple[_State, list[Unexplained]]:
+    """Take the names back whose laws explain little of what they were named by.
+
+    Parameters
+    ----------
+    shares : by channel and name, what the laws explain of the gain of their components
+    """
+    strange = [
+        c for c in new if shares.get((c.channel, c.name), 1.0) < SETTINGS.explained_share
+    ]
+    names = {c.name for c in strange}
+    model = state.model
+    for name in names:
+        model = model.without(name)
+    causes = tuple(c for c in state.causes if c.name not in names)
+    return replace(state, model=model, causes=causes), [c.unnamed() for c in strange]
 
 
 def _good(

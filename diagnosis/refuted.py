@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 from diagnosis.components.free_curve import Curve
-from diagnosis.evidence.reported_causes import Unexplained
 from diagnosis.explain import Explanation, fitted_part
 from diagnosis.model.model import Model
 from diagnosis.physics.remainder import curves_of, is_curve
@@ -36,14 +35,7 @@ def with_free_curves(explanation: Explanation, ready: Prepared) -> Explanation:
 
 def without_names(explanation: Explanation, ready: Prepared) -> Explanation:
     """Take all laws back: what their components show has no name."""
-    nameless = tuple(
-        Unexplained(
-            component=c.name if c.component is None else c.component.name, channel=c.channel,
-            probability=c.probability, nats=c.nats, size=c.size, repeats=c.repeats,
-            relaxed=None if c.component is None else c.component.relaxed,
-        )
-        for c in explanation.causes
-    )  # fmt: skip
+    nameless = (c.unnamed() for c in explanation.causes)
     return replace(
         explanation, model=Model(), causes=(), unexplained=(*nameless, *explanation.unexplained),
         patches=ready.patches, placed=ready.placed, ws=fitted_part(ready.patches, ready.noise),

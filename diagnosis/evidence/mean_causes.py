@@ -65,7 +65,8 @@ class Member:
     ----------
     variant, size : most probable form, and its size (whitened rms)
     nats : log Bayes factor against its absence
-    shares : probability of each candidate in its place, by name; "" is none at all
+    gain : by how much its most probable coefficients make the readings more probable, nats
+    odds : log odds of each candidate in its place, by name, against none at all, which is ""
     coefficients : most probable ones of the candidate's columns, beside the other members
     """
 
@@ -73,8 +74,15 @@ class Member:
     variant: int
     size: float
     nats: float
-    shares: Mapping[str, float]
+    gain: float
+    odds: Mapping[str, float]
     coefficients: Floats
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Probability of each candidate in its place, by name; "" is none at all."""
+        total = logsumexp(list(self.odds.values()))
+        return {n: float(np.exp(x - total)) for n, x in self.odds.items()}
 
     @property
     def term(self) -> Term:
@@ -225,13 +233,13 @@ class CauseSearch:
             rest = active[:i] + active[i + 1 :]
             taken = {(o.effect or o.name) for o, _, _ in rest}
             free = [o for o in self.candidates if (o.effect or o.name) not in taken]
-            weighed = self.weigh(self.posteriors(rest, [(c, v, s)]), free)
+            without = self.posteriors(rest, [(c, v, s)])
+            weighed = self.weigh(without, free)
             odds = {o.name: weighed[o.name].nats + self.log_odds(o) for o in free} | {"": 0.0}
-            total = logsumexp(list(odds.values()))
-            shares = {n: float(np.exp(x - total)) for n, x in odds.items()}
             members.append(
                 Member(
-                    candidate=c, variant=v, size=s, nats=weighed[c.name].nats, shares=shares,
+                    candidate=c, variant=v, size=s, nats=weighed[c.name].nats, odds=odds,
+                    gain=without[c.at_edges].cavity(c.term(v)).gain(s),
                     coefficients=whole[c.at_edges].coefficients()[c.at],
                 )  # fmt: skip
             )

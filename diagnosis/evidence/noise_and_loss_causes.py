@@ -21,6 +21,7 @@ class RateMember:
 
     Attributes
     ----------
+    gain : by how much that change makes the readings more probable, nats
     change : (N,) of the predictor at the mode, for the readings that take part
     """
 
@@ -30,6 +31,7 @@ class RateMember:
     size: float
     nats: float
     shares: Mapping[str, float]
+    gain: float
     change: Floats
 
 
@@ -56,11 +58,13 @@ class Sized:
     Attributes
     ----------
     factors : (S,)
+    gain : by how much the mode makes the readings more probable than their level alone, nats
     coefficients : (k,) at the mode, of the columns whatever their size
     change : (N,) of the predictor there
     """
 
     factors: Floats
+    gain: float
     variant: int
     size: float
     coefficients: Floats
@@ -75,6 +79,7 @@ class Sized:
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class _Weighed:
     nats: float
+    gain: float
     variant: int
     size: float
     change: Floats
@@ -90,37 +95,40 @@ class RateSearch:
 
     def factors(
         self, responses: Responses, candidate: RateCandidate
-    ) -> tuple[Floats, list[Floats]]:
-        """Log Bayes factors (variants, sizes), and the changes at the modes."""
+    ) -> tuple[Floats, Floats, list[Floats]]:
+        """Log Bayes factors and gains at the modes (variants, sizes), and the changes there."""
         sizes = SETTINGS.rate_sizes()
         factors, changes = np.zeros((len(candidate.variants), len(sizes))), []
+        gains = np.zeros(factors.shape)
         for i, variant in enumerate(candidate.variants):
             cells = responses.in_cells(variant.owner, variant.count)
             free = self.channel.level_sd
             base = mode(cells, variant.level, free)
+            level, slope, _ = cells.likelihood(variant.level @ base.coefficients)
+            fall = -float(variant.columns[:, -1] @ slope)
             x = np.concatenate([variant.level, variant.columns], axis=1)
             start = np.concatenate([base.coefficients, np.zeros(variant.columns.shape[1])])
             for k, size in enumerate(sizes):
                 sd = np.concatenate([free, np.full(variant.columns.shape[1], size)])
                 found = mode(cells, x, sd, start)
                 factors[i, k] = found.log_evidence - base.log_evidence
+                gains[i, k] = cells.likelihood(x @ found.coefficients)[0] - level
                 start = found.coefficients
                 if candidate.component.relaxed.grows:
-                    _, slope, _ = cells.likelihood(variant.level @ base.coefficients)
-                    fall = -float(variant.columns[:, -1] @ slope)
                     factors[i, k] = _one_sided(factors[i, k], found, size, fall)
                 changes.append(found.coefficients[len(free) :])
-        return factors, changes
+        return factors, gains, changes
 
     def sizes(self, responses: Responses, candidate: RateCandidate) -> Sized:
         """Weigh each size of a candidate against none."""
-        factors, changes = self.factors(responses, candidate)
+        factors, gains, changes = self.factors(responses, candidate)
         v, k = (int(i) for i in np.unravel_index(int(np.argmax(factors)), factors.shape))
         variant = candidate.variants[v]
         coefficients = changes[v * factors.shape[1] + k] / variant.size
         return Sized(
             factors=np.asarray(logsumexp(factors - np.log(len(factors)), axis=0)), variant=v,
-            size=float(SETTINGS.rate_sizes()[k]), coefficients=coefficients,
+            gain=float(gains[v, k]), size=float(SETTINGS.rate_sizes()[k]),
+            coefficients=coefficients,
             change=variant.change(coefficients),
         )  # fmt: skip
 
@@ -136,7 +144,7 @@ class RateSearch:
             nothing = max(nothing, float(logsumexp(one.factors + quiet)))
             found[c.name] = _Weighed(
                 nats=float(logsumexp(one.factors + np.log(self.scales.changed(c.key)))),
-                variant=one.variant, size=one.size, change=one.change,
+                gain=one.gain, variant=one.variant, size=one.size, change=one.change,
             )  # fmt: skip
         best = max(found.values(), key=lambda w: w.nats, default=None)
         if best is None:
@@ -168,7 +176,8 @@ class RateSearch:
             w = weighed[best.name]
             found.append(RateMember(
                 candidate=best, channel=self.channel.name, variant=w.variant, size=w.size,
-                nats=w.nats, shares={**shares, "": float(np.exp(-total))}, change=w.change,
+                nats=w.nats, shares={**shares, "": float(np.exp(-total))}, gain=w.gain,
+                change=w.change,
             ))  # fmt: skip
             responses = responses.moved(w.change)
         return found

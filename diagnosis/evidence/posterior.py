@@ -72,6 +72,17 @@ class Cavity:
         turned = np.square(vectors.T @ self.pull) * np.square(sizes)[:, None]
         return np.asarray(0.5 * (turned / (1 + v) - np.log1p(v)).sum(axis=1))
 
+    def gain(self, size: float) -> float:
+        """Return by how much its most probable value makes the readings more probable, in nats.
+
+        Less what the value of readings that show nothing of the term would gain on average.
+        """
+        values, vectors = np.linalg.eigh(self.information)
+        known = values > ROUNDING * values.max(initial=0.0)
+        v = size**2 * values[known]
+        taken = v / (1 + v)
+        seen = np.square(vectors.T @ self.pull)[known] / values[known]
+        return float(((taken - taken**2 / 2) * (seen - 1)).sum())
 
     def log_price(self, sizes: Floats) -> Floats:
         """Return the same for readings that show nothing of the term."""

@@ -21,6 +21,7 @@ class Cause:
     alternatives : other names with their probabilities, likeliest first
     none_of_these : probability that it is no catalogued effect, or nothing at all
     nats : log Bayes factor of the component against a good instrument
+    gain : by how much the component makes the readings more probable, nats; 0 where not known
     size : of the component, whitened rms
     repeats : frequency (of what repeats) found; 0 for others
     component : by which it was found
@@ -33,6 +34,7 @@ class Cause:
     alternatives: tuple[tuple[str, float], ...]
     none_of_these: float
     nats: float
+    gain: float = 0.0
     size: float = 0.0
     repeats: float = 0.0
     component: Component | None = None
@@ -41,6 +43,15 @@ class Cause:
     def doubted(self, why: str) -> "Cause":
         """Return the cause with a doubt about its law."""
         return replace(self, doubt=f"{self.doubt} {why}".strip())
+
+    def unnamed(self) -> "Unexplained":
+        """Return the component that it was found by, without a cause."""
+        return Unexplained(
+            component=self.name if self.component is None else self.component.name,
+            channel=self.channel, probability=self.probability, nats=self.nats, size=self.size,
+            repeats=self.repeats,
+            relaxed=None if self.component is None else self.component.relaxed,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -98,7 +109,7 @@ def reported(assessment: Assessment) -> tuple[list[Cause], list[Unexplained]]:
             )
             cause = Cause(
                 name=best, channel=channel, probability=named[best], alternatives=others,
-                none_of_these=rest, nats=member.nats, size=member.size,
+                none_of_these=rest, nats=member.nats, gain=member.gain, size=member.size,
                 repeats=member.repeats if best == component.effect else 0.0,
                 component=component if best == component.effect else None,
             )  # fmt: skip
@@ -120,10 +131,12 @@ def _members(
 ) -> Iterable[tuple[str, "_Plain", Mapping[str, float], Component]]:
     for m in assessment.mean:
         label = m.candidate.labels[m.variant]
-        plain = _Plain(name=m.candidate.name, nats=m.nats, size=m.size, repeats=label)
+        plain = _Plain(
+            name=m.candidate.name, nats=m.nats, gain=m.gain, size=m.size, repeats=label
+        )
         yield "mean", plain, m.shares, m.candidate.component
     for r in assessment.rates:
-        plain = _Plain(name=r.candidate.name, nats=r.nats, size=r.size, repeats=0.0)
+        plain = _Plain(name=r.candidate.name, nats=r.nats, gain=0.0, size=r.size, repeats=0.0)
         yield r.channel, plain, r.shares, r.candidate.component
 
 
@@ -131,6 +144,7 @@ def _members(
 class _Plain:
     name: str
     nats: float
+    gain: float
     size: float
     repeats: float
 

@@ -41,6 +41,7 @@ def fit_laws(
     model, and the causes with a doubt about laws that don't fit
     """
     few = ws.thin(SETTINGS.fitted_readings)
+    looked_at = few.count() / max(ws.count(), 1)
     out = []
     for cause in causes:
         fitted = (known or {}).get(cause.name)
@@ -49,10 +50,10 @@ def fit_laws(
         if fitted is None or fitted.effect.is_null:
             out.append(cause.doubted("Its law doesn't fit these recordings."))
             continue
-        if fitted.gain < SETTINGS.explained_share * cause.nats:
+        if fitted.gain < SETTINGS.explained_share * looked_at * cause.gain:
             cause = cause.doubted(
                 f"Its law gains {max(fitted.gain, 0.0):.0f} nats where a free curve gains "
-                f"{cause.nats:.0f}: the formula may be another."
+                f"{looked_at * cause.gain:.0f}: the formula may be another."
             )
         model = few.levelled(model.with_effect(fitted.effect, fitted.own))
         out.append(cause)
@@ -100,21 +101,27 @@ def strongest_law(causes: Sequence[Cause], ws: Workspace, model: Model) -> Cause
 
 
 def among_laws(
-    cause: Cause, others: Sequence[Component], ws: Workspace, model: Model
+    cause: Cause,
+    others: Sequence[Component],
+    ordinary: Mapping[str, float],
+    ws: Workspace,
+    model: Model,
 ) -> tuple[Cause, float, dict[str, Fitted]]:
     """Name a cause that was weighed by the span of its law by laws as they are fitted.
 
     A law at points of its grid isn't the law: what several laws at edges do there is alike. Each is
     fitted; a law of another formula than nature's falls short by a share of what it gains, so that
-    gains which differ by less tell nothing.
+    gains which differ by less tell nothing. What a good instrument has of a law, too, is no cause
+    of what stands out.
 
     Parameters
     ----------
     others : components of the other laws that may be in its place
+    ordinary : log odds of each law as it was weighed, where a good instrument is the likelier
 
     Returns
     -------
-    the cause, what the likeliest law gains, nats, and the laws as they are fitted
+    the cause, what its law gains, nats, and the laws as they are fitted
     """
     few = ws.thin(SETTINGS.fitted_readings)
     components = {c.effect: c for c in (cause.component, *others) if c is not None}
@@ -134,7 +141,10 @@ def among_laws(
     if gains.get(cause.name, 0.0) <= 0:
         return cause, 0.0, fitted  # its own law does nothing: no other stands in for it
     apart = 1.0 + SETTINGS.doubt_of_laws * best
-    likely = {name: np.exp((gain - best) / apart) for name, gain in gains.items()}
+    likely = {
+        name: np.exp((gain - best) / apart + min(ordinary.get(name, 0.0), 0.0))
+        for name, gain in gains.items()
+    }
     named = {cause.name: cause.probability, **dict(cause.alternatives)}
     together = sum(p for n, p in named.items() if n in components)
     total = sum(likely.values())
@@ -145,7 +155,7 @@ def among_laws(
         cause, name=order[0], component=components.get(order[0]), probability=shares[order[0]],
         nats=max(cause.nats, float(gains.get(order[0], 0.0))),
         alternatives=tuple((n, shares[n]) for n in order[1:] if shares[n] > SETTINGS.offered),
-    ), best, fitted  # fmt: skip
+    ), gains.get(order[0], best), fitted  # fmt: skip
 
 
 def refit(ws: Workspace, model: Model) -> Model:

@@ -50,7 +50,7 @@ def test_a_turn_tells_the_part_from_the_sensor() -> None:
     now = seen(patches, one.noise, Model())
     member = next(m for m in assessed_mean(now, {}).mean)
     rival = "form_error" if member.candidate.effect != "form_error" else "line_bow"
-    doubted = replace(member, shares={member.candidate.name: 0.6, rival: 0.4})
+    doubted = replace(member, odds={member.candidate.name: np.log(1.5), rival: 0.0})
     scans = next_scans([doubted], now, one.recorded, one.placed, one.noise)
     assert scans
     odds = {s.scan.what: s.expected_log_odds for s in scans}
@@ -67,12 +67,12 @@ def test_a_scan_is_proposed_by_names_and_where_it_adds_evidence() -> None:
     member = next(m for m in assessed_mean(now, {}).mean)
     nameless = replace(
         member, candidate=replace(member.candidate, effect=""),
-        shares={member.candidate.name: 0.6, "column_offset": 0.4},
+        odds={member.candidate.name: np.log(1.5), "column_offset": 0.0},
     )  # fmt: skip
     scans = next_scans([nameless], now, one.recorded, one.placed, one.noise)
     assert {s.between for s in scans} == {(member.candidate.name, "column_offset")}
     # free values of profiles follow whatever a step does, in any scan
     step = next(c for c in now.candidates if c.name == "step of the offsets")
-    free = {step.name: 0.6, "free offsets of profiles": 0.4}
-    nested = replace(nameless, candidate=step, shares=free)
+    free = {step.name: np.log(1.5), "free offsets of profiles": 0.0}
+    nested = replace(nameless, candidate=step, odds=free)
     assert not next_scans([nested], now, one.recorded, one.placed, one.noise)

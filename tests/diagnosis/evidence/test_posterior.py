@@ -41,6 +41,21 @@ def test_a_term_s_bayes_factor_is_the_ratio_of_marginal_densities(joined: bool) 
         assert factor == pytest.approx(truth, abs=1e-3)
 
 
+def test_a_term_s_gain_is_that_of_its_most_probable_value() -> None:
+    """As a dense fit gains, less what it gains on readings of the noise alone."""
+    x, quiet, y = problem(4)
+    term, size = Term(at=np.array([2, 3])), 0.7
+    own = x[:, 2:4]
+    usual = np.linalg.inv(np.eye(N) + (x * quiet**2) @ x.T)
+    information, pull = own.T @ usual @ own, own.T @ usual @ y
+    precision = information + np.eye(2) / size**2
+    mean = np.linalg.solve(precision, pull)
+    ratio = np.linalg.solve(precision, information)
+    idle = np.trace(ratio) - 0.5 * np.trace(ratio @ ratio)
+    gain = Posterior(equations(x, y), quiet).cavity(term).gain(size)
+    assert gain == pytest.approx(mean @ pull - 0.5 * mean @ information @ mean - idle, abs=1e-3)
+
+
 def test_evidence_of_a_set_is_its_marginal_density() -> None:
     x, quiet, y = problem(2)
     found = equations(x, y)
