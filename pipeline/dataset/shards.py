@@ -9,7 +9,7 @@ import json
 import math
 import os
 import uuid
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -175,31 +175,25 @@ class ShardWriter:
         for name in CHECKED:
             if name in arrays:
                 dataset = self._datasets[name]
-                values, code = arrays[name], codes.get(name)
-                if code is not None:
-                    values = code.encode(values)  # one at a time: memory
-                values = np.ascontiguousarray(values, dtype=dataset.dtype)
-                self._write(dataset, values)
+                for first, part in _chunks(arrays[name], dataset, codes.get(name)):
+                    digest.update(part.data)
+                    self._write(dataset, first, part)
                 # now, not when the last reference goes: a debugger or Dask's profiler may hold one
                 dataset.flush()
                 self._output.check()
-                digest.update(values.data)
         self._ids.append(scan_id)
         self._count += 1
         return digest.hexdigest()
 
-    def _write(self, dataset: Any, values: NDArray[Any]) -> None:
-        """Write one scan chunk by chunk; counts that are all 0 need no place on disk."""
-        rows = dataset.chunks[1]
-        rest = (0,) * (values.ndim - 1)
-        for first in range(0, len(values), rows):
-            part = values[first : first + rows]
-            if values.dtype.kind != "u" or part.any():
-                if self._compression == "deflate":
-                    place = (self._count, first, *rest)
-                    dataset.id.write_direct_chunk(place, deflated(part, rows))
-                else:
-                    dataset[self._count, first : first + rows] = part
+    def _write(self, dataset: Any, first: int, part: NDArray[Any]) -> None:
+        """Write a chunk of a scan from row `first` on; counts all 0 need no place on disk."""
+        if part.dtype.kind == "u" and not part.any():
+            return
+        if self._compression == "deflate":
+            place = (self._count, first) + (0,) * (part.ndim - 1)
+            dataset.id.write_direct_chunk(place, deflated(part, dataset.chunks[1]))
+        else:
+            dataset[self._count, first : first + len(part)] = part
 
     def __enter__(self) -> Self:
         return self
@@ -229,6 +223,18 @@ class ShardWriter:
             self._file.close()
             self._output.close()
             self._aside.unlink(missing_ok=True)
+
+
+def _chunks(
+    values: NDArray[Any], dataset: Any, code: DepthCode | None
+) -> Iterator[tuple[int, NDArray[Any]]]:
+    """Give a scan's values as they are stored, chunk by chunk, and the first row of each."""
+    rows = dataset.chunks[1]
+    for first in range(0, len(values), rows):
+        part = values[first : first + rows]
+        if code is not None:
+            part = code.encode(part)
+        yield first, np.ascontiguousarray(part, dtype=dataset.dtype)
 
 
 def read_scan(path: Path, row: int) -> dict[str, Any]:

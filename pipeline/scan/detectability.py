@@ -146,12 +146,14 @@ def evidence_of(
     law: Law,
     view: View,
     reading_mm: Floats,
+    ideal_mm: Floats,
     clean_mm: Floats,
 ) -> tuple[Evidence | None, ...]:
     """Return the evidence of each flaw; None for flaws that the scan does not show, and for 0.
 
     `hidden` are points that a flaw hides from the camera; they are gone as those where only one of
-    the two parts returns.
+    the two parts returns. `ideal_mm` and `clean_mm` are the noise-free depths of the flawed and of
+    the unflawed part; the view gives the grid of the scan, by its poses and rays.
     """
     boxes = find_objects(instance, max_label=flaws)
     found: list[Evidence | None] = [None]
@@ -162,7 +164,7 @@ def evidence_of(
             continue
         matched = matched or MatchedFilter(law, view, reading_mm, clean_mm)
         mine = instance[box] == number
-        flawed, clean = view.depth_mm[box], clean_mm[box]
+        flawed, clean = ideal_mm[box], clean_mm[box]
         gone = (np.isnan(flawed) != np.isnan(clean)) | hidden[box]
         deviation = np.where(mine, flawed - clean, np.nan)
         both = np.abs(deviation[np.isfinite(deviation)])

@@ -10,7 +10,7 @@ from defects.kinds import KINDS
 from pipeline.injection.flawed_part import FlawedPart
 from pipeline.motion.trajectory import Trajectory
 from pipeline.scan.detectability import Evidence, evidence_of
-from pipeline.scan.labels import Tally, cross_boxes, faces_hit, stand_out, tally
+from pipeline.scan.labels import Tally, cross_boxes, differ, flaws_hit, stand_out, tally
 from pipeline.seeds import RngOf
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
@@ -126,42 +126,44 @@ def take_scan(
         Exposure and specular lobe, where the brightness is stored.
     """
     scene, clean_scene = scenes
-    commanded = View(
-        scene,
-        sensor,
-        trajectory.poses,
-        trajectory.time_s,
-        laser=laser,
-        reflectance=reflectance,
-    )
-    view, law = sensor.scan(commanded, surface, rng_of)
+    view, law = sensor.scan(
+        View(
+            scene, sensor, trajectory.poses, trajectory.time_s,
+            laser=laser, reflectance=reflectance,
+        ),
+        surface,
+        rng_of,
+    )  # fmt: skip
+    ideal_mm = view.depth_mm
+    instance = flaws_hit(view.triangle, flawed.instance)
+    intensity = None if brightness is None else brightness.levels(view)
+    view = view.posed(view.poses)  # poses and rays alone: its triangles' memory is needed
+    depth, reason = law.sample(rng_of, view)
+    law = replace(law, mean_mm=np.broadcast_to(np.nan, law.shape))  # its memory is needed
     clean = View(
         clean_scene, sensor, view.poses, view.time_s, laser=view.laser, reflectance=reflectance
     )
-    depth, reason = law.sample(rng_of, view)
-    law = replace(law, mean_mm=np.broadcast_to(np.nan, law.shape))  # its memory is needed
-    _name_flaw_shadows(reason, view, clean, flawed)
+    _name_flaw_shadows(reason, ideal_mm, clean, flawed)
     clean_mm = clean.depth_mm
     del clean  # its triangles' memory is needed
-    instance, moved = faces_hit(
-        view.triangle, flawed.instance, view.depth_mm, clean_mm, SAME_MM
-    )
+    moved = np.flatnonzero(differ(instance, ideal_mm, clean_mm, SAME_MM))
     if moved.size:  # what a cut took away is the cut's, too
         rows, columns = np.divmod(moved, instance.shape[1])
         instance[rows, columns] = flawed.removed_at(_points(view, clean_mm, rows, columns))
     noise = law.sd_mm(view)
     mask, mask_visible = stand_out(
-        instance, flawed.classes, depth, view.depth_mm, clean_mm, noise, visible_at
+        instance, flawed.classes, depth, ideal_mm, clean_mm, noise, visible_at
     )
     evidence = evidence_of(
-        len(flawed.flaws), instance, reason == HIDDEN_BY_FLAW, law, view, depth, clean_mm
+        len(flawed.flaws), instance, reason == HIDDEN_BY_FLAW, law, view, depth, ideal_mm, clean_mm
     )
-    intensity = None if brightness is None else brightness.levels(view, np.isfinite(depth))
-    if intensity is not None and any(isinstance(e, RowRepeat) for e in sensor.effects):
-        intensity = brightness_delivered(intensity, depth)
+    if intensity is not None:
+        intensity[np.isnan(depth)] = 0
+        if any(isinstance(e, RowRepeat) for e in sensor.effects):
+            intensity = brightness_delivered(intensity, depth)
     return Scan(
         depth_mm=depth,
-        depth_ideal_mm=view.depth_mm,
+        depth_ideal_mm=ideal_mm,
         depth_clean_mm=clean_mm,
         mask=mask,
         mask_visible=mask_visible,
@@ -190,22 +192,23 @@ def _points(
 
 
 def _name_flaw_shadows(
-    reason: NDArray[np.uint8], view: View, clean: View, flawed: FlawedPart
+    reason: NDArray[np.uint8], ideal_mm: Floats, clean: View, flawed: FlawedPart
 ) -> None:
     """Tell points that a flaw hides from the camera from those that the part itself hides.
 
     A flaw has a hand in it only where it moved the point itself, or where material that it added
     may stand in the sight line; there the clean part is asked.
     """
-    hidden = (reason == Reason.HIDDEN_FROM_CAMERA) & clean.in_range
-    rows, columns = np.divmod(np.flatnonzero(hidden), hidden.shape[1])
-    if rows.size == 0:
+    hidden = np.flatnonzero(reason == Reason.HIDDEN_FROM_CAMERA)
+    hidden = hidden[clean.in_range.ravel()[hidden]]
+    if hidden.size == 0:
         return
+    rows, columns = np.divmod(hidden, reason.shape[1])
     points = _points(clean, clean.depth_mm, rows, columns)
     poses = clean.poses[rows]
     cameras = poses[:, :3, 1] * clean.datasheet.camera_offset_mm + poses[:, :3, 3]
     with np.errstate(invalid="ignore"):
-        off = np.abs(view.depth_mm[rows, columns] - clean.depth_mm[rows, columns])
+        off = np.abs(ideal_mm[rows, columns] - clean.depth_mm[rows, columns])
     asked = ~(off <= SAME_MM) | cross_boxes(points, cameras, _added_boxes_mm(flawed))
     rows, columns, points, cameras = rows[asked], columns[asked], points[asked], cameras[asked]
     triangle = clean.triangle[rows, columns]

@@ -12,14 +12,10 @@ Labels = tuple[NDArray[np.uint8], NDArray[np.uint8]]
 
 
 @njit(cache=True)
-def faces_hit(
-    triangle: NDArray[np.int32],
-    instance_of_face: NDArray[np.uint16],
-    depth_mm: Floats,
-    clean_mm: Floats,
-    same_mm: float,
-) -> tuple[NDArray[np.uint16], NDArray[np.int64]]:
-    """Give each point the flaw whose face it hits, and list those to be asked further.
+def flaws_hit(
+    triangle: NDArray[np.int32], instance_of_face: NDArray[np.uint16]
+) -> NDArray[np.uint16]:
+    """Return the flaw (n, m) whose face each point hits, 0 = none.
 
     Parameters
     ----------
@@ -27,32 +23,40 @@ def faces_hit(
         Face hit first, -1 = none.
     instance_of_face : (F,)
         Flaw of each face, 0 = the part's skin.
+    """
+    n, m = triangle.shape
+    instance = np.zeros((n, m), dtype=np.uint16)
+    for i in range(n):
+        for j in range(m):
+            face = triangle[i, j]
+            if face >= 0:
+                instance[i, j] = instance_of_face[face]
+    return instance
+
+
+@njit(cache=True)
+def differ(
+    instance: NDArray[np.uint16], depth_mm: Floats, clean_mm: Floats, same_mm: float
+) -> NDArray[np.bool_]:
+    """Return the points (n, m) on no flaw's face whose hit on the clean part is gone.
+
+    Parameters
+    ----------
+    instance : (n, m)
+        Flaw whose face is hit, 0 = none.
     depth_mm, clean_mm : (n, m)
         Depths on the flawed and on the clean part, NaN = missing reading.
     same_mm : float
         Depths closer than this are of the same surface.
-
-    Returns
-    -------
-    instance : (n, m)
-    moved : (k,)
-        Flat numbers of points on no flaw's face whose clean hit is gone.
     """
-    n, m = triangle.shape
-    instance = np.zeros((n, m), dtype=np.uint16)
-    moved = np.empty(n * m, dtype=np.int64)
-    count = 0
+    n, m = instance.shape
+    gone = np.empty((n, m), dtype=np.bool_)
     for i in range(n):
         for j in range(m):
-            face = triangle[i, j]
-            if face >= 0 and instance_of_face[face] > 0:
-                instance[i, j] = instance_of_face[face]
-                continue
             clean = clean_mm[i, j]
-            if not np.isnan(clean) and not abs(depth_mm[i, j] - clean) <= same_mm:
-                moved[count] = i * m + j
-                count += 1
-    return instance, moved[:count].copy()
+            same = np.isnan(clean) or abs(depth_mm[i, j] - clean) <= same_mm
+            gone[i, j] = instance[i, j] == 0 and not same
+    return gone
 
 
 def stand_out(

@@ -44,15 +44,13 @@ class Brightness:
         unit="°", low=1, high=45, default=8.0, source="as typical of `specular_dropout`",
     )
 
-    def levels(self, view: View, seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
-        """Return the camera's levels, 0 to `LEVELS`, 0 where nothing is read.
+    def levels(self, view: View) -> NDArray[np.uint8]:
+        """Return the camera's levels (n, m), 0 to `LEVELS`, 0 where geometry gives no reading.
 
         Parameters
         ----------
         view : View
             The scan as it is; needs the camera's place.
-        seen : (n, m) bool
-            Where there is a reading.
         """
         matt, lobe_deg = self._gloss(view.sensor.effects)
         light = returned_light(view, matt, lobe_deg) * (self.exposure / matt)
@@ -60,7 +58,7 @@ class Brightness:
             if isinstance(effect, LightFalloff):
                 light = light * np.exp(effect.log_signal(view))
         with np.errstate(invalid="ignore"):
-            lit = seen & (light > 0)
+            lit = light > 0
         level = np.rint(np.minimum(np.where(lit, light, 0.0), 1.0) * LEVELS)
         return np.asarray(level, dtype=np.uint8)
 

@@ -124,8 +124,9 @@ def test_lost_returns_count_by_how_rare_they_are(view):
     gone = instance > 0
     clean, reading = view.depth_mm, np.where(gone, np.nan, view.depth_mm)
     flawed = dataclasses.replace(law, mean_mm=reading)
-    (_, one) = evidence_of(1, instance, gone, flawed, view, reading, clean)
+    depths = reading, clean, clean
+    (_, one) = evidence_of(1, instance, gone, flawed, view, *depths)
     seen = np.count_nonzero(law.reason == 0)
     expected = math.sqrt(2 * 3 * math.log((seen + 2) / (3 + 1)))
     assert one.snr == pytest.approx(expected)
-    assert evidence_of(2, instance, gone, flawed, view, reading, clean)[2] is None
+    assert evidence_of(2, instance, gone, flawed, view, *depths)[2] is None
