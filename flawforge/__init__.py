@@ -67,8 +67,8 @@ def generate(
     ----------
     recipe : path, str or mapping
         A YAML file, "quickstart", or the recipe itself as a mapping.
-    out : path
-        Folder of the dataset.
+    out : path or str
+        Folder of the dataset, or a prefix of an object store, "s3://bucket/prefix".
     jobs : int
         Processes; the bytes are the same for any number.
     parts : path or sequence of path
@@ -89,9 +89,8 @@ def generate(
     from pipeline.batch.backend import Backend
 
     with Backend(jobs=jobs).started() as backend:
-        from files.errors import RecipeError
         from pipeline.batch.run import generate as make
-        from pipeline.dataset.object_store import is_url
+        from pipeline.dataset.object_store import staged
         from pipeline.recipe import Recipe
 
         loaded = Recipe.load(
@@ -100,12 +99,8 @@ def generate(
             sets=[f"{key}={json.dumps(value)}" for key, value in (sets or {}).items()],
             seed=seed,
         )
-        if is_url(str(out)):
-            raise RecipeError(
-                "the reader of datasets needs a folder", where="out", value=out,
-                allowed="a folder; flawforge generate --out takes object stores",
-            )  # fmt: skip
-        make(loaded, Path(out), backend=backend)
+        with staged(out) as (store, folder):
+            make(loaded, folder, backend=backend, store=store)
     return open_dataset(out)
 
 
@@ -131,8 +126,8 @@ def export(
 
     Parameters
     ----------
-    dataset : path or Dataset
-        Folder of the dataset, or selected scans of it.
+    dataset : path, str or Dataset
+        Folder of the dataset, or its prefix of an object store, or selected scans of it.
     out : path
         Folder to write.
     to : str

@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import DTypeLike, NDArray
 
-from flawforge.open_shard import OpenShard, ShardError
+from flawforge.open_shard import OpenShard, ShardError, place, source
 from flawforge.shard_folder import ShardFolder
 
 __all__ = ["Dataset", "ShardError", "open"]
@@ -40,8 +40,9 @@ def open(
 
     Parameters
     ----------
-    folder : path
-        Holds manifest.parquet or manifest.csv, and the shards.
+    folder : path or str
+        Holds manifest.parquet or manifest.csv, and the shards; or their prefix of an object
+        store, "s3://bucket/prefix".
     fields : sequence of str, optional
         Arrays of a scan, for instance ``("depth", "mask")``; all by default. Other arrays are
         not read.
@@ -55,7 +56,7 @@ def open(
     ShardError
         Where the folder holds no dataset, or the tables are unreadable.
     """
-    folder = Path(folder)
+    folder = place(folder)
     manifest = _table(folder, "manifest")
     if manifest is None:
         raise ShardError(folder, "no dataset here (neither manifest.parquet nor manifest.csv)")
@@ -370,13 +371,13 @@ def _table(folder: Path, name: str) -> pd.DataFrame | None:
     try:
         if parquet.is_file():
             try:
-                return pd.read_parquet(parquet)
+                return pd.read_parquet(source(parquet))
             except ImportError:
                 if not csv.is_file():
                     raise
         if csv.is_file():
             as_text = {"scan_id": str, "shard": str, "split": str, "part": str}
-            return pd.read_csv(csv, dtype=as_text, keep_default_na=True)
+            return pd.read_csv(source(csv), dtype=as_text, keep_default_na=True)
     except (OSError, ValueError) as error:
         raise ShardError(path, f"can't be read ({error})") from None
     return None

@@ -1,7 +1,11 @@
-"""A shard open for reading: its arrays, their codings and its scans' names, looked up once."""
+"""A shard open for reading: its arrays, their codings and its scans' names, looked up once.
+
+It is a file, or an object of an object store.
+"""
 
 import importlib
 import json
+import os
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -12,13 +16,15 @@ from numpy.typing import NDArray
 FORMAT: Final = "flawforge-shard"
 VERSION: Final = 1
 PLUGIN: Final = "hdf5plugin"  # brings HDF5's filters for shards compressed by zstd or lz4
+STORES: Final = "upath"  # universal-pathlib: objects of a store with the methods of `pathlib`
+BLOCK: Final = 1 << 22  # bytes of an object that are read at a time
 CODING: Final = ("scale_mm", "offset_mm", "missing")
 
 
 class ShardError(ValueError):
     """Stored data that is damaged or missing: which file, and what is wrong with it."""
 
-    def __init__(self, path: Path, what: str) -> None:
+    def __init__(self, path: str | Path, what: str) -> None:
         super().__init__(f"{path}: {what}")
 
 
@@ -53,7 +59,7 @@ class OpenShard:
             Where it is missing, damaged, of another format, or a package for it is.
         """
         try:
-            file = h5py.File(path, "r")
+            file = h5py.File(source(path), "r")
         except FileNotFoundError:
             raise ShardError(path, "is missing") from None
         except OSError as error:
@@ -122,6 +128,34 @@ class OpenShard:
         except (OSError, ValueError, RuntimeError) as error:
             where = "" if row is ... else f" of row {row}"
             raise ShardError(self.path, f"'{field}'{where} can't be read ({error})") from None
+
+
+def place(folder: str | Path) -> Path:
+    """Return the path of a folder, or of a prefix of an object store such as s3://bucket/prefix.
+
+    Raises
+    ------
+    ShardError
+        Where a package for the store is missing, or the store can't be reached.
+    """
+    if "://" not in str(folder):
+        return Path(folder)
+    try:
+        found: Any = importlib.import_module(STORES).UPath(folder, use_listings_cache=False)
+        found.exists()
+    except ImportError as error:
+        raise ShardError(folder, f"needs pip install 'flawforge[s3]' ({error})") from None
+    except Exception as error:  # each store's package has errors of its own
+        raise ShardError(folder, f"the object store can't be used ({error})") from None
+    return Path(found) if isinstance(found, os.PathLike) else found
+
+
+def source(path: Path) -> Any:
+    """Return what h5py and pandas read: a file's path, or an object that is open."""
+    if isinstance(path, os.PathLike):
+        return path
+    opened: Any = path.open
+    return opened("rb", block_size=BLOCK)
 
 
 def _lies_elsewhere(file: h5py.File, name: str) -> bool:

@@ -5,7 +5,7 @@ from collections import OrderedDict
 from pathlib import Path
 from typing import Any, Final
 
-from flawforge.open_shard import OpenShard
+from flawforge.open_shard import OpenShard, place
 
 MOST_OPEN: Final = 16
 """Shards that a process holds open for one folder."""
@@ -38,8 +38,10 @@ class ShardFolder:
             Where it is missing or damaged.
         """
         if self._process != os.getpid():
-            # handles inherited by a fork share the parent's file position: forget, don't close
+            # handles inherited by a fork share the parent's file position: forget, don't close;
+            # a store's connection is the parent's, too
             self._open, self._process = OrderedDict(), os.getpid()
+            self.path = place(str(self.path))
         if name in self._open:
             self._open.move_to_end(name)
             return self._open[name]

@@ -31,6 +31,7 @@ ONE_PLACE = {
     "embreex": {"sensors/casting/embree.py"},
     "pydantic": {"files/record.py", "pipeline/distribution_field.py", "pipeline/recipe.py"},
     "yaml": {"files/yaml_document.py"},
+    "upath": {"files/place.py"},
     "distributed": {"pipeline/batch/cluster.py"},
 }
 ALLOWED_IN_DATASET = {"numpy", "h5py", "pandas"}

@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     forms = "\n".join(f"  {name:11} {form.summary}" for name, form in FORMS.items())
     parser.epilog = f"forms:\n{forms}\n\n{EXAMPLES}"
-    parser.add_argument("dataset", type=Path, metavar="DIR", help="folder of the dataset")
+    parser.add_argument("dataset", metavar="DIR", help="folder of the dataset, or s3://bucket/prefix")
     parser.add_argument(
         "--to", choices=tuple(FORMS), required=True, metavar="FORM", help="form to write, see below"
     )
@@ -52,10 +52,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Export and print the number of files."""
+    from files.errors import RecipeError
+    from files.place import is_url
     from flawforge.progress import shown
     from pipeline.dataset.export import export
 
-    out = arguments.out or arguments.dataset / f"export-{arguments.to}"
+    if arguments.out is None and is_url(arguments.dataset):
+        raise RecipeError("a dataset in an object store requires --out DIR", where="export",
+                          value=arguments.dataset)  # fmt: skip
+    out = arguments.out or Path(arguments.dataset) / f"export-{arguments.to}"
     with shown("flawforge.export"):
         written = export(
             arguments.dataset,

@@ -2,7 +2,6 @@
 
 import argparse
 import time
-from pathlib import Path
 
 from flawforge.commands.recipe_options import add_recipe_options
 from flawforge.progress import compiling_said, shown
@@ -56,7 +55,6 @@ def _jobs(text: str) -> int:
 def run(arguments: argparse.Namespace) -> int:
     """Make the dataset and print its summary."""
     import os
-    from contextlib import AbstractContextManager, nullcontext
 
     from pipeline.batch.backend import Backend
 
@@ -64,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
     with Backend(jobs=jobs, scheduler=arguments.scheduler).started() as backend:
         from files.errors import RecipeError
         from pipeline.batch.run import generate
-        from pipeline.dataset.object_store import ObjectStore, is_url, staged
+        from pipeline.dataset.object_store import staged
         from pipeline.recipe import Recipe
 
         if (arguments.backend == "dask") != (arguments.scheduler is not None):
@@ -75,18 +73,14 @@ def run(arguments: argparse.Namespace) -> int:
             sets=arguments.sets,
             seed=arguments.seed,
         )
-        into: AbstractContextManager[tuple[ObjectStore | None, Path]]
-        into = nullcontext((None, Path(arguments.out)))
-        if is_url(arguments.out):
-            if arguments.scheduler:
+        begin = time.monotonic()
+        progress = shown("flawforge.generate", json_lines=arguments.log_json)
+        with staged(arguments.out) as (store, out), progress, compiling_said():
+            if store is not None and arguments.scheduler:
                 raise RecipeError(
                     "an object store and --backend dask exclude each other", where="--out",
                     value=arguments.out, allowed="--jobs here, or a folder that all workers share",
                 )  # fmt: skip
-            into = staged(arguments.out)
-        begin = time.monotonic()
-        progress = shown("flawforge.generate", json_lines=arguments.log_json)
-        with into as (store, out), progress, compiling_said():
             dataset = generate(recipe, out, backend=backend, store=store)
     if not arguments.log_json:
         print(summary(dataset, arguments.out, seconds=time.monotonic() - begin))

@@ -20,7 +20,7 @@ examples:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's words."""
     parser.epilog = EPILOG
-    parser.add_argument("dataset", type=Path, metavar="DIR", help="folder of a dataset")
+    parser.add_argument("dataset", metavar="DIR", help="folder of the dataset, or s3://bucket/prefix")
     parser.add_argument(
         "--predictions", type=Path, metavar="FILE", help="table of a detector's answers"
     )
@@ -44,6 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Fit, write the page, and print the estimates."""
     from files.errors import RecipeError
+    from files.place import place
     from pipeline.pod.page import write_page
     from pipeline.pod.study import make_study
 
@@ -52,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
             "not an HTML file name", where="--out", value=str(arguments.out), allowed="NAME.html"
         )
     study = make_study(
-        arguments.dataset,
+        place(arguments.dataset),
         predictions=arguments.predictions,
         size=arguments.size,
         threshold=arguments.threshold,

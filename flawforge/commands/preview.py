@@ -22,9 +22,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     parser.add_argument(
         "what",
-        type=Path,
         metavar="DIR|RECIPE|PART",
-        help="folder of a dataset, a recipe, or a mesh (as flawforge init would set it up)",
+        help="folder of a dataset or s3://bucket/prefix, a recipe, or a mesh (as flawforge init"
+        " would set it up)",
     )
     parser.add_argument(
         "--scan",
@@ -44,33 +44,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Draw and print the picture's path."""
     from files.errors import RecipeError
+    from files.place import is_url, place
 
+    what = place(arguments.what)
+    is_dataset = what.is_dir() or is_url(what)
     if arguments.out.suffix.lower() != ".png":
         raise RecipeError(
             "not a PNG file name", where="--out", value=str(arguments.out), allowed="NAME.png"
         )
-    if arguments.what.is_dir():
-        _say_if_recipe(arguments.what)
-    if arguments.what.is_dir() and arguments.part is not None:
+    if is_dataset:
+        _say_if_recipe(what)
+    if is_dataset and arguments.part is not None:
         raise RecipeError("--part selects a part of a recipe; --scan selects a scan of a dataset")
-    if not arguments.what.is_dir() and arguments.scan is not None:
+    if not is_dataset and arguments.scan is not None:
         raise RecipeError("--scan selects a scan of a dataset; --part selects a part of a recipe")
-    if arguments.all and not (arguments.what.is_dir() and arguments.scan is None):
+    if arguments.all and not (is_dataset and arguments.scan is None):
         raise RecipeError("--all requires a dataset and excludes --scan")
     if arguments.all:
         from pipeline.gallery.contact_sheet import contact_sheet
 
-        picture, count = contact_sheet(arguments.what, arguments.out)
+        picture, count = contact_sheet(what, arguments.out)
         print(f"{picture}: {count} scans")
         return 0
-    if arguments.what.is_dir():
+    if is_dataset:
         from pipeline.preview.scan_picture import draw_scan
 
-        picture = draw_scan(arguments.what, arguments.out, scan_id=arguments.scan)
+        picture = draw_scan(what, arguments.out, scan_id=arguments.scan)
     else:
         from pipeline.preview.recipe_picture import draw_recipe
 
-        recipe, roots = _recipe(arguments.what, tuple(arguments.parts))
+        recipe, roots = _recipe(what, tuple(arguments.parts))
         with compiling_said():
             picture = draw_recipe(
                 recipe, arguments.out, part=arguments.part, roots=roots, sets=arguments.sets,

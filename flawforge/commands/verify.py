@@ -21,7 +21,7 @@ examples:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's words."""
     parser.epilog = EPILOG
-    parser.add_argument("dataset", type=Path, metavar="DIR", help="folder of the dataset")
+    parser.add_argument("dataset", metavar="DIR", help="folder of the dataset, or s3://bucket/prefix")
     parser.add_argument("--lock", type=Path, metavar="FILE", help="lock of a released dataset")
     parser.add_argument(
         "--content",
@@ -35,18 +35,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Check, and print one line for each finding."""
     from files.errors import RecipeError
+    from files.place import place
     from pipeline.dataset.verify import compare_with_lock, verify, write_lock
 
     if arguments.write and arguments.lock is None:
         raise RecipeError("--write requires --lock FILE")
-    report = verify(arguments.dataset, content=arguments.content)
+    dataset = place(arguments.dataset)
+    report = verify(dataset, content=arguments.content)
     print("\n".join(report.lines))
     if report.wrong or arguments.lock is None:
         return 1 if report.wrong else 0
     if arguments.write:
-        write_lock(arguments.dataset, arguments.lock)
+        write_lock(dataset, arguments.lock)
         print(f"wrote {arguments.lock}")
         return 0
-    against = compare_with_lock(arguments.dataset, arguments.lock)
+    against = compare_with_lock(dataset, arguments.lock)
     print("\n".join(against.lines))
     return 1 if against.wrong else 0

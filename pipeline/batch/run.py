@@ -23,7 +23,7 @@ from pipeline.dataset.compression import reader_needs
 from pipeline.dataset.description import describe
 from pipeline.dataset.folder import drop_leftovers, drop_parts, held
 from pipeline.dataset.manifest import versions, write_manifest
-from pipeline.dataset.object_store import ObjectStore, claim, publish
+from pipeline.dataset.object_store import claim, publish
 from pipeline.dataset.shards import file_sha256
 from pipeline.injection.specimen import check_plan, load_entry, store_part
 from pipeline.parts.part import find_parts
@@ -52,7 +52,7 @@ def generate(
     out: Path,
     *,
     backend: Backend | None = None,
-    store: ObjectStore | None = None,
+    store: Path | None = None,
 ) -> dict[str, Any]:
     """Make the dataset of a recipe in the folder `out`; return the content of dataset.json.
 
@@ -81,7 +81,7 @@ def generate(
 
             check_folder(client, hidden)
         if store is not None:
-            claim(store, hidden, fingerprint)
+            claim(store, hidden)
         parts, facts, failed_parts = prepare(recipe, wanted, hidden / "parts", backend)
         failed += failed_parts
         if not parts:

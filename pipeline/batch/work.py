@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from files.place import put, reached
 from files.plain_data import plain
 from files.whole_file import write_whole
 from pipeline.batch.backend import keep_memory, one_thread
 from pipeline.batch.plan import PlannedPart, PlannedScans, PlannedShard
-from pipeline.dataset.object_store import HIDDEN, ObjectStore
+from pipeline.dataset.object_store import HIDDEN
 from pipeline.dataset.shards import ShardWriter, file_sha256
 from pipeline.injection.flawed_part import Flaw
 from pipeline.injection.specimen import Specimen, make_specimen, skin_of, stored_part
@@ -41,7 +42,7 @@ class Workplace:
     recipe: Recipe
     out: Path
     attributes: dict[str, Any]
-    store: ObjectStore | None = None
+    store: Path | None = None
 
     @property
     def hidden(self) -> Path:
@@ -54,16 +55,19 @@ class Workplace:
 
     def sha256(self, shard: str) -> str | None:
         """SHA-256 of a whole shard's bytes; None where there is none."""
-        if self.store is not None:
-            return self.store.sha256(shard)
-        return file_sha256(self.out / shard)
+        path = (self.store or self.out) / shard
+        try:
+            with reached(path, but=FileNotFoundError):
+                return file_sha256(path)
+        except OSError:
+            return None
 
     def deliver(self, shard: str) -> None:
         """Upload a shard and then its journal, where the dataset goes into a store."""
         if self.store is None:
             return
-        self.store.put(self.out / shard, shard)
-        self.store.put(self.journal(shard), f"{HIDDEN}/{shard}.json")
+        put(self.out / shard, self.store / shard)
+        put(self.journal(shard), self.store / HIDDEN / f"{shard}.json")
         (self.out / shard).unlink()
 
 
@@ -86,9 +90,9 @@ def is_whole(place: Workplace, shard: str) -> bool:
     """Whether a shard's file exists with the checksum of its journal."""
     try:
         written: str = read_journal(place, shard)["sha256"]
-        return place.sha256(shard) == written
     except (OSError, ValueError, KeyError):
         return False
+    return place.sha256(shard) == written
 
 
 def make_shard(place: Workplace, shard: PlannedShard) -> tuple[str, int]:

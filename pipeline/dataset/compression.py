@@ -50,9 +50,10 @@ def opened(path: Path) -> Any:
 
     from files.budget import regular
     from files.hdf5_input import lies_elsewhere
+    from files.place import source
 
     regular(path)
-    file = h5py.File(path, "r")
+    file = h5py.File(source(path), "r")
     foreign = [key for key in file if lies_elsewhere(file, key)]
     if foreign:
         file.close()

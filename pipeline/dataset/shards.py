@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from files.hdf5_output import Output
+from files.place import reading, source
 from files.whole_file import sync
 from pipeline.dataset.chunks import deflated
 from pipeline.dataset.compression import NEEDS, Compression, filters, opened, reader_needs
@@ -253,7 +254,7 @@ def read_scan(path: Path, row: int) -> dict[str, Any]:
 
 def reason_names(path: Path) -> dict[int, str]:
     """Return the names of the reasons of missing readings, by number, as a shard states them."""
-    with h5py.File(path, "r") as file:
+    with h5py.File(source(path), "r") as file:
         named: dict[str, str] = json.loads(str(file.attrs["invalid_reasons"]))
     return {int(number): name for number, name in named.items()}
 
@@ -273,7 +274,7 @@ def scan_checksums(path: Path) -> dict[str, str]:
 
 def scans_in(path: Path) -> list[str]:
     """Return the ids of a shard's scans, in order; they are never compressed."""
-    with h5py.File(path, "r") as file:
+    with h5py.File(source(path), "r") as file:
         return [scan_id.decode() for scan_id in file["scan_id"][:]]
 
 
@@ -290,5 +291,5 @@ def pixels_in(path: Path) -> dict[tuple[str, int], int]:
 
 def file_sha256(path: Path) -> str:
     """SHA-256 of a file's bytes, as hex."""
-    with path.open("rb") as file:
+    with reading(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

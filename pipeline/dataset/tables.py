@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from files.budget import regular
 from files.errors import RecipeError
+from files.place import source
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,8 +32,9 @@ def read_table(path: Path) -> "pd.DataFrame":
     import pandas as pd
 
     regular(path)
+    at = source(path)
     try:
-        table = pd.read_csv(path) if path.suffix == ".csv" else pd.read_parquet(path)
+        table = pd.read_csv(at) if path.suffix == ".csv" else pd.read_parquet(at)
         texts = {  # decoded here, not where they are used first
             str(name): table[name].tolist() for name in table if table[name].dtype.kind == "O"
         }

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from files.errors import RecipeError
+from files.place import place
 from files.whole_file import whole
 from pipeline.dataset.shards import read_scan, reason_names
 from pipeline.dataset.tables import read_table
@@ -68,7 +69,8 @@ def scan_figure(folder: str | Path, scan_id: str | None = None) -> "Figure":
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    manifest, flaws = _tables(Path(folder))
+    folder = place(folder)
+    manifest, flaws = _tables(folder)
     scan_id = most_visible(manifest, flaws) if scan_id is None else scan_id
     found = manifest[manifest["scan_id"] == scan_id]
     if found.empty:
@@ -76,7 +78,7 @@ def scan_figure(folder: str | Path, scan_id: str | None = None) -> "Figure":
         some = ", ".join(names[:5] + ["..."] * (len(names) > 5))
         raise RecipeError("no such scan", where=folder, value=scan_id, allowed=some)
     row = found.iloc[0]
-    shard = Path(folder) / str(row["shard"])
+    shard = folder / str(row["shard"])
     scan = read_scan(shard, int(row["row"]))
     own = flaws[flaws["scan_id"] == scan_id]
     chart = Chart.of(scan)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from files.errors import RecipeError
+from files.place import place
 from pipeline.dataset.export.source import ImageChoice, MaskChoice, Source
 
 LOG = logging.getLogger("flawforge.export")
@@ -79,7 +80,7 @@ def export(
     Parameters
     ----------
     dataset : path
-        The dataset's folder.
+        The dataset's folder, or its prefix of an object store.
     out : path
         Folder to write into; made where it doesn't exist.
     to : str
@@ -116,7 +117,7 @@ def export(
     if min_pixels is not None and min_pixels < 1:
         raise RecipeError("too few", where="--min-pixels", value=min_pixels, allowed="at least 1")
     source = Source.read(
-        Path(dataset), scans=scans, splits=splits, mask=mask or "all", min_pixels=min_pixels or 1,
+        place(dataset), scans=scans, splits=splits, mask=mask or "all", min_pixels=min_pixels or 1,
         image=image or form.image or "float32",
     )  # fmt: skip
     try:

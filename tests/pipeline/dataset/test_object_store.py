@@ -1,141 +1,140 @@
-"""Datasets in an object store, against an S3 server on this machine: the same bytes, resumed."""
+"""Datasets in an object store: the bytes of a folder, resumed, read where they lie."""
 
-import hashlib
-import json
-import os
-import signal
-import subprocess
+import pickle
 import sys
-import time
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import flawforge
+from files.errors import RecipeError
+from files.place import names, place
 from pipeline.batch.run import generate
 from pipeline.dataset.checksums import NAME, own_files
+from pipeline.dataset.export import export
+from pipeline.dataset.object_store import staged
+from pipeline.dataset.verify import verify
 from pipeline.recipe import Recipe
 from tests.support.small_recipe import write_shards
 
-pytest.importorskip("s3fs", reason="s3fs isn't installed: flawforge[s3]")
-boto3 = pytest.importorskip("boto3", reason="boto3 isn't installed: moto[server]")
-threaded = pytest.importorskip("moto.server", reason="moto isn't installed: moto[server]")
-
-HOME = Path(__file__).resolve().parents[3]
-BUCKET = "scans"
-
-
-@dataclass(frozen=True)
-class Server:
-    """An S3 server, what clients must know of it, and a client."""
-
-    environment: dict[str, str]
-    client: object
-
-    def objects(self, prefix: str) -> dict[str, bytes]:
-        found = {}
-        listed = self.client.list_objects_v2(Bucket=BUCKET, Prefix=f"{prefix}/")
-        for one in listed.get("Contents", ()):
-            body = self.client.get_object(Bucket=BUCKET, Key=one["Key"])["Body"].read()
-            found[one["Key"].removeprefix(f"{prefix}/")] = body
-        return found
-
-    def start(self, recipe: Path, out: str, *words: str) -> subprocess.Popen[str]:
-        return subprocess.Popen(
-            [sys.executable, "-m", "flawforge.cli", "generate", str(recipe), "--out", out, *words],
-            env={**os.environ, **self.environment, "PYTHONPATH": str(HOME)}, text=True,
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        )  # fmt: skip
-
-    def run(self, recipe: Path, out: str, *words: str) -> tuple[int, str, str]:
-        process = self.start(recipe, out, *words)
-        said, errors = process.communicate(timeout=240)
-        return process.returncode, said, errors
-
-
-@pytest.fixture
-def server() -> Iterator[Server]:
-    moto = threaded.ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
-    moto.start()
-    host, port = moto.get_host_and_port()
-    environment = {
-        "AWS_ENDPOINT_URL": f"http://{host}:{port}", "AWS_ACCESS_KEY_ID": "any",
-        "AWS_SECRET_ACCESS_KEY": "any", "AWS_DEFAULT_REGION": "us-east-1",
-    }  # fmt: skip
-    client = boto3.client(
-        "s3", endpoint_url=environment["AWS_ENDPOINT_URL"], aws_access_key_id="any",
-        aws_secret_access_key="any", region_name="us-east-1",
-    )  # fmt: skip
-    client.create_bucket(Bucket=BUCKET)
-    yield Server(environment=environment, client=client)
-    client.close()
-    moto.stop()
+pytest.importorskip("upath", reason="universal-pathlib isn't installed: flawforge[s3]")
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, bytes]]:
-    """Return a recipe, and its dataset's files as made in a folder."""
+def made(tmp_path_factory) -> tuple[Recipe, Path]:
+    """Return a recipe, and the folder of its dataset."""
     folder = tmp_path_factory.mktemp("folder")
-    recipe = write_shards(folder, specimens=6, scans=2)
-    generate(Recipe.load(recipe), folder / "out")
-    names = (*own_files(folder / "out"), NAME)
-    return recipe, {name: (folder / "out" / name).read_bytes() for name in names}
+    recipe = Recipe.load(write_shards(folder, specimens=3, scans=2))
+    generate(recipe, folder / "out")
+    return recipe, folder / "out"
 
 
-@pytest.mark.slow
-def test_the_same_bytes_as_in_a_folder(server, made):
-    recipe, files = made
-    code, said, errors = server.run(recipe, f"s3://{BUCKET}/a/b", "--jobs", "2")
-    assert code == 0, errors
-    assert f"in s3://{BUCKET}/a/b" in said
-    assert server.objects("a/b") == files
+def in_store(recipe: Recipe, url: str) -> Path:
+    with staged(url) as (store, out):
+        assert store is not None
+        generate(recipe, out, store=store)
+    return store
 
 
-@pytest.mark.slow
-def test_a_killed_run_goes_on_and_leaves_whole_objects_alone(server, made):
-    recipe, files = made
-    out = f"s3://{BUCKET}/killed"
-    process = server.start(recipe, out)
-    end = time.monotonic() + 120
-    while len([name for name in server.objects("killed") if name.endswith("h5.json")]) < 2:
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < end
-        time.sleep(0.02)
-    os.kill(process.pid, signal.SIGKILL)
-    process.communicate()
-    left = server.objects("killed")
-    assert "dataset.json" not in left
-    journals = [name for name in left if name.endswith("h5.json")]
-    for name in journals:
-        shard = json.loads(left[name].decode().splitlines()[0])
-        assert hashlib.sha256(left[shard["shard"]]).hexdigest() == shard["sha256"]
-    assert left.items() <= files.items()
-    # One of the whole shards is damaged meanwhile: it is made anew, the others are kept.
-    hurt = Path(journals[0]).name.removesuffix(".json")
-    server.client.put_object(Bucket=BUCKET, Key=f"killed/{hurt}", Body=left[hurt][:-1])
-    code, said, errors = server.run(recipe, out, "--log-json")
-    assert code == 0, errors
-    events = [json.loads(line) for line in said.splitlines()]
-    kept = {one["shard"] for one in events if one.get("kept")}
-    assert kept == {Path(name).name.removesuffix(".json") for name in journals} - {hurt}
-    assert server.objects("killed") == files
+@pytest.fixture(scope="module")
+def store(made) -> Path:
+    return in_store(made[0], "memory://made/once/")
 
 
-@pytest.mark.slow
-def test_wrong_places_are_refused_in_one_line(server, made, tmp_path):
+def content(at: Path) -> dict[str, bytes]:
+    return {name: (at / name).read_bytes() for name in names(at)}
+
+
+def of_folder(out: Path) -> dict[str, bytes]:
+    return {name: (out / name).read_bytes() for name in (*own_files(out), NAME)}
+
+
+def test_the_bytes_of_a_folder(made, store):
+    assert content(store) == of_folder(made[1])
+
+
+def test_a_file_url_is_a_folder(tmp_path):
+    assert place(f"file://{tmp_path}/a") == tmp_path / "a"
+    with staged(f"file://{tmp_path}/a") as (store, out):
+        assert (store, out) == (None, tmp_path / "a")
+
+
+def test_a_run_continues_and_makes_what_is_damaged_anew(made, caplog):
+    recipe, folder = made
+    store = in_store(recipe, "memory://again/x")
+    (store / "dataset.json").unlink()
+    (store / "shard-00001.h5").write_bytes(b"cut off")
+    (store / "shard-00002.h5").unlink()
+    with caplog.at_level("INFO", logger="flawforge.generate"):
+        in_store(recipe, "memory://again/x")
+    shards = [one.facts for one in caplog.records if one.event == "shard"]
+    assert {one["shard"] for one in shards if one["kept"]} == {"shard-00000.h5"}
+    assert content(store) == of_folder(folder)
+
+
+def test_a_prefix_of_something_else_is_refused(made, store):
     recipe, _ = made
-    server.client.put_object(Bucket=BUCKET, Key="mine/letter.txt", Body=b"x")
-    code, _, errors = server.run(recipe, f"s3://{BUCKET}/mine")
-    assert code == 2
-    assert "the prefix isn't empty and holds no dataset" in errors
-    code, _, errors = server.run(recipe, "s3://no-such-bucket/x")
-    assert code == 2
-    assert errors.count("flawforge: ") == 1
-    assert "Traceback" not in errors
-    assert server.run(recipe, f"s3://{BUCKET}/taken")[0] == 0
-    before = server.objects("taken")
-    code, _, errors = server.run(recipe, f"s3://{BUCKET}/taken", "--seed", "99")
-    assert code == 2
-    assert "of another recipe" in errors
-    assert server.objects("taken") == before
+    with pytest.raises(RecipeError, match="of another recipe"):
+        in_store(Recipe.load(recipe.document.path, seed=99), str(store))
+    letter = place("memory://mine/letter.txt")
+    letter.write_bytes(b"x")
+    with pytest.raises(RecipeError, match="isn't empty and holds no dataset"):
+        in_store(recipe, "memory://mine")
+    assert names(place("memory://mine")) == ["letter.txt"]
+
+
+def test_a_failed_upload_is_one_line_and_the_run_continues(made, monkeypatch):
+    recipe, folder = made
+    upload, left = type(place("memory://down").fs).put_file, [5]
+
+    def put_file(self, *words, **more):
+        left[0] -= 1
+        if left[0] < 0:
+            raise ConnectionError("the line is down\nin two lines")
+        return upload(self, *words, **more)
+
+    monkeypatch.setattr(type(place("memory://down").fs), "put_file", put_file)
+    with pytest.raises(RecipeError, match=r"memory://down/\S+: the object store .*line is down\)"):
+        in_store(recipe, "memory://down")
+    store = place("memory://down")
+    assert "dataset.json" not in names(store)
+    assert content(store).items() <= of_folder(folder).items()
+    monkeypatch.undo()
+    assert content(in_store(recipe, "memory://down")) == of_folder(folder)
+
+
+def test_verify_reads_the_store(made, store):
+    assert verify(store).lines == (f"{store}: 6 scans in 3 shards, all whole",)
+    assert verify(store, content=True).wrong == 0
+    hurt = in_store(made[0], "memory://hurt")
+    body = (hurt / "shard-00001.h5").read_bytes()
+    (hurt / "shard-00001.h5").write_bytes(body[:-1] + b"!")
+    assert verify(hurt).lines[0].startswith("shard-00001.h5: damaged")
+
+
+def test_the_reader_reads_the_store(made, store):
+    here, there = flawforge.open(made[1]), flawforge.open(str(store))
+    for scans in (there, pickle.loads(pickle.dumps(there))):
+        assert len(scans) == len(here) == 6
+        for name in ("depth", "mask", "pose"):
+            np.testing.assert_array_equal(scans[4][name], here[4][name])
+    assert there.info == here.info
+    assert there.flaws.equals(here.flaws)
+
+
+def test_export_reads_the_store(made, store, tmp_path):
+    paths = export(made[1], tmp_path / "a", "coco"), export(str(store), tmp_path / "b", "coco")
+    files = [{path.name: path.read_bytes() for path in some} for some in paths]
+    assert files[0] == files[1]
+    assert files[0]
+
+
+def test_a_missing_package_is_named(monkeypatch):
+    with pytest.raises(RecipeError, match="can't be used .Unsupported filesystem"):
+        place("nosuchstore://bucket/x")
+    monkeypatch.setitem(sys.modules, "upath", None)
+    with pytest.raises(RecipeError, match=r"isn't installed .*pip install 'flawforge\[s3\]'"):
+        place("s3://bucket/x")
+    with pytest.raises(flawforge.ShardError, match=r"pip install 'flawforge\[s3\]'"):
+        flawforge.open("s3://bucket/x")
