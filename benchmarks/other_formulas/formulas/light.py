@@ -75,12 +75,16 @@ def ggx(shot: Shot, size: float, _seed: int) -> Shot:
 
 
 def facing_wall(view: View, reach_mm: float) -> tuple[Floats, Floats]:
-    """Distance to what a reading's mirror image meets, and the depth the camera would read there.
+    """Where the camera sees light again that a mirror sent on to a facing wall.
+
+    The spot on the wall lies beside the laser's plane; the camera reads it where its line of sight
+    meets the plane, in the column that lies there.
 
     Returns
     -------
-    distance : (n, m) mm, inf where the mirrored ray meets nothing within reach
-    ghost : change of depth if all light came by way of the wall, mm
+    distance : (n, m) mm, way to the wall of the nearest second spot in a reading's column, inf
+        where there is none within reach
+    ghost : change of depth if all light came from that spot, mm
     """
     ray = np.stack([view.laser.slope_x, 0 * view.laser.slope_x, 1 + 0 * view.laser.slope_x], -1)
     ray = np.broadcast_to(ray / np.linalg.norm(ray, axis=-1, keepdims=True), view.normal.shape)
@@ -89,12 +93,26 @@ def facing_wall(view: View, reach_mm: float) -> tuple[Floats, Floats]:
     start = view.points + 1e-2 * np.einsum("nij,nmj->nmi", frame, view.normal)
     way = np.einsum("nij,nmj->nmi", frame, mirrored)
     seen = np.isfinite(view.depth)
-    distance = np.full(view.shape, np.inf)
-    found, _ = view.scene.first_hit(start[seen], way[seen])
-    distance[seen] = np.where(np.isfinite(found) & (found < reach_mm), found, np.inf)
-    far = np.where(np.isfinite(distance), distance, 0.0)
-    shift = far[..., None] * mirrored
-    return distance, np.asarray(shift[..., 2] + shift[..., 1] * view.cot)
+    found, triangle = view.scene.first_hit(start[seen], way[seen])
+    near = np.isfinite(found) & (found < reach_mm)
+    profile, column = (i[near] for i in np.nonzero(seen))
+    found, out = found[near], mirrored[profile, column]
+    first = np.stack([view.x, 0 * view.x, np.nan_to_num(view.depth)], -1)[profile, column]
+    second = first + found[:, None] * out
+    to_camera = np.array([0.0, view.camera_y_mm, 0.0]) - second
+    facing = np.einsum("kji,kj->ki", frame[profile], view.scene.normals[triangle[near]])
+    lit = (facing * to_camera).sum(-1) > 0
+    x, y, z = second[lit].T
+    x, z = x / (1 - y / view.camera_y_mm), z / (1 - y / view.camera_y_mm)
+    x_of = view.laser.x_mm + z[:, None] * view.laser.slope_x
+    off = np.abs(x_of - x[:, None])
+    held, pitch = off.argmin(axis=1), float(np.abs(np.diff(x_of[:1])).mean()) if len(x_of) else 0.0
+    inside = off.min(axis=1, initial=np.inf) < pitch
+    distance, ghost = np.full(view.shape, np.inf), np.zeros(view.shape)
+    for k in np.flatnonzero(inside)[np.argsort(-found[lit][inside], kind="stable")]:
+        at = profile[lit][k], held[k]
+        distance[at], ghost[at] = found[lit][k], z[k] - view.depth[at]
+    return distance, np.nan_to_num(ghost)
 
 
 def decaying_bounce(shot: Shot, size: float, _seed: int) -> Shot:
