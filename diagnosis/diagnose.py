@@ -142,12 +142,12 @@ def _refuted(explanation: Explanation, judged: "_Judged") -> bool:
     worse = judged.after.log_score - judged.before.log_score
     readings = sum(int(p.scored.sum()) for p in judged.nominal.held)
     lost = readings * worse
-    return lost > 0 and lost > gained(explanation.ws, explanation.model)
+    return lost > 0 and lost > gained(explanation.ws, explanation.model, Model())
 
 
-def gained(ws: Workspace, model: Model) -> float:
-    """By how much more probable the fitted readings are under a model than without, nats."""
-    of_each = zip(ws.log_densities(model), ws.log_densities(Model()), ws.masks(), strict=True)
+def gained(ws: Workspace, model: Model, less: Model) -> float:
+    """By how much more probable the fitted readings are under a model than under less, nats."""
+    of_each = zip(ws.log_densities(model), ws.log_densities(less), ws.masks(), strict=True)
     return float(sum((after - before)[mask].sum() for after, before, mask in of_each))
 
 
@@ -214,7 +214,8 @@ def _judge_on_heldout(
     nominal = candidates.placed(Model())
     before = judge(nominal.held, plain_noise, Model(), share_own=share_own)
     found, after = found_effects(ws, model, causes, candidates)
-    while len(found) > 1 and (idle := _idle(found)):
+    scored = sum(int(p.scored.sum()) for p in nominal.held)
+    while len(found) > 1 and (idle := _idle(found, scored, ws, model)):
         # what is of no use on held-out readings beside a law that is, is that one's remainder
         notes.append(f"{', '.join(sorted(idle))}: fitted, but of no use on held-out readings")
         causes = [c for c in causes if c.name not in idle]
@@ -228,9 +229,18 @@ def _judge_on_heldout(
     )  # fmt: skip
 
 
-def _idle(found: Sequence[FoundEffect]) -> set[str]:
-    """Name what held-out readings are better off without; of several that all are, the worst."""
-    idle = [f for f in found if f.heldout_gain < 0]
+def _idle(found: Sequence[FoundEffect], scored: int, ws: Workspace, model: Model) -> set[str]:
+    """Name what held-out readings say more against than fitted ones for; of all, the worst.
+
+    Parameters
+    ----------
+    scored : readings held out
+    """
+    idle = [
+        f for f in found
+        if f.heldout_gain < 0
+        and -f.heldout_gain * scored > gained(ws, model, model.without(f.name))
+    ]  # fmt: skip
     if len(idle) == len(found):
         idle = [min(idle, key=lambda f: f.heldout_gain)]
     return {f.name for f in idle}

@@ -108,7 +108,7 @@ def test_what_laws_gain_is_how_much_more_probable_they_make_the_fitted_readings(
     ws = fitted_part(ready.patches, ready.noise)
 
     def nats(sag_um: float) -> float:
-        return gained(ws, Model().with_effect(LineBow(sag_um=sag_um)))
+        return gained(ws, Model().with_effect(LineBow(sag_um=sag_um)), Model())
 
     assert nats(0.0) == 0.0
     # quadratic about the truth: half of it gains three quarters
