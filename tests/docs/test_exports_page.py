@@ -10,8 +10,9 @@ SCRIPT = script("exports/make_exports.py")
 
 @pytest.mark.parametrize("form", FORMS)
 def test_a_form_is_opened_on_the_page(form: str) -> None:
-    assert form in SCRIPT.SNIPPETS
-    assert form in SCRIPT.NOTES
+    lists = "docs/exports/make_exports.py"
+    assert form in SCRIPT.SNIPPETS, f"add a snippet that opens it to SNIPPETS in {lists}"
+    assert form in SCRIPT.NOTES, f"add a note to NOTES in {lists}"
     page = (DOCS / "exports.md").read_text(encoding="utf-8")
-    assert f"\n## {form}\n" in page, "run make exports"
-    assert f"files: {FORMS[form].summary}." in page
+    assert f"\n## {form}\n" in page, f"run: python {lists} {form}"
+    assert f"files: {FORMS[form].summary}." in page, f"run: python {lists} {form}"
