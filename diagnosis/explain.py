@@ -34,15 +34,15 @@ from diagnosis.physics.assumed_camera import assumed_sheets, seen_by
 from diagnosis.physics.joint_fit import among_laws, fit_laws, refit, strongest_law
 from diagnosis.physics.linear_fit import Fitted
 from diagnosis.physics.remainder import curves_of, remainder
-from diagnosis.predict.edges import BESIDE_EDGES, EDGE_COVARIATES
 from diagnosis.prepare import Prepared
 from diagnosis.register.placement import Placement
 from diagnosis.reregister.reregistration import log_density, reregistered
 from diagnosis.settings import SETTINGS
 from sensors.effects import CATALOGUE
+from sensors.view.covariates import COVARIATES
 
 Progress = Callable[[str], None]
-MOVED_WITH_PLACEMENT = EDGE_COVARIATES | BESIDE_EDGES | {"wall_distance"}
+MOVED_WITH_PLACEMENT = {c.name for c in COVARIATES.values() if c.place}
 """Covariates of effects that are fitted again where the recordings lie then."""
 
 

@@ -110,7 +110,7 @@ def candidates_of(
         component = blocks[0].component
         at = np.concatenate([b.at for b in blocks])
         if component.relaxed.each == "profile":
-            axis = ways if component.relaxed.times else times
+            axis = ways if component.relaxed.period else times
             out += _by_profile(component, blocks, at, gram, axis)
         elif component.relaxed.periodic:
             starts = [b.at - at[0] for b in blocks]

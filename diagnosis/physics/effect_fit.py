@@ -249,12 +249,20 @@ def _search(
 
 def _bounds(effect: Effect, name: str, ws: Workspace) -> tuple[float, float]:
     """Bounds of a parameter; a wave has some cycles in the longest scan."""
-    p = effect.parameter(name)
-    if name == "frequency_hz":
+    p, wave = effect.parameter(name), _of_a_wave(effect, name)
+    if wave == "frequency":
         return max(p.low, SETTINGS.least_cycles / _longest(ws, "time_s")), p.high
-    if name == "period_mm":
+    if wave == "period":
         return p.low, min(p.high, _longest(ws, "travel_mm") / SETTINGS.least_cycles)
     return p.low, p.high
+
+
+def _of_a_wave(effect: Effect, name: str) -> str:
+    """Return "frequency" or "period" where a parameter is that of a wave over profiles, else ""."""
+    forms = [r for r in effect.relaxed if r.each == "profile"]
+    if any(r.frequency == name for r in forms):
+        return "frequency"
+    return "period" if any(r.period == name for r in forms) else ""
 
 
 def _longest(ws: Workspace, axis: str) -> float:
@@ -270,9 +278,10 @@ def _spread(point: Effect, names: Sequence[str], ws: Workspace) -> Field:
     """Relative first step of each nonlinear parameter; fine for frequencies."""
     out = []
     for name in names:
-        if name == "frequency_hz":
+        wave = _of_a_wave(point, name)
+        if wave == "frequency":
             out.append(0.2 / _longest(ws, "time_s") / max(_number(point, name), 1e-9))
-        elif name == "period_mm":
+        elif wave == "period":
             out.append(0.2 * _number(point, name) / _longest(ws, "travel_mm"))
         elif name == "rows":
             out.append(0.3 / max(_number(point, name), 1e-9))

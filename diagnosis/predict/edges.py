@@ -11,15 +11,11 @@ from scipy.ndimage import binary_dilation
 from diagnosis.fields import Field, Mask
 from sensors.effects.base import Effect
 from sensors.effects.form_error import FormError
+from sensors.view.covariates import COVARIATES
 from sensors.view.view import View
 
-EDGE_COVARIATES = {"curvature_y", "edge_y", "hidden"}
+EDGE_COVARIATES = {c.name for c in COVARIATES.values() if c.place == "edges"}
 """Covariates of effects that live on depth edges alone."""
-BESIDE_EDGES = {"half_vector"}
-"""Covariates of effects that are chosen by bulk readings and show beside edges, too.
-
-How dark a facet is tells how much of the line must lie beside it to be read.
-"""
 TRUST = 1.0
 """Share of the plain law's own correction at an edge by which it may be wrong."""
 UNSURE = 0.3

@@ -21,6 +21,7 @@ from sensors.law import Law, geometric_law
 from sensors.model import as_moved, as_wide
 from sensors.noise.perlin import PerlinField
 from sensors.noise.uncertainty import sigma_mm
+from sensors.view.covariates import COVARIATES
 from sensors.view.view import KEPT_POINTS, View
 from sensors.view.view_cache import ViewCache
 
@@ -31,7 +32,7 @@ FLOOR_MISSING = 2e-4
 """Least probability that any reading is lost, or that one comes where none can."""
 FLOOR_FOUND = 0.02
 KEPT_LAWS = 4
-LOCAL_COVARIATES = {"curvature_y", "edge_y", "wall_distance"}
+LOCAL_COVARIATES = {c.name for c in COVARIATES.values() if c.approximate}
 """Of effects on edges and in corners, whose laws are no more than good approximations there."""
 DOUBT = 0.4
 """Share of its own change of the mean by which the law of such an effect may be wrong."""

@@ -1,4 +1,4 @@
-"""Common to effects that are a sine along a recording: phase and trial frequencies."""
+"""Effects that are a sine: amplitude and phase, and trial frequencies of those over profiles."""
 
 import math
 from typing import Any, Self
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from sensors.effects.effect import Effect
 from sensors.effects.parameter import parameter
+from sensors.view.view import View
 
 Floats = NDArray[np.float64]
 
@@ -50,6 +51,26 @@ class SinusoidalEffect(Effect):
     @classmethod
     def _amplitude(cls) -> str:
         return next(p.name for p in cls.parameters() if p.linear)
+
+
+class ProfileWave(SinusoidalEffect):
+    """A sine over the profiles: of time by a frequency, or of the travel by a period.
+
+    The relaxed form names the parameter that is the frequency or the period.
+    """
+
+    __slots__ = ()
+
+    def grid(self, view: View) -> tuple[Self, ...]:
+        """Return waves half a resolution element apart, down to two profiles a cycle."""
+        form = next(r for r in self.relaxed if r.frequency or r.period)
+        p = self.parameter(form.frequency or form.period)
+        found = resolved_frequencies(view.time_s if form.frequency else view.travel_mm)
+        if not found.size:
+            return (self,)
+        found = found if form.frequency else 1.0 / found
+        found = found[(found >= p.low) & (found <= p.high)]
+        return tuple(self.with_parameters({p.name: float(value)}) for value in found)
 
 
 def phase() -> Any:

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from sensors.effects.base import AdditiveEffect
 from sensors.effects.parameter import parameter
 from sensors.effects.relaxed import Relaxed
-from sensors.effects.sinusoid import SinusoidalEffect, phase, resolved_frequencies
+from sensors.effects.sinusoid import ProfileWave, phase
 from sensors.view.view import View
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class StageVibration(SinusoidalEffect, AdditiveEffect):
+class StageVibration(ProfileWave, AdditiveEffect):
     """A sine of time, equal in all columns; the phase is a per-recording parameter."""
 
     name: ClassVar = "stage_vibration"
@@ -63,12 +63,3 @@ class StageVibration(SinusoidalEffect, AdditiveEffect):
         """Return sine and cosine of time, equal in all columns."""
         turn = 2 * math.pi * self.frequency_hz * view.time_s[:, None]
         return 1e-3 * np.sin(turn), 1e-3 * np.cos(turn)
-
-    def grid(self, view: View) -> tuple["StageVibration", ...]:
-        """Return frequencies half a resolution element apart, up to half the profile rate."""
-        found = resolved_frequencies(view.time_s)
-        if not found.size:
-            return (self,)
-        low, high = self.parameter("frequency_hz").low, self.parameter("frequency_hz").high
-        found = found[(found >= low) & (found <= high)]
-        return tuple(self.with_parameters(frequency_hz=float(f)) for f in found)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sensors.effects.base import MotionEffect
 from sensors.effects.parameter import parameter
 from sensors.effects.relaxed import Relaxed
-from sensors.effects.sinusoid import SinusoidalEffect, phase, resolved_frequencies
+from sensors.effects.sinusoid import ProfileWave, phase
 from sensors.view.rigid import rigid_jacobian
 from sensors.view.view import View
 
@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class TravelRipple(SinusoidalEffect, MotionEffect):
+class TravelRipple(ProfileWave, MotionEffect):
     """A sine of the travel displaces each profile along y; the phase is per recording."""
 
     name: ClassVar = "travel_ripple"
@@ -72,13 +72,3 @@ class TravelRipple(SinusoidalEffect, MotionEffect):
         """Return the view with each profile at its true position."""
         turn = 2 * math.pi / self.period_mm * view.travel_mm + (self.phase_rad or 0.0)
         return view.shifted(dy_mm=1e-3 * self.amplitude_um * np.sin(turn))
-
-    def grid(self, view: View) -> tuple["TravelRipple", ...]:
-        """Return periods half a resolution element apart, down to two profiles."""
-        found = resolved_frequencies(view.travel_mm)
-        if not found.size:
-            return (self,)
-        low, high = self.parameter("period_mm").low, self.parameter("period_mm").high
-        found = 1.0 / found
-        found = found[(found >= low) & (found <= high)]
-        return tuple(self.with_parameters(period_mm=float(p)) for p in found)

@@ -12,6 +12,7 @@ from sensors.view.view import View, ViewFunction
 
 Floats = NDArray[np.float64]
 Frame = Literal["sensor", "time", "travel", "part"]
+Place = Literal["", "edges", "beside edges", "corners"]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -26,6 +27,10 @@ class Covariate:
     frame : what it follows: the sensor, the time, the travel or the part
     values : function of a view; broadcastable to (n, m), NaN where there is none
     needs : keys of the datasheet without which it isn't known
+    place : where effects that follow it act; "" for anywhere. Those on "edges" act on depth edges
+        alone. Those "beside edges" act everywhere, and beside edges more: how dark a facet is
+        determines how much of the line must lie beside it to be read
+    approximate : whether laws of the mean that follow it are no more than good approximations
     """
 
     name: str
@@ -34,6 +39,8 @@ class Covariate:
     frame: Frame
     values: ViewFunction
     needs: tuple[str, ...] = ()
+    place: Place = ""
+    approximate: bool = False
 
 
 def _clock(view: View) -> Floats:
@@ -184,6 +191,7 @@ ALL = (
         frame="sensor",
         values=lambda v: v.half_vector_rad,
         needs=CAMERA,
+        place="beside edges",
     ),
     Covariate(
         name="hidden",
@@ -192,6 +200,7 @@ ALL = (
         frame="sensor",
         values=lambda v: hidden_from(v, v.datasheet.camera_offset_mm),
         needs=CAMERA,
+        place="edges",
     ),
     Covariate(
         name="camera_row",
@@ -207,6 +216,8 @@ ALL = (
         unit="1/mm",
         frame="part",
         values=_curvature_y,
+        place="edges",
+        approximate=True,
     ),
     Covariate(
         name="edge_y",
@@ -214,6 +225,8 @@ ALL = (
         unit="mm",
         frame="sensor",
         values=edge_offset_mm,
+        place="edges",
+        approximate=True,
     ),
     Covariate(
         name="edge_height",
@@ -228,6 +241,8 @@ ALL = (
         unit="mm",
         frame="part",
         values=lambda v: v.mirror.distance_mm,
+        place="corners",
+        approximate=True,
     ),
     Covariate(
         name="clock",

@@ -15,7 +15,8 @@ from tests.support.effect_case import plain
 
 
 def test_the_bench_has_every_effect() -> None:
-    assert {case.name for case in CASES} == set(CATALOGUE) - {"empirical"} - NO_STRENGTH
+    wanted = set(CATALOGUE) - {"empirical"} - NO_STRENGTH
+    assert {case.name for case in CASES} == wanted, "benchmarks/diagnose.py: CASES, NO_STRENGTH"
 
 
 def test_a_level_tells_as_much_as_so_many_gaussian_numbers() -> None:

@@ -19,3 +19,5 @@ CATALOGUED: tuple[Formula, ...] = (
 OUTSIDE: tuple[Formula, ...] = outside.FORMULAS
 LAWS: tuple[Formula, ...] = laws.FORMULAS
 BY_NAME: dict[str, Formula] = {f.name: f for f in (*CATALOGUED, *OUTSIDE, *LAWS)}
+UNJUDGED: frozenset[str] = frozenset()
+"""Effects of the catalogue that no other formula stands for yet: the bench doesn't judge them."""

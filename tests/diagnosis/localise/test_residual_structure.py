@@ -48,7 +48,7 @@ def test_the_most_probable_comes_first_with_what_it_follows(ws: Workspace) -> No
 
 
 def test_a_period_over_the_rows_is_a_length_of_depth(ws: Workspace) -> None:
-    relaxed = Relaxed(channel="mean", along=("camera_row",), periodic=True)
+    relaxed = Relaxed(channel="mean", along=("camera_row",), periodic=True, frequency="rows")
     (found,) = residual_structure([unexplained(repeats=300.0, relaxed=relaxed)], ws, Model())
     depths = np.concatenate([p.view.depth_mm[p.observed] for p in ws.patches])
     middle = np.quantile(depths, [0.25, 0.75])

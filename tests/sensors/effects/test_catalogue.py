@@ -19,6 +19,7 @@ from sensors.effects import (
     effect_of,
     effects_of,
 )
+from sensors.effects.relaxed import MOMENTS, Relaxed
 from sensors.law import geometric_law
 from sensors.model import SensorModel
 from sensors.noise.perlin import PerlinField
@@ -56,6 +57,11 @@ NAMES = [
     "onboard_filter",
     "row_repeat",
 ]
+MEASURED = {
+    "pose_error", "anisotropic_lay", "roughness_level", "axis_quantisation", "onboard_filter",
+    "row_repeat", "empirical",
+}  # fmt: skip
+"""Effects that `diagnosis/claims/` measures without a relaxed form; a fitted curve is `empirical`."""
 SURFACE = PerlinField(amplitude_mm=0.02, cell_x_mm=2.0, cell_y_mm=2.0)
 EVERY = pytest.mark.parametrize("cls", CATALOGUE.values(), ids=CATALOGUE)
 STRIPES = ReflectanceMap(base=0.8, stripes=(Stripes(value=0.2, period_mm=7.0),))
@@ -68,7 +74,7 @@ def view(view_of):
 
 
 def test_all_names_of_the_contract_are_there():
-    assert sorted(CATALOGUE) == sorted([*NAMES, "empirical"])
+    assert sorted(CATALOGUE) == sorted([*NAMES, "empirical"]), "enter a new effect in NAMES"
     assert all(cls.name == name for name, cls in CATALOGUE.items())
 
 
@@ -82,6 +88,32 @@ def test_it_says_what_it_is(cls):
     assert cls.covariate in COVARIATES
     assert not inspect.isabstract(cls)
     assert "{" not in cls.example().describe()
+
+
+@EVERY
+def test_a_diagnosis_can_recognise_it(cls):
+    assert cls.relaxed or cls.name in MEASURED, "without a relaxed form no diagnosis names it"
+    names = {p.name for p in cls.parameters()}
+    for form in cls.relaxed:
+        assert MOMENTS[form.channel] in cls.channels, "channels names what the effect is found by"
+        assert {form.frequency, form.period} - {""} <= names, "frequency and period: parameters"
+
+
+@pytest.mark.parametrize(
+    ("form", "message"),
+    [
+        ({"along": ("dept",)}, "no covariate 'dept'"),
+        ({"times": "slope"}, "no covariate 'slope'"),
+        ({"along": ("edge_y",), "spanned": True}, "spanned excludes along"),
+        ({"along": ("x",), "periodic": True, "frequency": "f_hz"}, "periodic is for the mean"),
+        ({"each": "profile", "periodic": True}, "periodic needs the parameter"),
+        ({"even": True}, "even needs along"),
+        ({"channel": "scale", "along": ("x",), "times": "depth"}, "times is for the mean"),
+    ],
+)
+def test_a_form_that_no_diagnosis_can_build_is_refused(form, message):
+    with pytest.raises(ValueError, match=message):
+        Relaxed(**{"channel": "mean", **form})
 
 
 @EVERY

@@ -40,7 +40,9 @@ def test_the_law_at_some_profiles_is_the_law_of_these_profiles(cls, ahead, view)
         one = np.broadcast_to(getattr(whole, name), view.shape)[inner]
         rows = (ROWS.stop - ROWS.start, view.shape[1])
         other = np.broadcast_to(getattr(alone, name), rows)[MARGIN:-MARGIN]
-        assert np.allclose(one, other, atol=1e-9, equal_nan=True), name
+        assert np.allclose(one, other, atol=1e-9, equal_nan=True), (
+            f"{name} depends on which profiles are looked at: scans are drawn in strips"
+        )
 
 
 @pytest.mark.parametrize("cls", [c for c in CATALOGUE.values() if issubclass(c, MotionEffect)])
