@@ -1,7 +1,7 @@
 """Run the code blocks of a page, one after the other, in one folder.
 
 - `bash` and `python` run; each is a process of its own.
-- `yaml` whose first line is a comment with a file's name is written to that file.
+- `yaml` and `python` whose first line is a comment with a file's name are written to that file.
 - `text` after a block that ran is its output; `...` stands for anything.
 - `text` elsewhere, and `yaml` without a name, stand alone.
 """
@@ -10,13 +10,14 @@ import os
 import re
 import subprocess
 import sys
+import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 HOME = Path(__file__).resolve().parents[2]
-FENCE = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-FILE = re.compile(r"# (\S+\.yaml)\b")
+FENCE = re.compile(r"^( *)```(\w*)[^\n]*\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
+FILE = re.compile(r"# (\S+\.(?:yaml|py))\b")
 LANGUAGES = ("bash", "python", "yaml", "text")
 
 
@@ -38,6 +39,18 @@ class Block:
     def __str__(self) -> str:
         return f"{self.page}:{self.line}"
 
+    @property
+    def file(self) -> str:
+        """Name of the file that the block is; "" where it is none."""
+        name = FILE.match(self.code) if self.language in ("python", "yaml") else None
+        return name[1] if name else ""
+
+    def written(self, folder: Path) -> None:
+        """Write the block's file below `folder`."""
+        path = folder / self.file
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(self.code, encoding="utf-8")
+
 
 def blocks(page: Path) -> Iterator[Block]:
     """Yield the blocks of a page."""
@@ -47,21 +60,21 @@ def blocks(page: Path) -> Iterator[Block]:
         yield Block(
             page=page.name,
             line=text.count("\n", 0, match.start()) + 1,
-            language=match[1],
-            code=match[2],
+            language=match[2],
+            code=textwrap.dedent(match[3]),
             follows=not between.strip(),
         )
 
 
-def run(page: Path, folder: Path) -> None:
-    """Run a page's blocks in `folder`.
+def run(page: Path, folder: Path, home: Path = HOME) -> None:
+    """Run a page's blocks in `folder`, with the packages of the checkout `home`.
 
     Raises
     ------
     BlockError
         Where a block has an unknown language, fails, or prints other lines than the page.
     """
-    environment, printed = surroundings(folder), None
+    environment, printed = surroundings(folder, home), None
     for block in blocks(page):
         if block.language not in LANGUAGES:
             raise BlockError(f"{block}: language '{block.language}'; allowed: {LANGUAGES}")
@@ -69,15 +82,16 @@ def run(page: Path, folder: Path) -> None:
             if block.follows and printed is not None:
                 compare(block, printed)
             printed = None
+        elif block.file:
+            block.written(folder)
+            printed = None
         elif block.language == "yaml":
-            if name := FILE.match(block.code):
-                (folder / name[1]).write_text(block.code, encoding="utf-8")
             printed = None
         else:
             printed = output(block, folder, environment)
 
 
-def surroundings(folder: Path) -> dict[str, str]:
+def surroundings(folder: Path, home: Path) -> dict[str, str]:
     """Return the environment: this Python, and the command of this checkout."""
     commands = folder / ".commands"
     commands.mkdir()
@@ -87,7 +101,7 @@ def surroundings(folder: Path) -> dict[str, str]:
     return {
         **os.environ,
         "PATH": f"{commands}{os.pathsep}{os.environ['PATH']}",
-        "PYTHONPATH": str(HOME),
+        "PYTHONPATH": str(home),
         "HF_HUB_OFFLINE": "1",
     }
 

@@ -10,8 +10,9 @@ FOLDERS = (
 )  # fmt: skip
 NAMED = re.compile(rf"(?<![\w/.-])(?:{'|'.join(FOLDERS)})/[\w/.-]+\.(?:py|md|yaml|j2)\b")
 TO_BE_MADE = {
-    "defects/kinds/groove.py", "sensors/effects/my_effect.py", "docs/test-record.md",
-    "pipeline/dataset/export/my_form.py", "sensors/presets/MAKER-MODEL.yaml",
+    "defects/kinds/dimple.py", "sensors/presets/ACME-300.yaml", "sensors/effects/heat_haze.py",
+    "pipeline/dataset/export/xyz.py", "tests/pipeline/dataset/export/test_xyz.py",
+    "docs/test-record.md",
 }  # fmt: skip
 """What a reader is asked to write."""
 

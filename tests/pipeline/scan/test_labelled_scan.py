@@ -73,7 +73,7 @@ SEEN = {
     "undercut": {"length_mm": 8.0},
     "bank": {"bank": hollow_and_rim(), "scale": 1.0},
 }
-"""Sizes with which a kind fits on the workpiece and covers readings; else typical ones are drawn."""
+"""Sizes with which a kind fits on the workpiece and covers readings, beside drawn ones."""
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -61,7 +61,7 @@ MEASURED = {
     "pose_error", "anisotropic_lay", "roughness_level", "axis_quantisation", "onboard_filter",
     "row_repeat", "empirical",
 }  # fmt: skip
-"""Effects that `diagnosis/claims/` measures without a relaxed form; a fitted curve is `empirical`."""
+"""Effects that `diagnosis/claims/` measures by itself; a fitted curve is `empirical`."""
 SURFACE = PerlinField(amplitude_mm=0.02, cell_x_mm=2.0, cell_y_mm=2.0)
 EVERY = pytest.mark.parametrize("cls", CATALOGUE.values(), ids=CATALOGUE)
 STRIPES = ReflectanceMap(base=0.8, stripes=(Stripes(value=0.2, period_mm=7.0),))
