@@ -1,4 +1,4 @@
-"""A shard open for reading: its arrays, their codings and its scans' names, looked up once.
+"""A shard open for reading: each array and its coding is looked up at its first access.
 
 It is a file, or an object of an object store.
 """
@@ -44,8 +44,8 @@ class OpenShard:
     def __init__(self, path: Path, file: h5py.File) -> None:
         self.path = path
         self.file = file
-        self._arrays: dict[str, h5py.Dataset] = {name: file[name] for name in sorted(file)}
-        self.fields = list(self._arrays)
+        self.fields = sorted(file)
+        self._arrays: dict[str, h5py.Dataset] = {}
         self._codings: dict[str, dict[str, float]] = {}
         self.names = [text(name) for name in self._read("scan_id", ...)]
 
@@ -68,9 +68,6 @@ class OpenShard:
             kind, version = file.attrs.get("format"), file.attrs.get("version", VERSION)
             if text(kind) != FORMAT or int(version) > VERSION:
                 raise ShardError(path, f"is no {FORMAT} up to version {VERSION}")
-            foreign = [name for name in file if _lies_elsewhere(file, name)]
-            if foreign:
-                raise ShardError(path, f"'{foreign[0]}' lies in another file")
             if "reader_needs" in file.attrs:
                 importlib.import_module(PLUGIN)
             return cls(path, file)
@@ -118,8 +115,19 @@ class OpenShard:
 
     def _array(self, field: str) -> h5py.Dataset:
         if field not in self._arrays:
-            raise ShardError(self.path, f"holds no '{field}'; it holds {', '.join(self._arrays)}")
+            if field not in self.fields:
+                there = ", ".join(self.fields)
+                raise ShardError(self.path, f"holds no '{field}'; it holds {there}")
+            self._arrays[field] = self._own(field)
         return self._arrays[field]
+
+    def _own(self, field: str) -> h5py.Dataset:
+        """Look up an array of this file: HDF5 opens whatever a link or an array names."""
+        if isinstance(self.file.get(field, getlink=True), h5py.HardLink):
+            array = self.file[field]
+            if not array.external and not array.is_virtual:
+                return array
+        raise ShardError(self.path, f"'{field}' lies in another file")
 
     def _read(self, field: str, row: Any) -> NDArray[Any]:
         array = self._array(field)
@@ -156,13 +164,6 @@ def source(path: Path) -> Any:
         return path
     opened: Any = path.open
     return opened("rb", block_size=BLOCK)
-
-
-def _lies_elsewhere(file: h5py.File, name: str) -> bool:
-    """Whether an array leads out of its file: HDF5 opens whatever a link or an array names."""
-    if not isinstance(file.get(name, getlink=True), h5py.HardLink):
-        return True
-    return bool(file[name].external) or bool(file[name].is_virtual)
 
 
 def text(value: Any) -> str:

@@ -171,11 +171,13 @@ class _Pairs:
     def __call__(self, scan: Mapping[str, Any]) -> Pair:
         depth = np.asarray(scan["depth"], dtype=np.float64)
         valid = np.isfinite(depth)
-        channels = np.stack([*self._channels(scan, depth, valid), valid.astype(np.float64)])
-        inputs = torch.from_numpy(np.where(valid, channels, 0.0).astype(np.float32))
-        labels = np.where(valid, scan[self.target], self._ignore_index).astype(np.int64)
-        target = torch.from_numpy(labels)
-        return self._transform(inputs, target) if self._transform else (inputs, target)
+        channels = (*self._channels(scan, depth, valid), valid)
+        inputs = np.zeros((len(channels), *depth.shape), dtype=np.float32)
+        for filled, channel in zip(inputs, channels, strict=True):
+            np.copyto(filled, channel, where=valid, casting="same_kind")
+        target = np.where(valid, scan[self.target], np.int64(self._ignore_index))
+        pair = torch.from_numpy(inputs), torch.from_numpy(target)
+        return self._transform(*pair) if self._transform else pair
 
     def _channels(
         self, scan: Mapping[str, Any], depth: NDArray[Any], valid: NDArray[Any]

@@ -5,11 +5,12 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-Indices = NDArray[np.intp]
-Band = tuple[slice, Floats]
+Band = tuple[slice, slice, Floats]
+Neighbours = tuple[NDArray[np.intp], NDArray[np.intp], Floats]
 
 CUTOFF_MM: Final = 8.0  # of the series of ISO 21920-3: a flaw 8 mm wide keeps half its height
 ALPHA: Final = math.sqrt(math.log(2) / math.pi)  # ISO 16610-21: transmission 50 % at the cutoff
@@ -59,91 +60,157 @@ def local_relief(
         min(ALPHA * cutoff_mm / math.sqrt(2 * math.pi) / max(pitch, 1e-9), float(count))
         for pitch, count in zip(pitch_yx_mm, depth_mm.shape, strict=True)
     ]
-    height = np.where(valid, np.median(depth_mm[valid]) - depth_mm, 0.0)
+    typical = float(np.median(depth_mm[valid]))
     # in units of the window's width, from the scan's middle: well conditioned
     y, x = (
         (np.arange(count, dtype=np.float64) - count / 2) / width
         for count, width in zip(depth_mm.shape, sigma, strict=True)
     )
-    blocks = _Blocks(depth_mm.shape, (sigma[0], sigma[1]))
-    level, slope_y, slope_x = (blocks.blended(one) for one in _planes(blocks, valid, height, y, x))
-    return np.where(valid, height - (level + slope_y * y[:, None] + slope_x * x), np.nan)
+    rows, points = (
+        _Blocks(count, width) for count, width in zip(depth_mm.shape, sigma, strict=True)
+    )
+    moments = np.zeros((rows.number, 9, points.number))
+    _add_moments(depth_mm, typical, y, x, rows.size, points.size, moments)
+    planes = _planes(rows.means(points.means(moments, 2), 0))
+    relief: Floats = _above(depth_mm, typical, y, x, rows.neighbours, points.neighbours, planes)
+    return relief
 
 
-def _planes(
-    blocks: "_Blocks", valid: NDArray[np.bool_], height: Floats, y: Floats, x: Floats
-) -> tuple[Floats, Floats, Floats]:
-    """Return the planes fitted around each block's middle: height at y = x = 0, and the slopes."""
-    weight = valid.astype(np.float64)
-    # along x once for each power of x, then along y
-    w, wx, wxx, h, hx = (
-        blocks.means(one, 1) for one in (weight, weight * x, weight * x * x, height, height * x)
-    )
-    y = y[:, None]
-    held, my, mx, hm, yy, xx, xy, hy, hx = blocks.means(
-        np.stack([w, w * y, wx, h, w * y * y, wxx, wx * y, h * y, hx]), 0
-    )
-    held = np.maximum(held, 1e-300)
-    my, mx, hm = my / held, mx / held, hm / held
-    yy, xx, xy = yy / held - my**2, xx / held - mx**2, xy / held - mx * my
-    hy, hx = hy / held - my * hm, hx / held - mx * hm
-    determinant = yy * xx - xy**2
-    flat = determinant < RANK_SHARE
-    determinant = np.where(flat, 1.0, determinant)
-    slope_y = np.where(flat, 0.0, (hy * xx - hx * xy) / determinant)
-    slope_x = np.where(flat, 0.0, (hx * yy - hy * xy) / determinant)
-    return hm - slope_y * my - slope_x * mx, slope_y, slope_x
+@njit(cache=True)
+def _add_moments(
+    depth_mm: Floats, typical_mm: float, y: Floats, x: Floats, rows: int, points: int, out: Floats
+) -> None:
+    """Add up the moments of each block's readings: of 1, y, x, h, y², x², xy, hy, hx.
+
+    Parameters
+    ----------
+    depth_mm : (n, m)
+        Depths, NaN = missing.
+    typical_mm
+        Depth of height h = 0.
+    y, x : (n,), (m,)
+        Places of profiles and points.
+    rows, points
+        Size of a block.
+    out : (N, 9, M)
+        The moments.
+    """
+    n, m = depth_mm.shape
+    for i in range(n):
+        moments = out[i // rows]
+        for block in range(moments.shape[1]):
+            held = at = square = height = tilt = 0.0
+            for j in range(block * points, min((block + 1) * points, m)):
+                h = typical_mm - depth_mm[i, j]
+                if np.isfinite(h):
+                    held += 1.0
+                    at += x[j]
+                    square += x[j] * x[j]
+                    height += h
+                    tilt += h * x[j]
+            moments[0, block] += held
+            moments[1, block] += held * y[i]
+            moments[2, block] += at
+            moments[3, block] += height
+            moments[4, block] += held * y[i] * y[i]
+            moments[5, block] += square
+            moments[6, block] += at * y[i]
+            moments[7, block] += height * y[i]
+            moments[8, block] += tilt
+
+
+@njit(cache=True)
+def _planes(moments: Floats) -> Floats:
+    """Return the planes (3, N, M) of weighted moments (N, 9, M).
+
+    Each is its height at y = x = 0, and its slopes along y and x.
+    """
+    planes = np.zeros((3, moments.shape[0], moments.shape[2]))
+    for i in range(planes.shape[1]):
+        for j in range(planes.shape[2]):
+            held = max(moments[i, 0, j], 1e-300)
+            my, mx, hm = moments[i, 1, j] / held, moments[i, 2, j] / held, moments[i, 3, j] / held
+            yy = moments[i, 4, j] / held - my * my
+            xx = moments[i, 5, j] / held - mx * mx
+            xy = moments[i, 6, j] / held - mx * my
+            hy = moments[i, 7, j] / held - my * hm
+            hx = moments[i, 8, j] / held - mx * hm
+            determinant = yy * xx - xy * xy
+            if determinant >= RANK_SHARE:
+                planes[1, i, j] = (hy * xx - hx * xy) / determinant
+                planes[2, i, j] = (hx * yy - hy * xy) / determinant
+            planes[0, i, j] = hm - planes[1, i, j] * my - planes[2, i, j] * mx
+    return planes
+
+
+@njit(cache=True)
+def _above(
+    depth_mm: Floats, typical_mm: float, y: Floats, x: Floats, rows: Neighbours,
+    points: Neighbours, planes: Floats,
+) -> Floats:  # fmt: skip
+    """Return the heights (n, m) above the blocks' planes, blended linearly between blocks."""
+    relief = np.empty(depth_mm.shape)
+    for i in range(len(y)):
+        low, high, share = rows[0][i], rows[1][i], rows[2][i]
+        plane = planes[:, low] * (1.0 - share) + planes[:, high] * share
+        level, slope = plane[0] + plane[1] * y[i], plane[2]
+        for j in range(len(x)):
+            low, high, share = points[0][j], points[1][j], points[2][j]
+            at = level[low] * (1.0 - share) + level[high] * share
+            at += (slope[low] * (1.0 - share) + slope[high] * share) * x[j]
+            relief[i, j] = typical_mm - depth_mm[i, j] - at
+    return relief
 
 
 class _Blocks:
-    """Blocks of readings a quarter of the window's width wide, and Gaussian means of them.
+    """Blocks of an axis's readings, a quarter of the window's width wide, and means of them.
 
     Planes are fitted around blocks and blended linearly between them. Readings on a plane give
     that plane everywhere, and so the plane itself.
+
+    Parameters
+    ----------
+    count
+        Readings along the axis.
+    sigma
+        Standard deviation of the window, in readings.
     """
 
-    def __init__(self, shape: tuple[int, ...], sigma: tuple[float, float]) -> None:
-        self._bands: list[list[Band]] = []
-        self._neighbours: list[tuple[Indices, Indices, Floats]] = []
-        for count, width in zip(shape, sigma, strict=True):
-            block = max(1, int(width / BLOCKS))
-            blocks = -(-count // block)
-            self._bands.append(_bands(count, blocks, block, width / block))
-            at = np.clip((np.arange(count) + 0.5) / block - 0.5, 0, blocks - 1)
-            low = np.minimum(at.astype(np.intp), max(blocks - 2, 0))
-            self._neighbours.append((low, np.minimum(low + 1, blocks - 1), at - low))
+    def __init__(self, count: int, sigma: float) -> None:
+        self.size = max(1, int(sigma / BLOCKS))
+        self.number = -(-count // self.size)
+        self._bands = _bands(self.number, sigma / self.size)
+        at = np.clip((np.arange(count) + 0.5) / self.size - 0.5, 0, self.number - 1)
+        low = np.minimum(at.astype(np.intp), max(self.number - 2, 0))
+        self.neighbours: Neighbours = low, np.minimum(low + 1, self.number - 1), at - low
 
-    def means(self, values: Floats, axis: int) -> Floats:
-        """Return the Gaussian means of fields (..., n, m) along n or m, up to a factor.
-
-        They are of sums over the axis's blocks.
-        """
-        bands = self._bands[axis]
+    def means(self, sums: Floats, axis: int) -> Floats:
+        """Return Gaussian means of blocks' sums along the first or last axis, up to a factor."""
+        found = np.empty_like(sums)
         if axis == 0:
-            return np.concatenate([band @ values[..., near, :] for near, band in bands], axis=-2)
-        return np.concatenate([values[..., near] @ band.T for near, band in bands], axis=-1)
+            flat, out = sums.reshape(len(sums), -1), found.reshape(len(sums), -1)
+            for near, rows, band in self._bands:
+                np.matmul(band, flat[near], out=out[rows])
+        else:
+            flat, out = sums.reshape(-1, self.number), found.reshape(-1, self.number)
+            for near, rows, band in self._bands:
+                np.matmul(flat[:, near], band.T, out=out[:, rows])
+        return found
 
-    def blended(self, values: Floats) -> Floats:
-        """Return blocks' values at every reading, linear between the blocks' middles."""
-        for axis, (low, high, share) in enumerate(self._neighbours):
-            part = share.reshape((-1, 1) if axis == 0 else (1, -1))
-            values = values.take(low, axis) * (1 - part) + values.take(high, axis) * part
-        return values
 
+def _bands(number: int, sigma: float) -> list[Band]:
+    """Return the matrix of Gaussian means over blocks, band by band.
 
-def _bands(count: int, blocks: int, block: int, sigma: float) -> list[Band]:
-    """Return the matrix of Gaussian means of blocks' sums, band by band.
-
-    Each band has the readings that it needs and its rows: products of small full matrices take a
-    quarter of a filter's time.
+    Each band has the blocks that it needs, its rows, and these rows' elements: products of small
+    full matrices take a quarter of a filter's time.
     """
     radius = int(TRUNCATED * sigma + 0.5)
     rows = max(LEAST_ROWS, 2 * radius)
     found = []
-    for first in range(0, blocks, rows):
-        last = min(first + rows, blocks)
-        near = slice(max(0, first - radius) * block, min(count, (last + radius) * block))
-        lag = np.arange(near.start, near.stop) // block - np.arange(first, last)[:, None]
+    for first in range(0, number, rows):
+        last = min(first + rows, number)
+        near = slice(max(0, first - radius), min(number, last + radius))
+        lag = np.arange(near.start, near.stop) - np.arange(first, last)[:, None]
         weight = np.exp(-0.5 * np.square(lag / sigma))
-        found.append((near, np.where(np.abs(lag) <= radius, weight, 0.0)))
+        found.append((near, slice(first, last), np.where(np.abs(lag) <= radius, weight, 0.0)))
     return found
