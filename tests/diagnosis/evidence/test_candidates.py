@@ -9,6 +9,7 @@ from diagnosis.evidence.gram import Block, Gram
 from diagnosis.evidence.posterior import Cavity
 from diagnosis.settings import SETTINGS
 from sensors.effects.line_bow import LineBow
+from sensors.effects.relaxed import Relaxed
 
 MEAN = {c.name: c for c in components_of("mean")}
 PROFILES, POINTS = 60, 100
@@ -46,6 +47,18 @@ def test_a_band_draws_its_own_frequency_and_no_other(offsets: dict[str, Candidat
     slowest = bands.shapes[0]
     assert slowest is not None
     assert missed(slowest, np.sin(2 * np.pi * 7.3 * bands.labels[0] * TIMES)) > 0.9
+
+
+@pytest.mark.parametrize(("parameter", "speed"), [("frequency", 1.0), ("period", 80.0)])
+def test_a_frequency_is_of_the_time_and_a_period_of_the_travel(
+    parameter: str, speed: float
+) -> None:
+    form = Relaxed(
+        channel="mean", each="profile", periodic=True, times="x", **{parameter: "any_name"}
+    )
+    waves = of(Component(name="roll", effect="roll", relaxed=form), POINTS * np.eye(PROFILES))
+    slowest = SETTINGS.least_cycles / np.ptp(speed * TIMES)
+    assert min(waves["roll"].labels) == pytest.approx(slowest)
 
 
 def test_all_forms_have_a_whitened_rms_of_one(offsets: dict[str, Candidate]) -> None:
