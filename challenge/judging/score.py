@@ -11,7 +11,7 @@ from challenge.cases.case import SWITCHES as FIRST
 from challenge.cases.switches import Switch
 from challenge.second.switches import FAULTS
 from challenge.second.world import Fault
-from challenge.sets.sealed import UNDECIDABLE
+from challenge.sets.draw import UNDECIDABLE
 
 SWITCHES: dict[str, Switch | Fault] = {**FIRST, **FAULTS}
 

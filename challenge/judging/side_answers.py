@@ -9,7 +9,7 @@ from typing import Any
 from challenge.judging.probabilities import stated
 from challenge.judging.score import SWITCHES, judge_case
 from challenge.runs.measure import answers
-from challenge.sets.sealed import UNDECIDABLE
+from challenge.sets.draw import UNDECIDABLE
 
 BOOSTED = "answers-boosted"
 """Folder of a set with the answers of the gradient-boosted classifier."""

@@ -11,7 +11,8 @@ from challenge.cases.seeds import number
 from challenge.payoff.gap import Outcome, counted, outcome, pooled
 from challenge.payoff.trial import SMALL, Effort, render, run_world
 from challenge.payoff.worlds import WORLDS
-from challenge.sets.sealed import entropy, write_whole
+from challenge.sets.draw import entropy
+from challenge.sets.sealed import write_whole
 
 CONTROL = "nothing"
 

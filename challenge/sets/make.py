@@ -22,18 +22,10 @@ from challenge.second.meshes import files as mesh_files
 from challenge.second.nulls import LEAST_BLOCKS
 from challenge.second.nulls import check_null as check_second_null
 from challenge.second.truth import facts as second_facts
+from challenge.sets.draw import FULL, counts_of, draw, entropy
 from challenge.sets.populations import TEST, VALIDATION, needs_aggregate
 from challenge.sets.processes import in_processes
-from challenge.sets.sealed import (
-    FULL,
-    MESHES,
-    PROTOCOL,
-    counts_of,
-    draw,
-    entropy,
-    seal,
-    write_whole,
-)
+from challenge.sets.sealed import MESHES, PROTOCOL, seal, write_whole
 
 _TRIES = 20
 """Draws of a case in a row that may be invalid before a set is given up."""

@@ -22,7 +22,7 @@ from challenge.second.meshes import solid_of_file
 from challenge.second.switches import DECOY, FAULTS, SINGLE, UNDECIDABLE, UNKNOWN
 from challenge.second.world import placed
 from challenge.sets import make as making
-from challenge.sets.sealed import FULL, draw
+from challenge.sets.draw import FULL, draw
 from flawforge.cli import main
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene

@@ -1,0 +1,166 @@
+"""Cases of a set, drawn from a master seed: kinds, switches, strengths, parts."""
+
+import secrets
+from collections.abc import Sequence
+
+from challenge.cases.case import SWITCHES, Secret
+from challenge.cases.parts import SHAPES
+from challenge.cases.seeds import child
+from challenge.cases.switches import DECOY, SINGLE, UNKNOWN
+from challenge.second import switches as second
+from challenge.second.meshes import MARK
+
+# Cases of a full set by kind.
+FULL = {"null": 60, "one": 60, "two": 12, "unknown": 12, "decoy": 8, "undecidable": 8}
+LEAST = 12
+"""Cases of the smallest set that has every kind."""
+
+# One recording cannot tell these apart; the right answer is the set.
+UNDECIDABLE: dict[str, tuple[str, ...]] = {
+    "line_bow": ("line_bow", "form_error"),
+    "warped_part": ("line_bow", "form_error"),
+    "motion_blur": ("motion_blur", "finite_spot"),
+    "lens_distortion": ("lens_distortion", "form_error"),
+    **second.UNDECIDABLE,
+}
+FIRST_UNDECIDABLE = tuple(name for name in UNDECIDABLE if name not in second.UNDECIDABLE)
+MESHED = 1 / 3
+"""Share of a set's cases on meshes from files, of those whose faults show on any part."""
+
+
+def counts_of(cases: int) -> dict[str, int]:
+    """Share a number of cases over the kinds as in a full set; each kind has one at least.
+
+    Raises
+    ------
+    ValueError
+        Where there are fewer cases than kinds.
+    """
+    if cases < LEAST:
+        raise ValueError(f"--cases: too few, got {cases}; allowed: {LEAST} or more")
+    whole = sum(FULL.values())
+    counts = {kind: max(1, cases * n // whole) for kind, n in FULL.items()}
+    behind = sorted(FULL, key=lambda kind: counts[kind] - cases * FULL[kind] / whole)
+    for kind in behind[: cases - sum(counts.values())]:
+        counts[kind] += 1
+    return counts
+
+
+def draw(
+    master: int, counts: dict[str, int], family: str = "first", meshes: Sequence[str] = ()
+) -> list[Secret]:
+    """Draw all cases of a set in a shuffled order.
+
+    Parameters
+    ----------
+    meshes
+        Names of meshes from files, which are among the second family's parts.
+
+    Raises
+    ------
+    ValueError
+        Where there is no such family.
+    """
+    if family == "second":
+        return _draw_second(master, counts, meshes)
+    if family != "first":
+        raise ValueError(f"--family: unknown, got {family!r}; allowed: first, second")
+    rng = child(master, "set")
+    wanted: list[tuple[str, tuple[str, ...]]] = [("null", ())] * counts["null"]
+    names = list(rng.permutation(list(SINGLE)))
+    wanted += [("one", (str(names[k % len(names)]),)) for k in range(counts["one"])]
+    for _ in range(counts["two"]):
+        first, second = rng.choice(list(SINGLE), 2, replace=False)
+        while _clash(str(first), str(second)):
+            first, second = rng.choice(list(SINGLE), 2, replace=False)
+        wanted.append(("two", (str(first), str(second))))
+    for kind, group in (("unknown", UNKNOWN), ("decoy", DECOY), ("undecidable", FIRST_UNDECIDABLE)):
+        pool = list(group)
+        wanted += [(kind, (pool[k % len(pool)],)) for k in range(counts[kind])]
+    cases = []
+    for kind, switches in wanted:
+        shapes = set(SHAPES)
+        for name in switches:
+            shapes &= set(SWITCHES[name].shapes or SHAPES)
+        cases.append(
+            Secret(
+                kind=kind,
+                switches=switches,
+                # what nobody can see cannot be flagged: strangers are medium or strong
+                strength=int(rng.choice([1, 2] if kind == "unknown" else [0, 1, 1, 2])),
+                shape=str(rng.choice(sorted(shapes))),
+                recordings=1 if kind == "undecidable" else 3,
+                seed=int(rng.integers(2**62)),
+            )
+        )
+    return [cases[k] for k in rng.permutation(len(cases))]
+
+
+def _draw_second(master: int, counts: dict[str, int], meshes: Sequence[str]) -> list[Secret]:
+    """Draw a set of the second family, with and without reference plates and baselines."""
+    rng = child(master, "second set")
+    names = list(second.SINGLE)
+    order = [str(n) for n in rng.permutation(names)]
+    wanted: list[tuple[str, tuple[str, ...]]] = [("null", ())] * counts["null"]
+    wanted += [("one", (order[k % len(order)],)) for k in range(counts["one"])]
+    while sum(kind == "two" for kind, _ in wanted) < counts["two"]:
+        pair = tuple(str(n) for n in rng.choice(names, 2, replace=False))
+        first, other = (set(second.SINGLE[n].accept) for n in pair)
+        if _shapes(pair) and not first & other and not _same_screw(*pair):
+            wanted.append(("two", pair))
+    for kind, group in (("unknown", second.UNKNOWN), ("decoy", second.DECOY),
+                        ("undecidable", second.UNDECIDABLE)):  # fmt: skip
+        pool = [str(n) for n in rng.permutation(list(group))]
+        wanted += [(kind, (pool[k % len(pool)],)) for k in range(counts[kind])]
+    cases = []
+    for kind, switches in wanted:
+        shape = str(rng.choice(sorted(_shapes(switches))))
+        anywhere = not any(second.FAULTS[n].shapes or second.FAULTS[n].built for n in switches)
+        if meshes and rng.random() < MESHED and anywhere:
+            shape = MARK + str(rng.choice(list(meshes)))
+        single = kind == "undecidable"
+        cases.append(
+            Secret(
+                kind=kind, switches=switches, shape=shape, family="second",
+                strength=int(rng.choice([1, 2] if kind == "unknown" else [0, 1, 1, 2])),
+                recordings=1 if single else 3, seed=int(rng.integers(2**62)),
+                plates=int(rng.choice([0, 2])), baselines=0 if single else int(rng.choice([0, 2])),
+            )
+        )  # fmt: skip
+    return [cases[k] for k in rng.permutation(len(cases))]
+
+
+def _shapes(switches: tuple[str, ...]) -> set[str]:
+    """Parts on which all of some faults of the second family show."""
+    found = set(SHAPES)
+    for name in switches:
+        found &= set(second.FAULTS[name].shapes or SHAPES)
+    return found
+
+
+def _same_screw(first: str, other: str) -> bool:
+    """Two faults of the second family that set the same field."""
+    same = [
+        {"worn roller", "eccentric roller", "shaking frame"}, {"median firmware", "gap filling"},
+        {"dark gloss", "shining corner", "rubber", "clear coat", "coarse speckle"},
+        {"stretched gauge blocks", "bowed calibration plate", "skew window"},
+        {"long exposure", "wide slit", "coarse chip"},
+    ]  # fmt: skip
+    return any({first, other} <= group for group in same)
+
+
+def _clash(first: str, second: str) -> bool:
+    """Two switches that turn the same screw, or share no part."""
+    same = [
+        {"anisotropic_lay", "roughness_level"},
+        {"line_bow", "lens_distortion", "column_offset", "range_scale"},
+        {"finite_spot", "motion_blur", "pixel_locking"},
+        {"specular_dropout", "interreflection", "reflectance_edge", "volume_scattering"},
+    ]
+    shapes = set(SWITCHES[first].shapes or SHAPES) & set(SWITCHES[second].shapes or SHAPES)
+    return not shapes or any({first, second} <= group for group in same)
+
+
+def entropy() -> int:
+    """Return a master seed from the operating system."""
+    return secrets.randbits(62)
