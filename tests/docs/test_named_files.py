@@ -11,7 +11,7 @@ FOLDERS = (
 NAMED = re.compile(rf"(?<![\w/.-])(?:{'|'.join(FOLDERS)})/[\w/.-]+\.(?:py|md|yaml|j2)\b")
 TO_BE_MADE = {
     "defects/kinds/dimple.py", "sensors/presets/ACME-300.yaml", "sensors/effects/heat_haze.py",
-    "pipeline/dataset/export/xyz.py", "tests/pipeline/dataset/export/test_xyz.py",
+    "pipeline/dataset/export/forms/xyz.py", "tests/pipeline/dataset/export/test_xyz.py",
     "docs/test-record.md",
 }  # fmt: skip
 """What a reader is asked to write."""

@@ -1,7 +1,7 @@
 """Datasets in the forms that other programs open, one file for each form.
 
-Each module holds `write(source, out)`, which writes the chosen scans into the folder `out` and
-yields every file as it is finished; the same dataset and options give the same bytes.
+Each module of `forms/` holds `write(source, out)`, which writes the chosen scans into the folder
+`out` and yields every file as it is finished; the same dataset and options give the same bytes.
 """
 
 import importlib
@@ -121,7 +121,7 @@ def export(
         image=image or form.image or "float32",
     )  # fmt: skip
     try:
-        writer = importlib.import_module(f"pipeline.dataset.export.{to}")
+        writer = importlib.import_module(f"pipeline.dataset.export.forms.{to}")
     except ImportError as error:
         if form.package is None or error.name != form.package:
             raise

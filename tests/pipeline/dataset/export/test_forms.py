@@ -109,7 +109,7 @@ def test_an_absent_package_is_one_line(
     to: str, small_dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, str(NEEDS[to]), None)
-    monkeypatch.delitem(sys.modules, f"pipeline.dataset.export.{to}", raising=False)
+    monkeypatch.delitem(sys.modules, f"pipeline.dataset.export.forms.{to}", raising=False)
     with pytest.raises(RecipeError, match=rf"needs the package {NEEDS[to]}.*flawforge\[{to}\]"):
         export(small_dataset, tmp_path / "out", to)
     assert not (tmp_path / "out").exists()
