@@ -1,8 +1,10 @@
 """The workers of a Dask scheduler: connection, and a check for equal bytes."""
 
+import logging
 import re
 import socket
 from collections.abc import Iterator, Mapping
+from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -11,6 +13,7 @@ from files.errors import RecipeError
 from pipeline.dataset.manifest import versions
 
 ANSWER_S: Final = 10.0  # how long the scheduler may take to answer
+GOES_ON: Final = "the same command continues from the finished shards"
 WORKERS_S: Final = 60.0  # how long the first worker may take to join it
 
 
@@ -28,11 +31,12 @@ def cluster(address: str, wanted: Mapping[str, str]) -> Iterator[Any]:
     Raises
     ------
     RecipeError
-        Where distributed isn't installed, nobody answers, no worker joins, or a worker has other
-        versions than this machine.
+        Where distributed isn't installed, nobody answers, no worker joins, a worker has other
+        versions than this machine; or later, where the scheduler is lost or workers die of a task.
     """
     try:
-        from distributed import Client
+        from distributed import Client, KilledWorker
+        from distributed.comm import CommClosedError
     except ImportError:
         raise RecipeError(
             "Dask isn't installed here",
@@ -66,7 +70,20 @@ def cluster(address: str, wanted: Mapping[str, str]) -> Iterator[Any]:
                 allowed=f"start some with: dask worker {address} --nthreads 1",
             ) from None
         _ask(client, _differences, wanted, "can't give the same bytes")
-        yield client
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # the error says it
+        try:
+            yield client
+        except (CancelledError, CommClosedError):
+            raise RecipeError(
+                "the Dask scheduler was lost", where="--scheduler", value=address,
+                allowed=f"a scheduler that runs; {GOES_ON}",
+            ) from None  # fmt: skip
+        except KilledWorker:
+            raise RecipeError(
+                "several workers died of one shard, perhaps for lack of memory",
+                where="--scheduler", value=address,
+                allowed=f"workers with a larger --memory-limit; {GOES_ON}",
+            ) from None  # fmt: skip
 
 
 def check_folder(client: Any, folder: Path) -> None:

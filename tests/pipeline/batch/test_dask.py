@@ -111,6 +111,34 @@ def test_same_bytes_though_a_worker_is_killed(once, recipe_path, tmp_path, sched
     assert not list(out.glob(".*.part"))
 
 
+@pytest.mark.slow
+def test_a_lost_scheduler_is_one_line(recipe_path, tmp_path, monkeypatch):
+    monkeypatch.setenv("DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT", "3s")
+    port, quiet = free_port(), ("--no-dashboard", "--dashboard-address", "127.0.0.1:0")
+    log = tmp_path / "scheduler.log"
+    scheduler = spawn(log, "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port",
+                      str(port), *quiet)  # fmt: skip
+    wait_for(log, "Scheduler at", scheduler)
+    log, address = tmp_path / "worker.log", f"tcp://127.0.0.1:{port}"
+    worker = spawn(log, "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny",
+                   *quiet, "--local-directory", str(tmp_path / "w"))  # fmt: skip
+    try:
+        wait_for(log, "Registered to", worker)
+        run = started(recipe_path, tmp_path / "out", address)
+        assert run.stdout is not None
+        for line in run.stdout:
+            if json.loads(line)["event"] == "plan":
+                scheduler.kill()
+        _, errors = run.communicate(timeout=120)
+    finally:
+        for process in (scheduler, worker):
+            process.kill()
+            process.wait(30)
+    assert run.returncode == 2
+    assert "the Dask scheduler was lost" in errors
+    assert len(errors.strip().splitlines()) == 1, errors
+
+
 def test_a_worker_with_other_versions_is_refused(recipe_path, tmp_path, scheduler):
     fake = tmp_path / "elsewhere"
     (fake / "manifold3d-0.1.dist-info").mkdir(parents=True)

@@ -1,7 +1,6 @@
 """Datasets in an object store: the bytes of a folder, resumed, read where they lie."""
 
 import pickle
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -54,8 +53,9 @@ def test_the_bytes_of_a_folder(made, store):
     assert content(store) == of_folder(made[1])
 
 
-def test_a_file_url_is_a_folder(tmp_path):
-    assert place(f"file://{tmp_path}/a") == tmp_path / "a"
+def test_a_folder_needs_no_staging(tmp_path):
+    with staged(tmp_path / "a") as (store, out):
+        assert (store, out) == (None, tmp_path / "a")
     with staged(f"file://{tmp_path}/a") as (store, out):
         assert (store, out) == (None, tmp_path / "a")
 
@@ -128,13 +128,3 @@ def test_export_reads_the_store(made, store, tmp_path):
     files = [{path.name: path.read_bytes() for path in some} for some in paths]
     assert files[0] == files[1]
     assert files[0]
-
-
-def test_a_missing_package_is_named(monkeypatch):
-    with pytest.raises(RecipeError, match="can't be used .Unsupported filesystem"):
-        place("nosuchstore://bucket/x")
-    monkeypatch.setitem(sys.modules, "upath", None)
-    with pytest.raises(RecipeError, match=r"isn't installed .*pip install 'flawforge\[s3\]'"):
-        place("s3://bucket/x")
-    with pytest.raises(flawforge.ShardError, match=r"pip install 'flawforge\[s3\]'"):
-        flawforge.open("s3://bucket/x")
