@@ -36,7 +36,7 @@ def cluster(address: str, wanted: Mapping[str, str]) -> Iterator[Any]:
     """
     try:
         from distributed import Client, KilledWorker
-        from distributed.comm import CommClosedError
+        from distributed.comm.core import CommClosedError
     except ImportError:
         raise RecipeError(
             "Dask isn't installed here",
