@@ -112,7 +112,7 @@ def fit(kind, surface, block, name, seed):
         except SiteError:
             continue
         return site, cutter, block.trial(cutter)
-    raise AssertionError("no place found")
+    raise AssertionError("fits nowhere: give it smaller sizes in SIZES")
 
 
 def built(flaw, surface, site, seeds):
@@ -270,6 +270,7 @@ def test_class_ids_are_the_contract():
     assert {name: kind.class_id for name, kind in KINDS.items()} == CLASS_IDS, (
         f"enter a new kind in CLASS_IDS; the next free number is {max(CLASS_IDS.values()) + 1}"
     )
+    assert len({*CLASS_IDS.values()}) == len(CLASS_IDS)
     for name, kind in KINDS.items():
         assert kind.name == name
         for size in kind.sizes():
