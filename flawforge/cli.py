@@ -172,7 +172,7 @@ def parsers(chosen: str | None) -> tuple[Parser, argparse.ArgumentParser]:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         if name == chosen:  # the others are not even loaded
-            _module(name).add_arguments(command)
+            command_module(name).add_arguments(command)
             asked = command
     return parser, asked
 
@@ -196,11 +196,12 @@ def _main(words: Sequence[str]) -> int:
     if arguments.command is None:
         parser.print_help()
         return 0
-    code: int = _module(arguments.command).run(arguments)
+    code: int = command_module(arguments.command).run(arguments)
     return code
 
 
-def _module(name: str) -> Any:
+def command_module(name: str) -> Any:
+    """Import the module of a command: its `add_arguments` and `run`."""
     return importlib.import_module(f"flawforge.commands.{name}{'_' * keyword.iskeyword(name)}")
 
 

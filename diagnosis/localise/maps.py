@@ -238,7 +238,7 @@ def _changes(recorded: Recorded, number: int, found: Placed, noise: NoiseModel) 
     if effects:
         # what the effects do beyond what any placement takes up; not the two placements found,
         # which disagree at every edge, however near they are
-        taken = _taken_up(np.concatenate(samples), np.concatenate(rigid))
+        taken = taken_up(np.concatenate(samples), np.concatenate(rigid))
         moved = np.concatenate([pieces.columns(*p)[..., :RIGID] @ taken for p in pieces.views()])
         # a wall beside an edge would move by any amount
         most = np.abs(moved[~np.concatenate(edges)]).max(initial=0.0)
@@ -250,7 +250,7 @@ def _changes(recorded: Recorded, number: int, found: Placed, noise: NoiseModel) 
     )  # fmt: skip
 
 
-def _taken_up(change: Field, columns: Field) -> Field:
+def taken_up(change: Field, columns: Field) -> Field:
     """Placement (6,) that takes up most of a change (N,), by robust least squares (Cauchy)."""
     known = np.isfinite(change)
     change, columns = change[known], columns[known]

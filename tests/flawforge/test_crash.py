@@ -19,7 +19,7 @@ def broken(monkeypatch):
             def run(arguments):
                 raise error
 
-        monkeypatch.setattr(cli, "_module", lambda name: Module)
+        monkeypatch.setattr(cli, "command_module", lambda name: Module)
 
     return set_error
 

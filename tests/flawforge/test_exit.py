@@ -58,7 +58,7 @@ def test_a_command_that_is_stopped_says_whether_it_goes_on(name, number, monkeyp
         signal.raise_signal(number)
         raise AssertionError("wasn't stopped")
 
-    monkeypatch.setattr(cli._module(name), "run", run)
+    monkeypatch.setattr(cli.command_module(name), "run", run)
     assert cli.main(["--debug", name, *words[name]]) == 128 + number
     said = capsys.readouterr().err
     assert said.count("\n") == 1

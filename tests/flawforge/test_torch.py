@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import flawforge.dataset
+from pipeline.batch.stream import ScanStream
 from pipeline.dataset.relief import local_relief, pitch_mm
+from pipeline.recipe import Recipe
 
 torch = pytest.importorskip("torch", reason="PyTorch isn't installed: pip install torch")
 
@@ -85,11 +87,11 @@ def test_a_loader_with_workers_gives_batches(small_dataset: Path) -> None:
 def test_a_stream_is_the_dataset_to_the_bit_and_goes_on(tmp_path: Path) -> None:
     scans = flawforge.generate(RECIPE, tmp_path / "data")
     pairs = Scans(tmp_path / "data")
-    stream = Stream(RECIPE)
+    stream, scans_of = Stream(RECIPE), ScanStream(Recipe.load(RECIPE))
     taken = list(itertools.islice(stream.numbered(), 14))
     assert [number for number, _ in taken] == list(range(14))
     for number, (inputs, target) in taken[: len(scans)]:
-        part, specimen, scan = stream._stream.names(number)
+        part, specimen, scan = scans_of.names(number)
         at = scans.index(f"{part.name}-{specimen:04d}-{scan:04d}")
         stored_inputs, stored_target = pairs[at]
         assert torch.equal(target, stored_target)

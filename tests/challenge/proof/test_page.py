@@ -16,7 +16,6 @@ def test_judge_scores_and_writes_a_page(judged, bowed, tmp_path, monkeypatch):
     mine = [Judged.of(scored, judged)]
     write_page(mine, page, commit="abc")
     assert (page.parent / "pictures" / "proof-instrument.png").exists()
-    monkeypatch.setattr("challenge.proof.page._show_instrument", lambda scored, file: None)
     write_page(mine, page, commit="abc")
     text = page.read_text()
     assert text.count("- seed 1 ") == 1  # one record for a run, however often it is judged

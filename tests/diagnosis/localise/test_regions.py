@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from diagnosis.localise.maps import _taken_up
+from diagnosis.localise.maps import taken_up
 from diagnosis.localise.regions import MARKED_SD, departure_mask
 
 STILL = np.zeros((40, 60))
@@ -52,4 +52,4 @@ def test_what_a_placement_takes_up_is_no_mismatch() -> None:
     bump = np.where(np.arange(4000) < 300, 8.0, 0.0)
     change = columns @ shift + bump
     change[::50] = np.nan
-    assert np.allclose(_taken_up(change, columns), shift, atol=0.02)
+    assert np.allclose(taken_up(change, columns), shift, atol=0.02)

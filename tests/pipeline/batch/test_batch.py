@@ -17,7 +17,7 @@ import trimesh
 
 from files.errors import RecipeError
 from pipeline.batch.run import Backend, generate
-from pipeline.dataset.shards import DepthCode, ShardWriter, file_sha256, read_scan
+from pipeline.dataset.shards import DepthCode, file_sha256, read_scan
 from pipeline.parts.part_error import PartError
 from pipeline.recipe import Recipe
 
@@ -70,13 +70,13 @@ def test_same_bytes_for_any_number_of_jobs(once, recipe_path, tmp_path):
 
 
 def test_same_bytes_whoever_still_holds_a_dataset(once, recipe_path, tmp_path, monkeypatch):
-    holding, write = [], ShardWriter._write
+    holding, create = [], h5py.Group.create_dataset
 
-    def write_and_hold(self, dataset, values):
-        holding.append(dataset)
-        write(self, dataset, values)
+    def create_and_hold(self, *words, **more):
+        holding.append(create(self, *words, **more))
+        return holding[-1]
 
-    monkeypatch.setattr(ShardWriter, "_write", write_and_hold)
+    monkeypatch.setattr(h5py.Group, "create_dataset", create_and_hold)
     generate(Recipe.load(recipe_path), tmp_path / "holding")
     assert checksums(tmp_path / "holding") == checksums(once)
     assert holding

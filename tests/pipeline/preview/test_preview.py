@@ -147,7 +147,7 @@ def test_labels_are_pushed_apart() -> None:
 def test_a_setup_is_drawn_with_and_without_flaws(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pipeline.preview.setup_picture._pixels", lambda axes, finer=1: (200, 150))
+    monkeypatch.setattr("pipeline.preview.setup_picture.DPI", 75)
     part = build("steel_plate", length_mm=60, width_mm=40, thickness_mm=5, edge_radius_mm=2)
     poses = np.tile(np.diag([-1.0, 1.0, -1.0, 1.0]), (20, 1, 1))
     poses[:, :3, 3] = [0, 0, 250]
