@@ -22,7 +22,7 @@ from pipeline.injection.inject import inject
 from pipeline.motion.trajectory import Trajectory, frame
 from pipeline.parts import builtin
 from pipeline.parts.part import Part
-from pipeline.scan.labelled_scan import take_scan
+from pipeline.scan.labelled_scan import Conditions, take_scan
 from pipeline.seeds import streams
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
@@ -83,11 +83,11 @@ class Stage:
         working = self.sensor.datasheet.working_distance_mm
         poses[:, :3, 3] = at + np.outer(way, [0, 1, 0]) + [0, 0, working]
         path = Trajectory(poses=poses, time_s=np.arange(PROFILES) / 500.0, facts={})
-        take_scan(
-            flawed=flawed, scenes=(Scene(flawed.vertices_mm, flawed.faces), self.clean),
-            trajectory=path, sensor=self.sensor, laser=self.laser, surface=self.surface,
-            reflectance=None, visible_at=3.0, rng_of=rng_of,
-        )  # fmt: skip
+        scenes = (Scene(flawed.vertices_mm, flawed.faces), self.clean)
+        conditions = Conditions(
+            sensor=self.sensor, laser=self.laser, surface=self.surface, visible_at=3.0
+        )
+        take_scan(flawed, scenes, path, conditions, rng_of)
         return time.process_time() - start
 
 

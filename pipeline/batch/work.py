@@ -22,7 +22,7 @@ from pipeline.motion.trajectory import Trajectory
 from pipeline.parts.part_error import PartError
 from pipeline.recipe import Recipe
 from pipeline.scan.detectability import Evidence
-from pipeline.scan.labelled_scan import Scan, take_scan
+from pipeline.scan.labelled_scan import Conditions, Scan, take_scan
 from pipeline.scan.labels import Tally
 from pipeline.seeds import seed_of, streams
 
@@ -213,18 +213,15 @@ def simulate(
     rng_of = streams(file.seed, part.name, names[0], "scan", names[1])
     path, drawn = specimen.aimer.path(rng_of, names[1])
     surface_name = surface_of(recipe, part)
-    scan = take_scan(
-        flawed=specimen.flawed,
-        scenes=specimen.scenes,
-        trajectory=path,
+    conditions = Conditions(
         sensor=recipe.sensor,
         laser=specimen.laser,
         surface=recipe.surfaces[surface_name] if surface_name is not None else None,
         reflectance=recipe.reflectance,
-        visible_at=file.visible_at,
-        rng_of=rng_of,
         brightness=file.intensity,
+        visible_at=file.visible_at,
     )
+    scan = take_scan(specimen.flawed, specimen.scenes, path, conditions, rng_of)
     return scan, path, drawn
 
 

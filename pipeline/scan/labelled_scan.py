@@ -93,18 +93,36 @@ class Scan:
         )
 
 
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Conditions:
+    """What all scans of a specimen share: the instrument and the optical surface.
+
+    Attributes
+    ----------
+    sensor, laser
+        The instrument.
+    surface, reflectance
+        Roughness and albedo of the part; None: without.
+    brightness
+        Exposure and specular lobe, where the brightness is stored.
+    visible_at
+        A flaw is visible where its deviation exceeds this many standard deviations of the noise.
+    """
+
+    sensor: SensorModel
+    laser: Laser
+    visible_at: float
+    surface: Surface | None = None
+    reflectance: Albedo | None = None
+    brightness: Brightness | None = None
+
+
 def take_scan(
-    *,
     flawed: FlawedPart,
     scenes: tuple[Scene, Scene],
     trajectory: Trajectory,
-    sensor: SensorModel,
-    laser: Laser,
-    surface: Surface | None,
-    reflectance: Albedo | None,
-    visible_at: float,
+    conditions: Conditions,
     rng_of: RngOf,
-    brightness: Brightness | None = None,
 ) -> Scan:
     """Scan a specimen and label the visible flaws.
 
@@ -116,26 +134,24 @@ def take_scan(
         The flawed and the clean solid, ready for casting.
     trajectory
         Commanded poses.
-    sensor, laser, surface, reflectance
-        The instrument and what it looks at.
-    visible_at
-        A flaw is visible where its deviation exceeds this many standard deviations of the noise.
+    conditions
+        The instrument and the optical surface.
     rng_of
         Named streams of this scan.
-    brightness
-        Exposure and specular lobe, where the brightness is stored.
     """
     scene, clean_scene = scenes
+    sensor, reflectance = conditions.sensor, conditions.reflectance
     view, law = sensor.scan(
         View(
             scene, sensor, trajectory.poses, trajectory.time_s,
-            laser=laser, reflectance=reflectance,
+            laser=conditions.laser, reflectance=reflectance,
         ),
-        surface,
+        conditions.surface,
         rng_of,
     )  # fmt: skip
     ideal_mm = view.depth_mm
     instance = flaws_hit(view.triangle, flawed.instance)
+    brightness = conditions.brightness
     intensity = None if brightness is None else brightness.levels(view)
     view = view.posed(view.poses)  # poses and rays alone: its triangles' memory is needed
     depth, reason = law.sample(rng_of, view)
@@ -152,7 +168,7 @@ def take_scan(
         instance[rows, columns] = flawed.removed_at(_points(view, clean_mm, rows, columns))
     noise = law.sd_mm(view)
     mask, mask_visible = stand_out(
-        instance, flawed.classes, depth, ideal_mm, clean_mm, noise, visible_at
+        instance, flawed.classes, depth, ideal_mm, clean_mm, noise, conditions.visible_at
     )
     evidence = evidence_of(
         len(flawed.flaws), instance, reason == HIDDEN_BY_FLAW, law, view, depth, ideal_mm, clean_mm
@@ -173,7 +189,7 @@ def take_scan(
         poses=trajectory.poses,
         poses_true=view.poses,
         time_s=trajectory.time_s,
-        laser=laser,
+        laser=conditions.laser,
         evidence=evidence,
         intensity=intensity,
     )

@@ -8,7 +8,7 @@ from pipeline.injection.flawplan import FlawPlan, exactly
 from pipeline.injection.inject import inject
 from pipeline.motion.trajectory import Trajectory, frame
 from pipeline.parts.part import Part
-from pipeline.scan.labelled_scan import take_scan
+from pipeline.scan.labelled_scan import Conditions, take_scan
 from pipeline.seeds import streams
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
@@ -66,12 +66,11 @@ def scanned(part, kind, *, sheet=SHEET, seed=1, surface=None, faces=middle_only,
     poses[:, 2, 3] = 100 + part.vertices_mm[:, 2].max()
     path = Trajectory(poses=poses, time_s=np.arange(160) / 500, facts={})
     scenes = (Scene(flawed.vertices_mm, flawed.faces), Scene(part.vertices_mm, part.faces))
-    scan = take_scan(
-        flawed=flawed, scenes=scenes, trajectory=path, sensor=SensorModel(sheet),
-        laser=Laser.from_datasheet(sheet), surface=surface, reflectance=None, visible_at=3.0,
-        rng_of=rng_of,
+    conditions = Conditions(
+        sensor=SensorModel(sheet), laser=Laser.from_datasheet(sheet), surface=surface,
+        visible_at=3.0,
     )  # fmt: skip
-    return flawed, scan
+    return flawed, take_scan(flawed, scenes, path, conditions, rng_of)
 
 
 def recorded(part, kind, **sizes):
