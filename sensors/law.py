@@ -76,11 +76,10 @@ class Law:
 
     def without(self, where: NDArray[np.bool_], reason: Reason) -> "Law":
         """Return the law without readings where `where` (n, m) holds, with their reason."""
-        hit = where & (self.reason == Reason.VALID)
+        reasons = self.reason.copy()
+        reasons[where & (reasons == Reason.VALID)] = reason
         return dataclasses.replace(
-            self,
-            mean_mm=np.where(where, np.nan, self.mean_mm),
-            reason=np.where(hit, np.uint8(reason), self.reason),
+            self, mean_mm=np.where(where, np.nan, self.mean_mm), reason=reasons
         )
 
     def biased(self, by_mm: Floats) -> "Law":

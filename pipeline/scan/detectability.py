@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft2, next_fast_len, rfft2
-from scipy.ndimage import find_objects
 
+from pipeline.scan.labels import boxes_of
 from sensors.law import Law, smoothed
 from sensors.noise.correlation import speckle_kernel
 from sensors.noise.perlin import grid_pitch
@@ -155,10 +155,9 @@ def evidence_of(
     the two parts returns. `ideal_mm` and `clean_mm` are the noise-free depths of the flawed and of
     the unflawed part; the view gives the grid of the scan, by its poses and rays.
     """
-    boxes = find_objects(instance, max_label=flaws)
     found: list[Evidence | None] = [None]
     matched: MatchedFilter | None = None
-    for number, box in enumerate(boxes, start=1):
+    for number, box in enumerate(boxes_of(instance, flaws), start=1):
         if box is None:
             found.append(None)
             continue

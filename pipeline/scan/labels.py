@@ -119,6 +119,22 @@ def _places(instance: NDArray[np.uint16]) -> tuple[Counts, Counts]:
     return np.divmod(np.flatnonzero(instance != 0), instance.shape[1])
 
 
+def boxes_of(instance: NDArray[np.uint16], flaws: int) -> list[tuple[slice, slice] | None]:
+    """Return the profiles and points between which each of the flaws lies; None without any."""
+    rows, columns = _places(instance)
+    number = instance[rows, columns]
+    boxes: list[tuple[slice, slice] | None] = []
+    for flaw in range(1, flaws + 1):
+        mine = np.flatnonzero(number == flaw)
+        if not mine.size:
+            boxes.append(None)
+            continue
+        first, last = (int(rows[mine[k]]) for k in (0, -1))
+        left, right = int(columns[mine].min()), int(columns[mine].max())
+        boxes.append((slice(first, last + 1), slice(left, right + 1)))
+    return boxes
+
+
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Tally:
     """Counts of a scan's flaws; arrays are by instance (k + 1,), 0 is no flaw.

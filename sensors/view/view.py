@@ -23,6 +23,7 @@ from sensors.view.mirror import Mirror, mirror, thickness_mm
 from sensors.view.poses import displaced, to_part, travel_steps_mm, travelled_mm, turn_to_part
 from sensors.view.view_cache import ViewCache
 from sensors.view.visibility import camera_visible, facing_camera
+from sensors.view.working_range import reasons
 
 if TYPE_CHECKING:
     from sensors.model import SensorModel
@@ -129,29 +130,26 @@ class View:
         return self.scene.cast(self.laser, self.poses)
 
     @cached_property
+    def reason(self) -> NDArray[np.uint8]:
+        """Reason of a missing reading by geometry alone, (n, m), see `Reason`."""
+        sheet = self.datasheet
+        found: NDArray[np.uint8] = reasons(
+            self.hits.depth_mm, sheet.depth_min_mm, sheet.depth_max_mm
+        )
+        return found
+
+    @cached_property
     def in_range(self) -> NDArray[np.bool_]:
         """Where geometry gives a reading: a hit within the working range, (n, m)."""
-        depth_mm = self.hits.depth_mm  # NaN compares as False
-        sheet = self.datasheet
-        inside = depth_mm >= sheet.depth_min_mm
-        inside &= depth_mm <= sheet.depth_max_mm
-        return inside
+        return np.asarray(self.reason == Reason.VALID)
 
     @cached_property
     def depth_mm(self) -> Floats:
         """Sensor z of the hit, (n, m) mm; NaN without a hit or outside the working range."""
-        inside, depth_mm = self.in_range, self.hits.depth_mm
-        if np.count_nonzero(inside) == inside.size - np.count_nonzero(np.isnan(depth_mm)):
-            return np.asarray(depth_mm)  # no hit is beyond: not copied, for the memory's sake
-        return np.where(inside, depth_mm, np.nan)
-
-    @cached_property
-    def reason(self) -> NDArray[np.uint8]:
-        """Reason of a missing reading by geometry alone, (n, m), see `Reason`."""
-        missing = np.isnan(self.hits.depth_mm)
-        reason = np.where(missing, np.uint8(Reason.NO_HIT), np.uint8(Reason.VALID))
-        reason[~self.in_range & ~missing] = Reason.OUT_OF_RANGE
-        return reason
+        depth_mm = self.hits.depth_mm
+        beyond = self.reason == Reason.OUT_OF_RANGE
+        # without a hit beyond the range not copied, for the memory's sake
+        return np.where(beyond, np.nan, depth_mm) if beyond.any() else np.asarray(depth_mm)
 
     @property
     def triangle(self) -> NDArray[np.int32]:

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.ndimage import find_objects
 
-from pipeline.scan.labels import cross_boxes, tally
+from pipeline.scan.labels import boxes_of, cross_boxes, differ, flaws_hit, tally
 
 BOX = np.array([[[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]]])
 
@@ -70,6 +71,24 @@ def test_a_tally_is_what_numpy_counts():
         off = (depth - clean)[instance == number] / 0.02
         expected = np.sqrt(np.nanmean(off**2))
         assert seen.deviation_over_noise[number] == pytest.approx(expected, rel=1e-12)
+
+
+def test_boxes_hold_all_points_of_a_flaw():
+    rng = np.random.default_rng(6)
+    instance = np.where(rng.random((30, 40)) < 0.01, rng.integers(1, 5, (30, 40)), 0)
+    instance[instance == 2] = 0  # a flaw that isn't seen
+    boxes = boxes_of(instance.astype(np.uint16), 5)
+    assert boxes == find_objects(instance, max_label=5)
+    assert boxes[1] is None
+
+
+def test_a_point_is_of_the_flaw_whose_face_it_hits_or_whose_cut_it_misses():
+    triangle = np.array([[0, 1, -1, 1, 0]], np.int32)
+    instance = flaws_hit(triangle, np.array([0, 7], np.uint16))
+    assert instance.tolist() == [[0, 7, 0, 7, 0]]
+    depth, clean = np.array([[1, 2, np.nan, 2, 1.5]]), np.array([[1, 1, 1, np.nan, 1]])
+    moved = differ(instance, depth, clean, 1e-6)
+    assert moved.tolist() == [[False, False, True, False, True]]
 
 
 def test_empty_labels_take_no_place_on_disk(once):
