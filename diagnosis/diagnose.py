@@ -1,12 +1,13 @@
 """The whole diagnosis: register, calibrate, detect, explain, judge, locate."""
 
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from diagnosis.claims.mounting import blurs, mounted
 from diagnosis.claims.repeats_and_steps import delivered
+from diagnosis.claims.stuck_bit import stuck_bit
 from diagnosis.claims.surface_texture import texture
 from diagnosis.claims.translucency import averaged_grain, sunken
 from diagnosis.diagnosis import Diagnosis
@@ -27,6 +28,7 @@ from diagnosis.validate.found_effects import FoundEffect, at_limits, found_effec
 from diagnosis.validate.heldout import Judgement, judge
 from diagnosis.validate.placement_candidates import Candidates, Placed, candidates_of
 from sensors.datasheet import Datasheet
+from sensors.effects import CATALOGUE
 from sensors.effects.axis_quantisation import AxisQuantisation
 from sensors.effects.form_error import FormError
 
@@ -60,8 +62,14 @@ def diagnose(
     )
     for coarse in (f.effect for f in by_form if isinstance(f.effect, AxisQuantisation)):
         ready = ready.in_steps(1e-3 * coarse.step_um)
+    stuck = stuck_bit(ready.patches, ready.noise)
+    if stuck is not None:
+        # the noise is folded and the mean a saw: what goes with them has no other cause
+        withheld |= CATALOGUE.keys()
     known = population()
     explanation = explain(ready, known, withheld=withheld, notes=notes, progress=progress)
+    if stuck is not None:
+        explanation = replace(explanation, unexplained=(stuck, *explanation.unexplained))
     progress("judging on held-out readings")
     explanation, judged, against_claims = _standing(ready, explanation, withheld, notes)
     against_claims += [f for f in by_form if f.name not in withheld]

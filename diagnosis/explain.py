@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.claims.outliers_of_one_size import one_size_mm
 from diagnosis.claims.plate_noise import levels_of_each
 from diagnosis.components.component import Component
 from diagnosis.data.patch import Patch
@@ -163,7 +164,8 @@ def explain(
     channels = _channels(state, noise, baseline_channels)
     of_rates = assessed_rates(channels, scales, withheld=withheld)
     named, nameless = reported(of_rates)
-    new = not_yet_named(named, state.names)
+    new, alike = _by_chance(not_yet_named(named, state.names), state, noise)
+    nameless = [*alike, *nameless]
     if new:
         state = _with_rates(state, new, noise, notes, progress)
         shares = explained_shares(of_rates.rates, _channels(state, noise, baseline_channels))
@@ -288,6 +290,19 @@ def _channels(
     patches = fitted_part(state.patches, noise).patches
     channels = channels_seen(patches, noise, state.model, state.first)
     return beside_baselines(channels, baseline_channels) if baseline_channels else channels
+
+
+def _by_chance(
+    new: Sequence[Cause], state: _State, noise: NoiseModel
+) -> tuple[Sequence[Cause], list[Unexplained]]:
+    """Take the names of outliers back that all lie equally far off: no chance makes such."""
+    outliers = [c for c in new if c.channel == "outliers"]
+    off = one_size_mm(fitted_part(state.patches, noise), state.model) if outliers else None
+    if off is None:
+        return new, []
+    what = f"outliers that all lie {1e3 * off:+.0f} µm off"
+    alike = [replace(c.unnamed(), component=what) for c in outliers]
+    return [c for c in new if c not in outliers], alike
 
 
 def _explained(
