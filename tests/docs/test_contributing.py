@@ -1,6 +1,7 @@
 """CONTRIBUTING.md alone is enough: its flaw, sensor, effect and export are added and used."""
 
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -65,6 +66,8 @@ def test_the_page_s_additions_work(tmp_path: Path) -> None:
     for file, before, line in LINES:
         insert(home / file, before, line)
     BLOCKS.run(PAGE, home, home)
+    files = [b.file for b in BLOCKS.blocks(PAGE) if b.file.endswith(".py")]
+    subprocess.run([sys.executable, "-m", "ruff", "check", *files], cwd=home, check=True)
 
 
 def test_nothing_in_the_diagnosis_is_edited() -> None:
