@@ -61,8 +61,8 @@ def test_what_was_scanned_is_let_go(recipe_path, tmp_path):
         gc.collect()
         things = gc.get_objects()
         return (
-            sum(isinstance(thing, Specimen) for thing in things),
-            sum(isinstance(thing, Scan) for thing in things),
+            sum(type(thing) is Specimen for thing in things),
+            sum(type(thing) is Scan for thing in things),
         )
 
     shards = shards_of(recipe_path, tmp_path / "out", "specimens: 5\nscans_per_shard: 1\n")
