@@ -54,7 +54,8 @@ lint: $(DEV)
 	$(BIN)/mypy
 
 # Side by side with the peers, on an idle machine: half an hour. One section again:
-# python -m benchmarks --only datasets (or scans, waits, casting, growth, noise).
+# python -m benchmarks --only datasets (or scans, waits, casting, growth, noise). Far hosts, which
+# need root and sshfs: python -m benchmarks.cluster --write docs/scaling.md.
 bench: $(PEERS)
 	$(BIN)/python -m benchmarks
 

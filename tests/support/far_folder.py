@@ -5,7 +5,9 @@ so that the mount ends with the process, however it ends. There is no encryption
 does by default, names and attributes for up to 20 s.
 """
 
+import os
 import shutil
+import signal
 import subprocess
 import time
 from collections.abc import Iterator
@@ -56,12 +58,13 @@ def far_folder(server: Host, folder: Path, path: Path) -> Iterator[FarFolder]:
     program = next(one for one in SERVERS if Path(one).exists())
     process = subprocess.Popen(
         server.words("socat", f"TCP-LISTEN:{PORT},bind={server.address},fork,reuseaddr,nodelay",
-                     f"EXEC:{program}")
+                     f"EXEC:{program}"),
+        start_new_session=True,  # a group of its own, with a process for each connection
     )  # fmt: skip
     try:
         time.sleep(0.5)
         assert process.poll() is None, "socat ended"
         yield FarFolder(server=server, folder=folder, path=path)
     finally:
-        process.terminate()
+        os.killpg(process.pid, signal.SIGTERM)
         process.wait(30)
