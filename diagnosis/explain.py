@@ -210,8 +210,8 @@ def _further(
     ws = fitted_part(patches, noise)
     if _is_law(new[0]):
         laws = _laws_of(state, found)
-        ordinary = _against_good(found)
-        named_by_law, gain, known = among_laws(new[0], laws, ordinary, ws, state.model)
+        spans = _gains_of_spans(found)
+        named_by_law, gain, known = among_laws(new[0], laws, spans, ws, state.model)
         if state.gained > 0 and gain <= SETTINGS.doubt_of_laws * state.gained:
             # no more than what a law at edges leaves where its formula is another
             return replace(state, refuted=state.refuted | {new[0].name, *(c.effect for c in laws)})
@@ -229,13 +229,13 @@ def _further(
     return replace(again, explained=explained, gained=state.gained + gain)
 
 
-def _against_good(found: Assessment) -> dict[str, float]:
-    """Log odds of each law at edges in the place of one that stands out, against none at all."""
+def _gains_of_spans(found: Assessment) -> dict[str, float]:
+    """What the span of each law's grid gains in the place of one that stands out, nats."""
     out: dict[str, float] = {}
     for member in (m for m in found.mean if m.candidate.component.relaxed.spanned):
-        for name, odds in member.odds.items():
+        for name, gain in member.gains.items():
             effect = found.effects["mean"].get(name, "")
-            out[effect] = max(odds, out.get(effect, -np.inf))
+            out[effect] = max(gain, out.get(effect, 0.0))
     return out
 
 

@@ -1,5 +1,6 @@
 """The full laws of named causes, fitted on the readings from where their components point."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -103,7 +104,7 @@ def strongest_law(causes: Sequence[Cause], ws: Workspace, model: Model) -> Cause
 def among_laws(
     cause: Cause,
     others: Sequence[Component],
-    ordinary: Mapping[str, float],
+    spans: Mapping[str, float],
     ws: Workspace,
     model: Model,
 ) -> tuple[Cause, float, dict[str, Fitted]]:
@@ -111,19 +112,20 @@ def among_laws(
 
     A law at points of its grid isn't the law: what several laws at edges do there is alike. Each is
     fitted; a law of another formula than nature's falls short by a share of what it gains, so that
-    gains which differ by less tell nothing. What a good instrument has of a law, too, is no cause
-    of what stands out.
+    gains which differ by less tell nothing. What stands out is the mean: where the span of a law's
+    grid gains little by its change of the mean, what the law gains more is by its noise or losses.
 
     Parameters
     ----------
     others : components of the other laws that may be in its place
-    ordinary : log odds of each law as it was weighed, where a good instrument is the likelier
+    spans : what the span of each law's grid gains by the mean, on all readings of `ws`, nats
 
     Returns
     -------
     the cause, what its law gains, nats, and the laws as they are fitted
     """
     few = ws.thin(SETTINGS.fitted_readings)
+    looked_at = few.count() / max(ws.count(), 1)
     components = {c.effect: c for c in (cause.component, *others) if c is not None}
 
     def law(name: str, *, polish: bool) -> Fitted | None:
@@ -136,15 +138,15 @@ def among_laws(
         most = max((f.gain for f in fitted.values()), default=0.0)
         if name == cause.name or rough[name].gain > PROMISING * most:
             fitted[name] = law(name, polish=True) or rough[name]
-    gains = {n: f.gain - f.free for n, f in fitted.items()}
+    most = looked_at / SETTINGS.explained_share
+    gains = {
+        n: min(f.gain, most * spans.get(n, math.inf)) - f.free for n, f in fitted.items()
+    }
     best = max(gains.values(), default=0.0)
     if gains.get(cause.name, 0.0) <= 0:
         return cause, 0.0, fitted  # its own law does nothing: no other stands in for it
     apart = 1.0 + SETTINGS.doubt_of_laws * best
-    likely = {
-        name: np.exp((gain - best) / apart + min(ordinary.get(name, 0.0), 0.0))
-        for name, gain in gains.items()
-    }
+    likely = {name: np.exp((gain - best) / apart) for name, gain in gains.items()}
     named = {cause.name: cause.probability, **dict(cause.alternatives)}
     together = sum(p for n, p in named.items() if n in components)
     total = sum(likely.values())
