@@ -63,7 +63,8 @@ def factors_of(folder: Path) -> dict[str, np.ndarray]:
 def _factors(ready: Prepared) -> dict[str, np.ndarray]:
     patches = [p for p in ready.patches if p.fit.any()]
     one = seen(patches, ready.noise, Model())
-    found = mean_factors(one) | rate_factors(channels_seen(patches, ready.noise, Model(), one))
+    channels = channels_seen(patches, ready.noise, Model(), one)
+    found = mean_factors(one) | rate_factors(channels.values())
     if ready.nominal is not None:
         ws = Workspace.build(patches, ready.noise)
         change = level_change(ws, Model(), ready.nominal.sd_mm)

@@ -14,7 +14,8 @@ from diagnosis.diagnosis import Diagnosis
 from diagnosis.discrepancy.population import population
 from diagnosis.evidence.next_scan import next_scans
 from diagnosis.evidence.reported_causes import Cause
-from diagnosis.explain import Explanation, explain
+from diagnosis.explain import explain
+from diagnosis.explanation import Explanation
 from diagnosis.localise.maps import RecordingMaps, map_recording
 from diagnosis.localise.residual_structure import residual_structure
 from diagnosis.model.edge_shrinkage import shrunk_at_edges

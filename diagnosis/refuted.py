@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from diagnosis.components.free_curve import Curve
-from diagnosis.explain import Explanation, fitted_part
+from diagnosis.explanation import Explanation, fitted_part
 from diagnosis.model.model import Model
 from diagnosis.physics.remainder import curves_of, is_curve
 from diagnosis.prepare import Prepared

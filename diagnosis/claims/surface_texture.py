@@ -31,7 +31,7 @@ from sensors.effects.roughness_level import RoughnessLevel
 from sensors.noise.uncertainty import sigma_mm
 
 if TYPE_CHECKING:
-    from diagnosis.explain import Explanation
+    from diagnosis.explanation import Explanation
     from diagnosis.prepare import Prepared
 
 SURELY_LESS = 0.75

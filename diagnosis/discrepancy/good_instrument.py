@@ -4,7 +4,7 @@ Told by the population of good instruments, by the kind that its recordings show
 baselines.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +66,7 @@ def mean_factors(one: Seen) -> dict[str, Floats]:
     return out
 
 
-def rate_factors(channels: Sequence[Channel]) -> dict[str, Floats]:
+def rate_factors(channels: Iterable[Channel]) -> dict[str, Floats]:
     """Return the same of the scale, the losses and the outliers."""
     out: dict[str, Floats] = {}
     for channel in channels:

@@ -82,8 +82,16 @@ def seen(
 
 def channels_seen(
     patches: Sequence[Patch], noise: NoiseModel, model: Model, like: Seen
-) -> tuple[Channel, ...]:
-    """Look at the scale, the losses and the outliers, where there is something to see.
+) -> dict[str, Channel]:
+    """Look at the noise, the losses and the outliers, where there is something to see, by name."""
+    made = {name: channel_seen(name, patches, noise, model, like) for name in RATES}
+    return {name: channel for name, channel in made.items() if channel is not None}
+
+
+def channel_seen(
+    name: str, patches: Sequence[Patch], noise: NoiseModel, model: Model, like: Seen
+) -> Channel | None:
+    """Look at one of them under a model.
 
     Parameters
     ----------
@@ -91,6 +99,4 @@ def channels_seen(
     """
     ws = Workspace.build(patches, noise)
     laws = ws.predict(model)
-    states = ws.states(laws)
-    made = (channel_of(n, patches, laws, states, like.ranges, noise) for n in RATES)
-    return tuple(c for c in made if c is not None)
+    return channel_of(name, patches, laws, ws.states(laws), like.ranges, noise)

@@ -8,7 +8,7 @@ import pytest
 
 from diagnosis.diagnose import gained
 from diagnosis.diagnosis import Diagnosis
-from diagnosis.explain import fitted_part
+from diagnosis.explanation import fitted_part
 from diagnosis.model.model import Model
 from diagnosis.prepare import Inputs, prepared
 from files.errors import RecipeError

@@ -5,7 +5,8 @@ from typing import Any
 import pytest
 
 from diagnosis.discrepancy.population import population
-from diagnosis.explain import Explanation, explain, fitted_part
+from diagnosis.explain import explain
+from diagnosis.explanation import Explanation, fitted_part
 from diagnosis.model.model import Model
 from diagnosis.prepare import Prepared
 from diagnosis.refuted import with_free_curves, without_names

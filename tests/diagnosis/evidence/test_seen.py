@@ -43,4 +43,4 @@ def test_baselines_stand_in_the_same_columns(bowed: Prepared, now: Seen) -> None
 
 def test_channels_are_those_with_something_to_see(bowed: Prepared, now: Seen) -> None:
     channels = channels_seen(bowed.patches[:1], bowed.noise, Model(), now)
-    assert [c.name for c in channels] == ["scale", "missing", "outliers"]
+    assert [*channels] == ["scale", "missing", "outliers"]

@@ -1,0 +1,121 @@
+"""An explanation, in the making and as it stands: causes, their model, and where recordings lie."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from diagnosis.data.patch import Patch
+from diagnosis.data.recorded import Recorded
+from diagnosis.evidence.mean_causes import Member
+from diagnosis.evidence.reported_causes import Cause, Unexplained
+from diagnosis.evidence.seen import Seen
+from diagnosis.fields import Field
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
+from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.physics.assumed_camera import assumed_sheets, seen_by
+from diagnosis.physics.joint_fit import fit_laws
+from diagnosis.register.placement import Placement
+from diagnosis.reregister.reregistration import log_density
+from diagnosis.settings import SETTINGS
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Explanation:
+    """What was found, and the patches at their placement under it.
+
+    Attributes
+    ----------
+    causes : catalogued, strongest first
+    unexplained : components that no catalogued effect claims
+    first, members : the recordings as they were seen under the nominal model, and the mean's
+        causes as they were weighed then
+    scales : what a good instrument has of each component
+    """
+
+    model: Model
+    causes: tuple[Cause, ...]
+    unexplained: tuple[Unexplained, ...]
+    patches: tuple[Patch, ...]
+    placed: Mapping[str, Placement]
+    recorded: Recorded
+    ws: Workspace
+    first: Seen
+    members: tuple[Member, ...]
+    scales: Mapping[str, Field]
+
+    @property
+    def held(self) -> list[Patch]:
+        """Patches with readings that nothing was fitted to."""
+        return [p for p in self.patches if p.scored.any()]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class State:
+    """How far the explanation has come.
+
+    Attributes
+    ----------
+    first, now : recordings under the nominal model, and under the model
+    before : baselines, while the model is nominal
+    explained : whitened rms of what the laws explain
+    gained : what laws of light at edges gain, nats
+    refuted : effects whose laws, fitted, do nothing here: what goes with them is a remainder
+    """
+
+    recorded: Recorded
+    patches: Sequence[Patch]
+    placed: Mapping[str, Placement]
+    model: Model
+    causes: tuple[Cause, ...]
+    first: Seen
+    now: Seen
+    before: Seen | None
+    explained: float = 0.0
+    gained: float = 0.0
+    refuted: frozenset[str] = frozenset()
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the causes."""
+        return [c.name for c in self.causes]
+
+
+def fitted_part(patches: Sequence[Patch], noise: NoiseModel) -> Workspace:
+    """Return a workspace of the patches that may be fitted."""
+    return Workspace.build([p for p in patches if p.fit.any()], noise)
+
+
+def completed(
+    recorded: Recorded,
+    patches: Sequence[Patch],
+    causes: Sequence[Cause],
+    noise: NoiseModel,
+    model: Model,
+    notes: list[str],
+) -> tuple[Recorded, Sequence[Patch]]:
+    """Complete the sensor's file where a named cause's law needs what it leaves out.
+
+    Each completion is tried with the new laws at the points of their grids; the one under which the
+    readings are most probable stands. What was found before needed none of it.
+    """
+    sheets = assumed_sheets(recorded.datasheet, causes)
+    if len(sheets) == 1:
+        return recorded, patches
+    best = None
+    for sheet in sheets:
+        views = seen_by(patches, sheet)
+        ws = fitted_part(views, noise).thin(SETTINGS.fitted_readings)
+        trial, _ = fit_laws(causes, ws, model, polish=False)
+        density = log_density(ws.patches, noise, trial)
+        if best is None or density > best[0]:
+            best = density, sheet, views
+    assert best is not None
+    _, sheet, views = best
+    notes.append(
+        "the sensor's file states no triangulation angle: of those tried, "
+        f"{sheet.triangulation_angle_deg:g}° with the camera at {sheet.camera_side} suits the "
+        "readings best"
+    )
+    return replace(recorded, datasheet=sheet), views
