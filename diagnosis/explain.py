@@ -1,7 +1,7 @@
 """Explanation: causes by evidence, their laws, registration under them, unexplained components."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -79,6 +79,7 @@ def explain(
     )  # fmt: skip
     members: tuple[Member, ...] = ()
     unexplained: list[Unexplained] = []
+    before_law: _BeforeLaw | None = None
     for _ in range(SETTINGS.rounds):
         found = assessed_mean(
             state.now, scales, state.before, withheld=withheld, refuted=state.refuted,
@@ -88,10 +89,14 @@ def explain(
             members = found.mean
             if any(m.candidate.component.placement for m in members):
                 notes.append(TRAVEL_OFF)
+        if before_law is not None and before_law.still_stands_out(found):
+            state, before_law = before_law.refuting(state.names[-1]), None
+            continue
         named, unexplained = reported(found)
         further = _further(state, found, named, noise, notes, progress)
         if further is None:
             break
+        before_law = _before_law(state, found, further)
         state = further
     state, of_rates = explain_rates(
         state, baseline_channels, scales, noise, withheld=withheld, notes=notes, progress=progress
@@ -101,6 +106,33 @@ def explain(
         patches=tuple(state.patches), placed=state.placed, recorded=state.recorded,
         ws=fitted_part(state.patches, noise), first=first, members=members, scales=scales,
     )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class _BeforeLaw:
+    """How far the explanation was before a law at edges, and the member that it is to explain."""
+
+    state: State
+    member: Member
+
+    def still_stands_out(self, found: Assessment) -> bool:
+        """Whether most of what the member gained is there beside the law."""
+        name, left = self.member.candidate.name, 1.0 - SETTINGS.explained_share
+        return any(
+            m.candidate.name == name and m.gain > left * self.member.gain for m in found.mean
+        )
+
+    def refuting(self, name: str) -> State:
+        """Return the state of before, without the law and the one that the member stands for."""
+        effects = {name, self.member.candidate.effect}
+        return replace(self.state, refuted=self.state.refuted | effects)
+
+
+def _before_law(state: State, found: Assessment, further: State) -> _BeforeLaw | None:
+    """Remember what a law at edges was found by; None where none was added."""
+    spanned = [m for m in found.mean if m.candidate.component.relaxed.spanned]
+    added = len(further.causes) > len(state.causes) and _is_law(further.causes[-1])
+    return _BeforeLaw(state=state, member=spanned[-1]) if added and spanned else None
 
 
 def _further(
@@ -135,8 +167,7 @@ def _further(
     ws = fitted_part(patches, noise)
     if _is_law(new[0]):
         laws = _laws_of(state, found)
-        spans = _gains_of_spans(found)
-        named_by_law, gain, known = among_laws(new[0], laws, spans, ws, state.model)
+        named_by_law, gain, known = among_laws(new[0], laws, ws, state.model)
         if state.gained > 0 and gain <= SETTINGS.doubt_of_laws * state.gained:
             # no more than what a law at edges leaves where its formula is another
             return replace(state, refuted=state.refuted | {new[0].name, *(c.effect for c in laws)})
@@ -152,16 +183,6 @@ def _further(
             return without
     again = _seen_again(state, model, (*state.causes, *new), noise)
     return replace(again, explained=explained, gained=state.gained + gain)
-
-
-def _gains_of_spans(found: Assessment) -> dict[str, float]:
-    """Return what the span of each law's grid gains in place of one that stands out, nats."""
-    out: dict[str, float] = {}
-    for member in (m for m in found.mean if m.candidate.component.relaxed.spanned):
-        for name, gain in member.gains.items():
-            effect = found.effects["mean"].get(name, "")
-            out[effect] = max(gain, out.get(effect, 0.0))
-    return out
 
 
 def _laws_of(state: State, found: Assessment) -> list[Component]:

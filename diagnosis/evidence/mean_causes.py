@@ -65,8 +65,7 @@ class Member:
     ----------
     variant, size : most probable form, and its size (whitened rms)
     nats : log Bayes factor against its absence
-    gains : by how much the most probable coefficients of each candidate make the readings more
-        probable, nats, by name
+    gain : by how much its most probable coefficients make the readings more probable, nats
     odds : log odds of each candidate in its place, by name, against none at all, which is ""
     coefficients : most probable ones of the candidate's columns, beside the other members
     """
@@ -75,14 +74,9 @@ class Member:
     variant: int
     size: float
     nats: float
-    gains: Mapping[str, float]
+    gain: float
     odds: Mapping[str, float]
     coefficients: Floats
-
-    @property
-    def gain(self) -> float:
-        """By how much the candidate itself makes the readings more probable, nats."""
-        return self.gains[self.candidate.name]
 
     @property
     def shares(self) -> dict[str, float]:
@@ -102,16 +96,9 @@ Active = tuple[Candidate, int, float]
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Weighed:
-    """A candidate beside a set: log Bayes factor and most probable form.
-
-    Attributes
-    ----------
-    nats : against a good instrument
-    gain : by how much its most probable coefficients make the readings more probable
-    """
+    """A candidate beside a set: log Bayes factor and most probable form."""
 
     nats: float
-    gain: float
     variant: int
     size: float
 
@@ -184,21 +171,17 @@ class CauseSearch:
         its recordings share changes by no more than it departs.
         """
         sizes = self.scales.sizes
-        found: dict[str, tuple[float, float, int, float]] = {}
+        found: dict[str, tuple[float, int, float]] = {}
         nothing = 0.0
         for c in candidates:
-            cavity = posteriors[c.at_edges].cavity(Term(at=c.at))
-            factors, usual = c.log_factors(cavity, sizes)
+            factors, usual = c.log_factors(posteriors[c.at_edges].cavity(Term(at=c.at)), sizes)
             quiet = np.log(np.maximum(self.scales.of(c.key), 1e-300))
             nothing = max(nothing, float(logsumexp(usual + quiet)))
             variant, k = np.unravel_index(int(np.argmax(factors)), factors.shape)
             nats = float(logsumexp(usual + np.log(self.scales.changed(c.key))))
-            shape = c.shapes[variant]
-            gain = (cavity if shape is None else cavity.combined(shape)).gain(sizes[k])
-            found[c.name] = nats, gain, int(variant), float(sizes[k])
+            found[c.name] = nats, int(variant), float(sizes[k])
         return {
-            n: Weighed(nats=nats - nothing, gain=gain, variant=v, size=s)
-            for n, (nats, gain, v, s) in found.items()
+            n: Weighed(nats=nats - nothing, variant=v, size=s) for n, (nats, v, s) in found.items()
         }
 
     def log_odds(self, candidate: Candidate) -> float:
@@ -250,12 +233,13 @@ class CauseSearch:
             rest = active[:i] + active[i + 1 :]
             taken = {(o.effect or o.name) for o, _, _ in rest}
             free = [o for o in self.candidates if (o.effect or o.name) not in taken]
-            weighed = self.weigh(self.posteriors(rest, [(c, v, s)]), free)
+            without = self.posteriors(rest, [(c, v, s)])
+            weighed = self.weigh(without, free)
             odds = {o.name: weighed[o.name].nats + self.log_odds(o) for o in free} | {"": 0.0}
             members.append(
                 Member(
                     candidate=c, variant=v, size=s, nats=weighed[c.name].nats, odds=odds,
-                    gains={n: w.gain for n, w in weighed.items()},
+                    gain=without[c.at_edges].cavity(c.term(v)).gain(s),
                     coefficients=whole[c.at_edges].coefficients()[c.at],
                 )  # fmt: skip
             )

@@ -126,9 +126,13 @@ class Workspace:
         ----------
         masks : the readings to place by instead
         """
-        predictions = self.predict(model)
+        return self._placed_by(self.predict(model), masks or self.masks())
+
+    def _placed_by(
+        self, predictions: Sequence[Prediction], masks: Sequence[Mask]
+    ) -> dict[int, Field]:
         raw = [whitened(p, q, self.noise) for p, q in zip(self.patches, predictions, strict=True)]
-        return placements(self.patches, raw, masks or self.masks())
+        return placements(self.patches, raw, masks)
 
     def masks_for(self, effect: Effect | type[Effect]) -> list[Mask]:
         """Return the readings on which an effect is fitted: bulk physics away from edges."""
@@ -140,11 +144,30 @@ class Workspace:
         self, model: Model, *, placements: Mapping[int, Field] | None = None
     ) -> list[Field]:
         """Log density of each reading of each patch, the placement refitted unless given."""
-        moved = self.placements(model) if placements is None else placements
+        return self._densities(self.predict(model), placements)
+
+    def _densities(
+        self, predictions: Sequence[Prediction], moved: Mapping[int, Field] | None = None
+    ) -> list[Field]:
+        if moved is None:
+            moved = self._placed_by(predictions, self.masks())
         return [
             log_density(p, q, self.noise, moved[p.recording])
-            for p, q in zip(self.patches, self.predict(model), strict=True)
+            for p, q in zip(self.patches, predictions, strict=True)
         ]
+
+    def gain_by_mean(
+        self, model: Model, effect: Effect, own: Mapping[int, Mapping[str, float]]
+    ) -> float:
+        """By how much an effect's mean makes the readings more probable, its noise given, nats."""
+        whole = self.predict(self.levelled(model.with_effect(effect, own)))
+        still = [
+            replace(q, mean_mm=np.where(np.isfinite(p.mean_mm), p.mean_mm, q.mean_mm))
+            for p, q in zip(self.predict(model), whole, strict=True)
+        ]
+        masks = self.masks_for(effect)
+        bent, plain = (self.block_scores(self._densities(q), masks).sum() for q in (whole, still))
+        return float(bent - plain)
 
     def block_scores(
         self, densities: Sequence[Field], masks: Sequence[Mask] | None = None

@@ -1,6 +1,5 @@
 """The full laws of named causes, fitted on the readings from where their components point."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -104,7 +103,6 @@ def strongest_law(causes: Sequence[Cause], ws: Workspace, model: Model) -> Cause
 def among_laws(
     cause: Cause,
     others: Sequence[Component],
-    spans: Mapping[str, float],
     ws: Workspace,
     model: Model,
 ) -> tuple[Cause, float, dict[str, Fitted]]:
@@ -112,20 +110,18 @@ def among_laws(
 
     A law at points of its grid isn't the law: what several laws at edges do there is alike. Each is
     fitted; a law of another formula than nature's falls short by a share of what it gains, so that
-    gains which differ by less tell nothing. What stands out is the mean: where the span of a law's
-    grid gains little by its change of the mean, what the law gains more is by its noise or losses.
+    gains which differ by less tell nothing. What stands out is the mean: what a law gains by its
+    noise or losses counts for no cause of that.
 
     Parameters
     ----------
     others : components of the other laws that may be in its place
-    spans : what the span of each law's grid gains by the mean, on all readings of `ws`, nats
 
     Returns
     -------
     the cause, what its law gains, nats, and the laws as they are fitted
     """
     few = ws.thin(SETTINGS.fitted_readings)
-    looked_at = few.count() / max(ws.count(), 1)
     components = {c.effect: c for c in (cause.component, *others) if c is not None}
 
     def law(name: str, *, polish: bool) -> Fitted | None:
@@ -138,9 +134,9 @@ def among_laws(
         most = max((f.gain for f in fitted.values()), default=0.0)
         if name == cause.name or rough[name].gain > PROMISING * most:
             fitted[name] = law(name, polish=True) or rough[name]
-    most = looked_at / SETTINGS.explained_share
     gains = {
-        n: min(f.gain, most * spans.get(n, math.inf)) - f.free for n, f in fitted.items()
+        n: min(f.gain, few.gain_by_mean(model, f.effect, f.own)) - f.free
+        for n, f in fitted.items()
     }
     best = max(gains.values(), default=0.0)
     if gains.get(cause.name, 0.0) <= 0:

@@ -8,8 +8,9 @@ import pytest
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from sensors.effects.incidence_noise import IncidenceNoise
+from sensors.effects.line_bow import LineBow
 from sensors.effects.stage_vibration import StageVibration
-from tests.support.effect_case import bench_workspace
+from tests.support.effect_case import bench_workspace, taken_with
 
 WAVE = StageVibration(amplitude_um=8.0, frequency_hz=7.0, phase_rad=0.3)
 
@@ -46,3 +47,17 @@ def test_a_thin_workspace_keeps_whole_profiles(ws: Workspace) -> None:
     thin = large.thin(total * 10)
     assert sum(p.depth_mm.size for p in thin.patches) <= total * 10
     assert {p.depth_mm.shape[1] for p in thin.patches} == {ws.patches[0].depth_mm.shape[1]}
+
+def test_a_gain_by_the_mean_leaves_the_noise_out() -> None:
+    """All of a bow's, and none of what changes the noise alone."""
+    bent = taken_with(bench_workspace("domes"), "domes", LineBow(sag_um=40.0))
+    bow, louder = LineBow(sag_um=40.0), IncidenceNoise(exponent=1.0)
+    whole = sum(
+        (with_bow - plain)[mask].sum()
+        for with_bow, plain, mask in zip(
+            bent.log_densities(Model().with_effect(bow)), bent.log_densities(Model()),
+            bent.masks_for(bow), strict=True,
+        )
+    )  # fmt: skip
+    assert bent.gain_by_mean(Model(), bow, {}) == pytest.approx(whole, rel=1e-6)
+    assert bent.gain_by_mean(Model(), louder, {}) == pytest.approx(0.0, abs=1e-6)

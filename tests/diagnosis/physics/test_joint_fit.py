@@ -27,7 +27,7 @@ def blurred() -> Workspace:
 
 
 def test_the_law_that_fits_is_named_whatever_span_was_weighed(blurred: Workspace) -> None:
-    cause, gain, _ = among_laws(named("finite_spot"), AT_EDGES, {}, blurred, Model())
+    cause, gain, _ = among_laws(named("finite_spot"), AT_EDGES, blurred, Model())
     assert cause.name == "finite_spot"
     assert gain > 50.0
     assert cause.nats == pytest.approx(gain)
@@ -35,19 +35,9 @@ def test_the_law_that_fits_is_named_whatever_span_was_weighed(blurred: Workspace
     assert cause.probability + sum(offered) == pytest.approx(0.9, abs=0.05)
 
 
-def test_a_law_counts_by_what_it_does_to_the_mean() -> None:
-    """What it gains besides, by noise at edges, is no reason to name it where the mean departs."""
-    steady = MotionBlur(exposure_ms=20.0, flicker=0.0, stamped="middle")
-    moved = taken_with(bench_workspace("steps"), "steps", steady)
-    laws = [c for c in components_of("mean") if c.effect in ("finite_spot", "motion_blur")]
-    for spans, name in (({}, "motion_blur"), ({"motion_blur": 10.0}, "finite_spot")):
-        cause, _, _ = among_laws(named("finite_spot"), laws, spans, moved, Model())
-        assert cause.name == name
-
-
 def test_no_law_stands_in_for_one_that_does_nothing() -> None:
     still = bench_workspace("domes")
-    cause, gain, _ = among_laws(named("interreflection"), AT_EDGES, {}, still, Model())
+    cause, gain, _ = among_laws(named("interreflection"), AT_EDGES, still, Model())
     assert (cause.name, gain) == ("interreflection", 0.0)
 
 
