@@ -110,7 +110,7 @@ def explain(
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class _BeforeLaw:
-    """How far the explanation was before a law at edges, and the member that it is to explain."""
+    """How far the explanation was before a law at edges, and another's member it is to explain."""
 
     state: State
     member: Member
@@ -129,10 +129,18 @@ class _BeforeLaw:
 
 
 def _before_law(state: State, found: Assessment, further: State) -> _BeforeLaw | None:
-    """Remember what a law at edges was found by; None where none was added."""
-    spanned = [m for m in found.mean if m.candidate.component.relaxed.spanned]
-    added = len(further.causes) > len(state.causes) and _is_law(further.causes[-1])
-    return _BeforeLaw(state=state, member=spanned[-1]) if added and spanned else None
+    """Remember by which other law's member a law at edges was found; None where there is none.
+
+    What stands for a law itself is explained as far as the law gains.
+    """
+    if len(further.causes) == len(state.causes) or not _is_law(further.causes[-1]):
+        return None
+    name = further.causes[-1].name
+    others = [
+        m for m in found.mean
+        if m.candidate.component.relaxed.spanned and m.candidate.effect != name
+    ]  # fmt: skip
+    return _BeforeLaw(state=state, member=others[-1]) if others else None
 
 
 def _further(
