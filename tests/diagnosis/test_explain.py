@@ -9,7 +9,6 @@ from diagnosis.explain import explain
 from diagnosis.explanation import Explanation, fitted_part
 from diagnosis.model.model import Model
 from diagnosis.prepare import Prepared
-from diagnosis.refuted import with_free_curves, without_names
 from sensors.effects.line_bow import LineBow
 from tests.support.prepared_parts import ready
 
@@ -65,35 +64,3 @@ def test_what_is_withheld_is_left_without_a_name(bent: Prepared) -> None:
     nameless = explained(bent, withheld=every)
     assert not {c.name for c in nameless.causes} & every
     assert nameless.causes or nameless.unexplained
-
-
-def test_a_curve_in_place_of_a_law_explains_as_much_and_keeps_the_name(
-    bent: Prepared, found: Explanation
-) -> None:
-    instead = with_free_curves(found, bent)
-    assert instead.model.effects == ()
-    assert {p.component.effect for p in instead.model.curve.parts} == {"line_bow"}
-    assert [c.name for c in instead.causes] == ["line_bow"]
-    assert "refuted" in instead.causes[0].doubt
-    law, curve, nothing = (
-        float(sum(d.sum() for d in ws.log_densities(model)))
-        for ws, model in (
-            (found.ws, found.model), (instead.ws, instead.model), (instead.ws, Model()),
-        )
-    )  # fmt: skip
-    assert curve - nothing == pytest.approx(law - nothing, rel=0.02)
-
-
-def test_laws_taken_back_leave_their_components_without_a_name(
-    bent: Prepared, found: Explanation
-) -> None:
-    back = without_names(found, bent)
-    assert back.causes == ()
-    assert back.model.is_nominal
-    assert back.placed is bent.placed
-    (cause,), unexplained = found.causes, back.unexplained[0]
-    assert (unexplained.nats, unexplained.size, unexplained.probability) == (
-        cause.nats, cause.size, cause.probability
-    )  # fmt: skip
-    assert cause.component is not None
-    assert unexplained.relaxed == cause.component.relaxed

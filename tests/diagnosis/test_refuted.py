@@ -1,0 +1,54 @@
+"""Laws that held-out readings refute: curves in their place, or components without a name."""
+
+import pytest
+
+from diagnosis.discrepancy.population import population
+from diagnosis.explain import explain
+from diagnosis.explanation import Explanation
+from diagnosis.model.model import Model
+from diagnosis.prepare import Prepared
+from diagnosis.refuted import with_free_curves, without_names
+from tests.support.prepared_parts import ready
+
+
+@pytest.fixture(scope="module")
+def bent() -> Prepared:
+    """Domes by a line that is bowed by four times the noise."""
+    return ready([{"name": "line_bow", "sag_um": 40.0}], 7)
+
+
+@pytest.fixture(scope="module")
+def found(bent: Prepared) -> Explanation:
+    return explain(bent, population(), notes=[], progress=lambda _: None)
+
+
+def test_a_curve_in_place_of_a_law_explains_as_much_and_keeps_the_name(
+    bent: Prepared, found: Explanation
+) -> None:
+    instead = with_free_curves(found, bent)
+    assert instead.model.effects == ()
+    assert {p.component.effect for p in instead.model.curve.parts} == {"line_bow"}
+    assert [c.name for c in instead.causes] == ["line_bow"]
+    assert "refuted" in instead.causes[0].doubt
+    law, curve, nothing = (
+        float(sum(d.sum() for d in ws.log_densities(model)))
+        for ws, model in (
+            (found.ws, found.model), (instead.ws, instead.model), (instead.ws, Model()),
+        )
+    )  # fmt: skip
+    assert curve - nothing == pytest.approx(law - nothing, rel=0.02)
+
+
+def test_laws_taken_back_leave_their_components_without_a_name(
+    bent: Prepared, found: Explanation
+) -> None:
+    back = without_names(found, bent)
+    assert back.causes == ()
+    assert back.model.is_nominal
+    assert back.placed is bent.placed
+    (cause,), unexplained = found.causes, back.unexplained[0]
+    assert (unexplained.nats, unexplained.size, unexplained.probability) == (
+        cause.nats, cause.size, cause.probability
+    )  # fmt: skip
+    assert cause.component is not None
+    assert unexplained.relaxed == cause.component.relaxed
