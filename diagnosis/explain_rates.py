@@ -12,7 +12,13 @@ from diagnosis.evidence.assess import assessed_rates
 from diagnosis.evidence.explained_rates import explained_shares
 from diagnosis.evidence.noise_and_loss_baselines import beside_baselines
 from diagnosis.evidence.noise_and_loss_channels import Channel
-from diagnosis.evidence.reported_causes import Cause, Unexplained, not_yet_named, reported
+from diagnosis.evidence.reported_causes import (
+    Cause,
+    Unexplained,
+    not_yet_named,
+    reported,
+    unnamed,
+)
 from diagnosis.evidence.seen import channel_seen
 from diagnosis.explanation import Progress, State, completed, fitted_part
 from diagnosis.fields import Field
@@ -58,8 +64,8 @@ def explain_rates(
             state = _with_law(state, new[0], noise, notes, progress)
             channels = _seen(name, state, baseline_channels, noise)
             state, strange = _explained(state, new[0], explained_shares(found.rates, channels))
-            if strange is not None:
-                nameless = [strange, *nameless]
+            if new[0].name not in state.names:
+                nameless = [*strange, *nameless]
                 break
         unexplained += [*alike, *nameless]
     return state, unexplained
@@ -110,7 +116,7 @@ def _by_chance(
 
 def _explained(
     state: State, new: Cause, shares: Mapping[tuple[str, str], float]
-) -> tuple[State, Unexplained | None]:
+) -> tuple[State, list[Unexplained]]:
     """Take a name back whose law explains little of what it was named by.
 
     Parameters
@@ -118,7 +124,7 @@ def _explained(
     shares : by channel and name, what the laws explain of the gain of their components
     """
     if shares.get((new.channel, new.name), 1.0) >= SETTINGS.explained_share:
-        return state, None
+        return state, []
     causes = tuple(c for c in state.causes if c.name != new.name)
-    model = state.model.without(new.name)
-    return replace(state, model=model, causes=causes), new.unnamed()
+    state = replace(state, model=state.model.without(new.name), causes=causes)
+    return state, unnamed([new])

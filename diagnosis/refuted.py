@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from diagnosis.components.free_curve import Curve
+from diagnosis.evidence.reported_causes import unnamed
 from diagnosis.explanation import Explanation, fitted_part
 from diagnosis.model.model import Model
 from diagnosis.physics.remainder import curves_of, is_curve
@@ -35,8 +36,8 @@ def with_free_curves(explanation: Explanation, ready: Prepared) -> Explanation:
 
 def without_names(explanation: Explanation, ready: Prepared) -> Explanation:
     """Take all laws back: what their components show has no name."""
-    nameless = (c.unnamed() for c in explanation.causes)
     return replace(
-        explanation, model=Model(), causes=(), unexplained=(*nameless, *explanation.unexplained),
+        explanation, model=Model(), causes=(),
+        unexplained=(*unnamed(explanation.causes), *explanation.unexplained),
         patches=ready.patches, placed=ready.placed, ws=fitted_part(ready.patches, ready.noise),
     )  # fmt: skip

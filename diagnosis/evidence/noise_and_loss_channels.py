@@ -1,6 +1,7 @@
 """Scale, missing and outlier channels: their responses, and the same candidates by relaxed form.
 
-What lies at depth edges has a level of its own in each channel, since there no law is exact.
+What lies at depth edges has a level of its own among the losses, since there no law is exact; noise
+and outliers are looked at off edges.
 """
 
 from collections.abc import Sequence
@@ -142,7 +143,8 @@ def _responses(
             even.append(_block_sums(square, pick))
             value, number = square, np.ones(patch.shape)
         else:
-            pick = near if name == "missing" else near & patch.observed
+            # at an edge a spot is on two levels, and what it mixes follows the edge's own course
+            pick = near if name == "missing" else near & patch.observed & ~patch.edge
             event = pick & (~patch.observed if name == "missing" else ~state.used)
             number = law.p_missing if name == "missing" else law.p_outlier
             marks, _ = label(event, structure=np.ones((3, 3)))

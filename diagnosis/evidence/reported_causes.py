@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from scipy.special import expit
+
 from diagnosis.components.component import Component
 from diagnosis.evidence.assess import Assessment
 from diagnosis.settings import SETTINGS
@@ -72,6 +74,16 @@ class Unexplained:
     size: float
     repeats: float = 0.0
     relaxed: Relaxed | None = None
+
+
+def unnamed(causes: Iterable[Cause]) -> list[Unexplained]:
+    """Take names back: unknown components are left, where they are likelier than nothing."""
+    out = []
+    for cause in causes:
+        sure = float(expit(cause.nats + SETTINGS.log_odds("")))
+        if sure > SETTINGS.reported:
+            out.append(replace(cause.unnamed(), probability=sure))
+    return out
 
 
 def shares_by_effect(

@@ -47,8 +47,8 @@ def test_laws_taken_back_leave_their_components_without_a_name(
     assert back.model.is_nominal
     assert back.placed is bent.placed
     (cause,), unexplained = found.causes, back.unexplained[0]
-    assert (unexplained.nats, unexplained.size, unexplained.probability) == (
-        cause.nats, cause.size, cause.probability
-    )  # fmt: skip
+    assert (unexplained.nats, unexplained.size) == (cause.nats, cause.size)
+    # an unknown component is the less likely before any reading
+    assert 0.5 < unexplained.probability < cause.probability
     assert cause.component is not None
     assert unexplained.relaxed == cause.component.relaxed

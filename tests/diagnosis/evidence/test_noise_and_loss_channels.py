@@ -100,3 +100,15 @@ def test_each_channel_has_a_level_off_edges_and_at_them(ws: Workspace) -> None:
                     [p.edge[k] for p, k in zip(ws.patches, found.picks, strict=True)]
                 )
                 np.testing.assert_array_equal(variant.owner >= half, edge)
+
+
+def test_what_an_edge_mixes_counts_as_no_outlier() -> None:
+    """An edge along the travel has its mixed readings in one column, as no instrument has."""
+    steps = bench_workspace("steps")
+    one = Workspace.build(steps.patches[:1], steps.noise)
+    patch = one.patches[0]
+    mixed = np.where(patch.edge, patch.depth_mm + 1.0, patch.depth_mm)
+    found = channel(with_depth(one, mixed), "outliers")
+    assert patch.edge.any()
+    assert not (found.picks[0] & patch.edge).any()
+    assert found.responses.seen.sum() == channel(one, "outliers").responses.seen.sum()
