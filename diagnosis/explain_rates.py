@@ -19,7 +19,7 @@ from diagnosis.evidence.reported_causes import (
     reported,
     unnamed,
 )
-from diagnosis.evidence.seen import channel_seen
+from diagnosis.evidence.seen import Whitening, channel_seen
 from diagnosis.explanation import Progress, State, completed, fitted_part
 from diagnosis.fields import Field
 from diagnosis.noise.noise_model import NoiseModel
@@ -52,8 +52,9 @@ def explain_rates(
     the explanation with them, and what has no name
     """
     unexplained: list[Unexplained] = []
+    whole = _whitened(state, noise)
     for name in IN_TURN:
-        channels = _seen(name, state, baseline_channels, noise)
+        channels = _seen(name, whole, state, baseline_channels)
         for _ in range(SETTINGS.most_causes):
             found = assessed_rates(channels, scales, withheld=withheld)
             named, nameless = reported(found)
@@ -62,21 +63,26 @@ def explain_rates(
                 break
             # one law at a time: what it leaves isn't what the others would have to explain
             state = _with_law(state, new[0], noise, notes, progress)
-            channels = _seen(name, state, baseline_channels, noise)
+            whole = _whitened(state, noise)
+            channels = _seen(name, whole, state, baseline_channels)
             state, strange = _explained(state, new[0], explained_shares(found.rates, channels))
             if new[0].name not in state.names:
+                whole = _whitened(state, noise)
                 nameless = [*strange, *nameless]
                 break
         unexplained += [*alike, *nameless]
     return state, unexplained
 
 
+def _whitened(state: State, noise: NoiseModel) -> Whitening:
+    return Whitening.under(state.model, fitted_part(state.patches, noise))
+
+
 def _seen(
-    name: str, state: State, baseline_channels: Mapping[str, Channel], noise: NoiseModel
+    name: str, whole: Whitening, state: State, baseline_channels: Mapping[str, Channel]
 ) -> list[Channel]:
     """Look at one channel under the model, beside what baselines have of it; [] with nothing."""
-    patches = fitted_part(state.patches, noise).patches
-    channel = channel_seen(name, patches, noise, state.model, state.first)
+    channel = channel_seen(name, whole, state.first)
     if channel is None:
         return []
     usual = [baseline_channels[name]] if name in baseline_channels else []

@@ -12,9 +12,11 @@ from diagnosis.data.patch import Patch
 from diagnosis.evidence.candidates import Candidate, candidates_of
 from diagnosis.evidence.gram import Gram, Turns, grams_of, turned, turns_of
 from diagnosis.evidence.noise_and_loss_channels import Channel, channel_of
+from diagnosis.model.log_density import Whitened
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.predict.prediction import Prediction
 
 Floats = NDArray[np.float64]
 RATES = ("scale", "missing", "outliers")
@@ -84,19 +86,32 @@ def channels_seen(
     patches: Sequence[Patch], noise: NoiseModel, model: Model, like: Seen
 ) -> dict[str, Channel]:
     """Look at the noise, the losses and the outliers, where there is something to see, by name."""
-    made = {name: channel_seen(name, patches, noise, model, like) for name in RATES}
+    whole = Whitening.under(model, Workspace.build(patches, noise))
+    made = {name: channel_seen(name, whole, like) for name in RATES}
     return {name: channel for name, channel in made.items() if channel is not None}
 
 
-def channel_seen(
-    name: str, patches: Sequence[Patch], noise: NoiseModel, model: Model, like: Seen
-) -> Channel | None:
-    """Look at one of them under a model.
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Whitening:
+    """Readings whitened under a model, once for all channels."""
+
+    ws: Workspace
+    laws: Sequence[Prediction]
+    states: Sequence[Whitened]
+
+    @classmethod
+    def under(cls, model: Model, ws: Workspace) -> "Whitening":
+        """Predict and whiten the readings of a workspace."""
+        laws = ws.predict(model)
+        return cls(ws=ws, laws=laws, states=ws.states(laws))
+
+
+def channel_seen(name: str, whole: Whitening, like: Seen) -> Channel | None:
+    """Look at one of them; None where there is nothing to see.
 
     Parameters
     ----------
     like : whose ranges of covariates are taken
     """
-    ws = Workspace.build(patches, noise)
-    laws = ws.predict(model)
-    return channel_of(name, patches, laws, ws.states(laws), like.ranges, noise)
+    ws = whole.ws
+    return channel_of(name, ws.patches, whole.laws, whole.states, like.ranges, ws.noise)
