@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from quantity import quantity
 
@@ -259,6 +260,10 @@ class Settings:
         """Log odds of a cause before any reading."""
         p = self.prior_cause if effect else self.prior_unknown
         return float(np.log(p / (1 - p)))
+
+    def probability(self, nats: float, effect: str) -> float:
+        """Probability of a cause from its log Bayes factor and its odds before any reading."""
+        return float(expit(nats + self.log_odds(effect)))
 
     def orders(self, dimensions: int) -> tuple[int, ...]:
         """Highest order along each covariate."""

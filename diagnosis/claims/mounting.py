@@ -34,7 +34,8 @@ from diagnosis.model.workspace import Workspace
 from diagnosis.physics.uncertainty import LEVEL, Estimate
 from diagnosis.register.placement import PRIOR_SD, Placement
 from diagnosis.register.pose_derivative import travel_columns
-from diagnosis.validate.found_effects import FoundEffect, plainly_found, probability
+from diagnosis.settings import SETTINGS
+from diagnosis.validate.found_effects import FoundEffect, plainly_found
 from sensors.effects.motion_blur import MotionBlur
 from sensors.effects.pose_error import PoseError
 from sensors.recording import Recording
@@ -234,14 +235,14 @@ def mounted(
         if baseline else []
     )  # fmt: skip
     mounting = mounting_error(seen, good)
-    sure, error = probability(mounting.nats, "pose_error"), mounting.error
+    sure, error = SETTINGS.probability(mounting.nats, "pose_error"), mounting.error
     if sure <= 0.5 or not error.any():
         return []
     apart = Workspace.build(held, ws.noise)
     moved = apart.placements(model, [p.counted & ~p.edge for p in held])
     others = lie(held, moved, 0.0)
     every = mounting_error([*seen, *others], good).nats
-    if probability(every, "pose_error") <= 0.5:
+    if SETTINGS.probability(every, "pose_error") <= 0.5:
         return []
     bounds = {p.name: (p.low, p.high) for p in PoseError.parameters()}
     values = {n: float(np.clip(v, *bounds[n])) for n, v in zip(NAMES, error, strict=True) if v}

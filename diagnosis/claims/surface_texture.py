@@ -22,7 +22,7 @@ from diagnosis.noise.calibration import nominal_noise, nominal_sd_mm
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.uncertainty import Estimate, plain_values
 from diagnosis.settings import SETTINGS
-from diagnosis.validate.found_effects import FoundEffect, plainly_found, probability
+from diagnosis.validate.found_effects import FoundEffect, plainly_found
 from diagnosis.validate.heldout import judge
 from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.effects.base import Effect
@@ -87,7 +87,7 @@ def texture(
         if len(claims) > 1 and isinstance(claim.effect, RoughnessLevel):
             # what has a lay has it at its level: the level alone is the lesser explanation
             gain = min(plain - sized, gain)
-        sure = probability(min(readings * gain, claim.nats), claim.effect.name)
+        sure = SETTINGS.probability(min(readings * gain, claim.nats), claim.effect.name)
         if sure > SETTINGS.reported:
             values = texture_estimates(claim.effect)
             found.append(plainly_found(claim.effect, gain, values, probability=sure))

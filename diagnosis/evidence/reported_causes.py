@@ -3,8 +3,6 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from scipy.special import expit
-
 from diagnosis.components.component import Component
 from diagnosis.evidence.assess import Assessment
 from diagnosis.settings import SETTINGS
@@ -80,7 +78,7 @@ def unnamed(causes: Iterable[Cause]) -> list[Unexplained]:
     """Take names back: unknown components are left, where they are likelier than nothing."""
     out = []
     for cause in causes:
-        sure = float(expit(cause.nats + SETTINGS.log_odds("")))
+        sure = SETTINGS.probability(cause.nats, "")
         if sure > SETTINGS.reported:
             out.append(replace(cause.unnamed(), probability=sure))
     return out

@@ -4,8 +4,6 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-from scipy.special import expit
-
 from diagnosis.evidence.reported_causes import Cause
 from diagnosis.model.edge_shrinkage import shrunk_at_edges
 from diagnosis.model.model import Model
@@ -73,7 +71,7 @@ def found_effects(
         cause = chosen.get(effect.name)
         if cause is None:
             # the noise told of it, and its law is in the model for that
-            sure = probability(ws.count() * gains[effect.name], effect.name)
+            sure = SETTINGS.probability(ws.count() * gains[effect.name], effect.name)
             cause = Cause(
                 name=effect.name, channel=effect.channels[0], probability=sure, alternatives=(),
                 none_of_these=1 - sure, nats=0.0,
@@ -124,11 +122,6 @@ def _found(
         separating=effect.separating, probability=cause.probability,
         none_of_these=cause.none_of_these, doubt=cause.doubt,
     )  # fmt: skip
-
-
-def probability(nats: float, name: str) -> float:
-    """Probability of a cause from its log Bayes factor and its odds before any reading."""
-    return float(expit(nats + SETTINGS.log_odds(name)))
 
 
 def heldout_gains(
