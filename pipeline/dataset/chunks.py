@@ -1,14 +1,16 @@
-"""Chunks of HDF5 datasets, shuffled and deflated by ISA-L, readable by any HDF5 library.
+"""Chunks of HDF5 datasets, shuffled and deflated by libdeflate, readable by any HDF5 library.
 
-ISA-L deflates five to six times faster than the zlib that HDF5 calls, see `benchmarks/waits.py`.
-Of its levels, 2 is the densest of the fast ones; 3 took three times as long on a scan of the car
-door and was no denser.
+libdeflate is twice as fast as the zlib that HDF5 calls (`benchmarks/waits.py`), and its bytes
+depend on its version and the data alone. Those of ISA-L, faster still, depend on the address of its
+stack: a pointer enters the hash of the third position (`.write_first_byte` in 2.32's
+`igzip_icf_body_h1_gr_bt.asm`), so one small chunk in some thousands differs from run to run.
+Of libdeflate's levels, 2 is the fastest on scans; denser ones save less than 1 %.
 """
 
 from typing import Any
 
+import deflate
 import numpy as np
-from isal import isal_zlib
 from numpy.typing import NDArray
 
 LEVEL = 2
@@ -29,7 +31,7 @@ def deflated(values: NDArray[Any], rows: int) -> bytes:
     if plain is not values:
         plain[: len(values)] = values
     octets = np.ascontiguousarray(plain).reshape(-1).view(np.uint8)
-    return isal_zlib.compress(_shuffled(octets, size).data, LEVEL)
+    return bytes(deflate.zlib_compress(_shuffled(octets, size).data, LEVEL))
 
 
 def _shuffled(octets: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:

@@ -31,7 +31,7 @@ LIBRARIES: Final = (
     "manifold3d",
     "embreex",
     "h5py",
-    "isal",
+    "deflate",
     "pyarrow",
 )
 SCAN_COLUMNS: Final = {
