@@ -1,23 +1,115 @@
-"""Every number of the evidence that nothing determines: value, unit, and where it comes from.
+"""Every number of the diagnosis that nothing determines: value, unit, and where it comes from.
+
+The numbers of the evidence are fields of `Settings`; those of a room are fields of a record of the
+room's name: `SETTINGS.register.position_mm`. diagnosis.json holds all of them, with their sources.
 
 What a good instrument departs by is none of them: it is learnt from a named population
 (`discrepancy/population.py`), or from the user's baselines.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields, is_dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from quantity import quantity
+from quantity import quantities, quantity
 
 Floats = NDArray[np.float64]
+CHOSEN = "chosen; no measurement"
+"""Source of a number that nothing was measured or derived for."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PredictSettings:
+    """Predictive distributions, depth edges, borders of the albedo: `predict/`."""
+
+    least_missing: float = quantity(
+        "smallest probability that a reading is lost, or that it is an outlier",
+        default=2e-4, unit="1", low=0.0, high=1.0, source=CHOSEN,
+    )  # fmt: skip
+    least_found: float = quantity(
+        "smallest probability of a reading, also where the model expects none",
+        default=0.02, unit="1", low=0.0, high=1.0, source=CHOSEN,
+    )  # fmt: skip
+    local_doubt: float = quantity(
+        "share of its change of the mean by which a law at edges and in corners may be wrong",
+        default=0.4, unit="1", low=0.0,
+        source="chosen; such laws are approximations",
+    )  # fmt: skip
+    crease: float = quantity(
+        "change of slope from one point to the next that makes a crease",
+        default=0.2, unit="1", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    outline_chance: float = quantity(
+        "probability that a point beside the outline of what is seen belongs to its other side",
+        default=0.3, unit="1", low=0.0, high=0.5, source=CHOSEN,
+    )  # fmt: skip
+    line_sd_mm: float = quantity(
+        "standard deviation of a laser line across its width, where the sensor's file states none",
+        default=0.03, unit="mm", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    border_step: float = quantity(
+        "step of the brightness's logarithm between profiles that is a border of the albedo",
+        default=0.15, unit="1", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    border_reach: int = quantity(
+        "profiles to each side of a border within which a reading depends on the line's width",
+        default=2, unit="", low=0, whole=True,
+        source="as at depth edges, whose reach is two points at least",
+    )  # fmt: skip
+    edge_classes: tuple[float, ...] = quantity(
+        "sizes of a law's changes at edges, over the noise, at which classes with a share of their "
+        "own begin",
+        default=(0.0, 0.5, 1.0, 2.0, 4.0, 8.0), unit="σ", low=0.0,
+        source="octaves from half of the noise",
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NoiseSettings:
+    """Size, correlation and tails of the noise: `noise/`."""
+
+    clip_sd: float = quantity(
+        "deviations beyond which a reading counts as an outlier when the noise is measured",
+        default=4.5, unit="σ", low=0.0,
+        source="7 of a million Gaussian readings",
+    )  # fmt: skip
+    least_pairs: int = quantity(
+        "pairs of readings below which the autocorrelation at a lag counts as none",
+        default=200, unit="", low=1, whole=True,
+        source="chosen; the standard deviation of such a correlation is 0.07",
+    )  # fmt: skip
+    even_share: float = quantity(
+        "share of a recording's readings off edges that must lie off borders of the albedo, too, "
+        "for the noise to be measured on these alone",
+        default=0.1, unit="1", low=0.0, high=1.0, source=CHOSEN,
+    )  # fmt: skip
+    usual_share: float = quantity(
+        "largest share of losses or outliers that counts as noise of a good instrument",
+        default=5e-4, unit="1", low=0.0, high=1.0,
+        source="chosen; a sensor's file has to state more",
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ModelSettings:
+    """Shrinkage of laws at edges: `model/edge_shrinkage.py`."""
+
+    shrinkage_clip: float = quantity(
+        "deviations beyond which a reading or a change at an edge counts as that far off",
+        default=10.0, unit="σ", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    shrinkage_readings: int = quantity(
+        "readings of each class that support a law whole before any is looked at",
+        default=10, unit="", low=0, whole=True, source=CHOSEN,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Settings:
-    """Numbers of the evidence, each with its meaning, unit and source."""
+    """Numbers of the evidence, and below them those of each room."""
 
     decay: float = quantity(
         "exponent by which longer waves are the larger in a smooth component",
@@ -235,12 +327,18 @@ class Settings:
         default=0.3, unit="1", low=0.0,
         source="by convention",
     )  # fmt: skip
-    assumed_angles_deg: tuple[float, ...] = (20.0, 30.0, 40.0)
-    """Triangulation angles tried where the sensor's file states none: what makers sell."""
+    assumed_angles_deg: tuple[float, ...] = quantity(
+        "triangulation angles tried where the sensor's file states none",
+        default=(20.0, 30.0, 40.0), unit="deg", low=0.0, high=90.0,
+        source="what makers sell",
+    )  # fmt: skip
+    predict: PredictSettings = PredictSettings()
+    noise: NoiseSettings = NoiseSettings()
+    model: ModelSettings = ModelSettings()
 
     def as_json(self) -> dict[str, object]:
-        """Return every number for diagnosis.json."""
-        return asdict(self)
+        """Return every number for diagnosis.json, and what is known about each."""
+        return {**asdict(self), "provenance": provenance(self)}
 
     def mean_sizes(self) -> Floats:
         """Grid of sizes (whitened rms) of the mean's components."""
@@ -268,6 +366,16 @@ class Settings:
     def orders(self, dimensions: int) -> tuple[int, ...]:
         """Highest order along each covariate."""
         return (self.order_1d,) if dimensions == 1 else (self.order_2d,) * dimensions
+
+
+def provenance(record: Any) -> dict[str, object]:
+    """Meaning, unit and source of every number of a record, those of its rooms nested alike."""
+    known: dict[str, object] = {
+        q.name: {"meaning": q.meaning, "unit": q.unit, "source": q.source}
+        for q in quantities(type(record))
+    }
+    rooms = {f.name: getattr(record, f.name) for f in fields(record)}
+    return known | {name: provenance(room) for name, room in rooms.items() if is_dataclass(room)}
 
 
 SETTINGS = Settings()

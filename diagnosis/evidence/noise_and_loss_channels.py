@@ -25,7 +25,6 @@ from diagnosis.data.patch import Patch
 from diagnosis.evidence.glm import Owners, Responses
 from diagnosis.fields import Mask
 from diagnosis.model.log_density import Whitened
-from diagnosis.noise.calibration import USUAL_SHARE
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.predict.prediction import Prediction
 from diagnosis.settings import SETTINGS
@@ -174,10 +173,10 @@ def _at_least_usual(events: Floats, expected: Floats) -> Floats:
 
     An instrument that loses fewer readings than most departs in nothing.
     """
-    low = expected < USUAL_SHARE
+    low = expected < SETTINGS.noise.usual_share
     if not low.any():
         return expected
-    share = min(USUAL_SHARE, (float(events[low].sum()) + 0.5) / int(low.sum()))
+    share = min(SETTINGS.noise.usual_share, (float(events[low].sum()) + 0.5) / int(low.sum()))
     return np.where(low, share, expected)
 
 

@@ -6,12 +6,8 @@ import numpy as np
 
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
-from diagnosis.predict.expectation import STEPS, EdgeShares, bending_effects
-
-FARTHEST = 10.0
-"""A reading that is farther off, in units of the noise, counts as this far."""
-PRIOR_READINGS = 10
-"""So many readings of each class are taken to have supported the law before any is looked at."""
+from diagnosis.predict.expectation import EdgeShares, bending_effects, edge_class
+from diagnosis.settings import SETTINGS
 
 
 def shrunk_at_edges(ws: Workspace, model: Model) -> Model:
@@ -22,8 +18,8 @@ def shrunk_at_edges(ws: Workspace, model: Model) -> Model:
 def edge_shares(ws: Workspace, model: Model) -> EdgeShares:
     """Regress readings at edges on what the model changes there, class by class."""
     model = replace(model, effects=tuple(bending_effects(model.effects)), shares=None)
-    products, squares = np.zeros(len(STEPS)), np.zeros(len(STEPS))
-    count = np.zeros(len(STEPS))
+    clip, classes = SETTINGS.model.shrinkage_clip, len(SETTINGS.predict.edge_classes)
+    products, squares, count = np.zeros((3, classes))
     if not model.is_nominal:
         moved = ws.placements(model)
         both = zip(ws.patches, ws.predict(Model()), ws.predict(model), ws.masks(), strict=True)
@@ -32,12 +28,12 @@ def edge_shares(ws: Workspace, model: Model) -> EdgeShares:
             change = (full.mean_mm - plain.mean_mm) / sd
             left = (patch.depth_mm - plain.mean_mm - patch.columns @ moved[patch.recording]) / sd
             pick = mask & patch.edge & np.isfinite(change) & np.isfinite(left)
-            c, r = (np.clip(v[pick], -FARTHEST, FARTHEST) for v in (change, left))
-            which = np.searchsorted(STEPS, np.abs(c), side="right") - 1
-            products += np.bincount(which, c * r, len(STEPS))
-            squares += np.bincount(which, c * c, len(STEPS))
-            count += np.bincount(which, minlength=len(STEPS))
-    before = PRIOR_READINGS * squares / np.maximum(count, 1)
+            c, r = (np.clip(v[pick], -clip, clip) for v in (change, left))
+            which = edge_class(np.abs(c))
+            products += np.bincount(which, c * r, classes)
+            squares += np.bincount(which, c * c, classes)
+            count += np.bincount(which, minlength=classes)
+    before = SETTINGS.model.shrinkage_readings * squares / np.maximum(count, 1)
     with np.errstate(invalid="ignore", divide="ignore"):
         shares = (products + before) / (squares + before)
     return EdgeShares(shares=np.clip(np.nan_to_num(shares, nan=1.0), 0.0, 1.0))

@@ -9,6 +9,7 @@ import numpy as np
 from diagnosis.noise.noise_model import NoiseModel, calibrate
 from diagnosis.predict.albedo_borders import albedo_borders
 from diagnosis.predict.prediction import plain_gain
+from diagnosis.settings import SETTINGS
 from sensors.effects.delivery import DeliveryEffect
 from sensors.law import geometric_law
 from sensors.noise.uncertainty import sigma_mm
@@ -18,11 +19,6 @@ from sensors.view.view import View
 if TYPE_CHECKING:
     from diagnosis.data.patch import Patch
     from diagnosis.data.plates import Plate
-
-EVEN_SHARE = 0.1
-"""Share of a recording's readings off depth edges that must lie off borders of the albedo, too."""
-USUAL_SHARE = 5e-4
-"""Most spikes and losses on a plate that pass for noise; more is for the sensor's file to state."""
 
 
 def calibrated_noise(
@@ -40,7 +36,7 @@ def calibrated_noise(
             patch.fit & patch.observed & np.isfinite(patch.plain_mm) & ~patch.edge & patch.counted
         )
         even = mask & ~albedo_borders(patch.view)
-        if even.sum() > EVEN_SHARE * mask.sum():
+        if even.sum() > SETTINGS.noise.even_share * mask.sum():
             mask = even
         if mask.any():
             fields.append((patch.depth_mm - patch.plain_mm) / plain_gain(patch.view))
@@ -65,11 +61,12 @@ def calibrated_noise(
         f"noise: {1e3 * own.sd_mm:.1f} µm on the part, {1e3 * reference.sd_mm:.1f} µm on the plate"
         f" (ratio {ratio:.2f})"
     )
+    usual = SETTINGS.noise.usual_share
     own = replace(
         own,
-        tail_share=min(reference.tail_share, USUAL_SHARE),
+        tail_share=min(reference.tail_share, usual),
         tail_sd_mm=max(reference.tail_sd_mm, 8 * own.sd_mm),
-        missing_share=min(reference.missing_share, USUAL_SHARE),
+        missing_share=min(reference.missing_share, usual),
         from_reference=True,
     )
     return own, reference.at_pitch(*pitch)

@@ -13,12 +13,11 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.ndimage import uniform_filter
 
 from diagnosis.fields import Field, Mask
+from diagnosis.settings import SETTINGS
 
-CLIP_SD = 4.5
 MAX_LAG = 24
 LAG_PART = 4
 """Lags reach over a quarter of a field: a recording of fewer profiles than 4 has none at all."""
-MIN_PAIRS = 200
 M_BEND, M_SHARE, M_STEPS, M_VALUES = 1.5476, 0.5, 50, 100_000
 """Of the M-estimator of scale: bend, mean of ρ, iterations, and values that are looked at."""
 
@@ -35,7 +34,7 @@ class NoiseModel:
         Autocorrelation at lags -ly..ly rows and -lx..lx columns, 1 at the centre; the Fourier
         transform of a spectrum that is nowhere negative.
     tail_share, tail_sd_mm : float
-        Share of readings beyond 4.5 sd, mm size of those; Gaussian noise has next to none.
+        Share of readings beyond `noise.clip_sd`, mm size of those; Gaussian noise has next to none.
     missing_share : float
         Share of readings lost for no geometric reason.
     pitch_x_mm, pitch_y_mm : float
@@ -142,7 +141,7 @@ def calibrate(
     used_all = np.concatenate([f[u] for f, u in sizes]) if sizes else np.zeros(0)
     scale = robust_sd(used_all)
     for field, used in sizes:
-        near = used & (np.abs(field) < CLIP_SD * scale)
+        near = used & (np.abs(field) < SETTINGS.noise.clip_sd * scale)
         a, b = _covariance(field, near, ly, lx)
         total += a
         pairs += b
@@ -162,7 +161,7 @@ def calibrate(
             readings=int(inside.size),
             from_reference=from_reference,
         )
-    covariance = np.where(pairs > MIN_PAIRS, total / np.maximum(pairs, 1), 0.0)
+    covariance = np.where(pairs > SETTINGS.noise.least_pairs, total / np.maximum(pairs, 1), 0.0)
     # the means taken off leave a small negative floor: the far lags show it
     ring = np.ones_like(covariance, dtype=bool)
     ring[ly - ly // 2 : ly + ly // 2 + 1, lx - lx // 2 : lx + lx // 2 + 1] = False
@@ -197,7 +196,7 @@ def high_pass(field: Field, valid: Mask, width: int = 41) -> tuple[Field, Mask]:
         middle = local_mean(clean, used, window)
         rest = np.where(used, field - middle, np.nan)
         scale = robust_sd(rest[used])
-        spikes = used & (np.abs(rest) > CLIP_SD * scale)
+        spikes = used & (np.abs(rest) > SETTINGS.noise.clip_sd * scale)
         clean = np.where(spikes, middle + np.clip(rest, -scale, scale), np.where(used, field, 0.0))
     rest = np.where(used, field - middle, np.nan)
     clipped = np.clip(rest, -3 * scale, 3 * scale)

@@ -4,12 +4,8 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from diagnosis.fields import Mask
+from diagnosis.settings import SETTINGS
 from sensors.view.view import View
-
-BORDER = 0.15
-"""Step of the brightness's logarithm between profiles that is a border of the albedo."""
-BORDER_REACH = 2
-"""Profiles to each side of a border that a line reaches over, as beside depth edges."""
 
 
 def albedo_borders(view: View) -> Mask:
@@ -23,7 +19,8 @@ def albedo_borders(view: View) -> Mask:
     known = np.isfinite(bright) & (bright > 0)
     log = np.log(np.where(known, bright, 1.0))
     step = np.zeros(view.shape, dtype=bool)
-    jump = (np.abs(np.diff(log, axis=0)) > BORDER) & known[1:] & known[:-1]
+    jump = (np.abs(np.diff(log, axis=0)) > SETTINGS.predict.border_step) & known[1:] & known[:-1]
     step[1:] |= jump
     step[:-1] |= jump
-    return np.asarray(binary_dilation(step, np.ones((2 * BORDER_REACH + 1, 1), dtype=bool)))
+    reach = SETTINGS.predict.border_reach
+    return np.asarray(binary_dilation(step, np.ones((2 * reach + 1, 1), dtype=bool)))

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from diagnosis.fields import Field, Mask
+from diagnosis.settings import SETTINGS
 from sensors.effects.base import Effect
 from sensors.effects.form_error import FormError
 from sensors.view.covariates import COVARIATES
@@ -16,14 +17,6 @@ from sensors.view.view import View
 
 EDGE_COVARIATES = {c.name for c in COVARIATES.values() if c.place == "edges"}
 """Covariates of effects that live on depth edges alone."""
-TRUST = 1.0
-"""Share of the plain law's own correction at an edge by which it may be wrong."""
-UNSURE = 0.3
-"""Chance that a point beside the outline of what is seen belongs to its other side."""
-BEND = 0.2
-"""Change of slope from one point to the next that makes a crease."""
-LINE_SD_MM = 0.03
-"""Standard deviation of a laser line across its width where the sensor's file says nothing."""
 
 
 def on_edges(effect: Effect | type[Effect]) -> bool:
@@ -64,13 +57,14 @@ def edge_softness(
         for side, sign in ((ahead, 1.0), (back, -1.0)):
             bend = np.abs(side - middle - sign * linear)
             sd = np.fmax(sd, np.where(np.isfinite(bend), bend, 0.0))
-            chance[np.isfinite(side) != np.isfinite(middle)] = UNSURE
+            chance[np.isfinite(side) != np.isfinite(middle)] = SETTINGS.predict.outline_chance
     chance[sd > 1.0] = 0.1
+    # the law's own correction may be wrong by all of itself
     own = np.where(edge, np.nan_to_num(np.abs(plain_mm - middle)), 0.0)
     seen = _with_border(view, np.isfinite(plain_mm))
     outline = binary_dilation(seen, np.ones((3, 3))) & binary_dilation(~seen, np.ones((3, 3)))
-    chance[outline[1:-1, 1:-1]] = UNSURE
-    return np.hypot(sd, TRUST * own), chance
+    chance[outline[1:-1, 1:-1]] = SETTINGS.predict.outline_chance
+    return np.hypot(sd, own), chance
 
 
 def near_edges(view: View, plain_mm: Field) -> Mask:
@@ -81,7 +75,7 @@ def near_edges(view: View, plain_mm: Field) -> Mask:
     seen = _with_border(view, np.isfinite(plain_mm))
     depth = view.depth_mm
     width_um = view.datasheet.line_width_um
-    line_sd_mm = LINE_SD_MM if width_um is None else 1e-3 * width_um / 4
+    line_sd_mm = SETTINGS.predict.line_sd_mm if width_um is None else 1e-3 * width_um / 4
     rough = np.zeros(view.shape, dtype=bool)
     reach = []
     steps = np.abs(view.travel_step_mm), np.abs(np.diff(view.column_x_mm))
@@ -93,7 +87,7 @@ def near_edges(view: View, plain_mm: Field) -> Mask:
         bent = np.zeros(view.shape, dtype=bool)
         inner = (slice(1, -1), slice(None)) if axis == 0 else (slice(None), slice(1, -1))
         with np.errstate(invalid="ignore"):
-            bent[inner] = second > max(BEND * pitch, 6 * typical)
+            bent[inner] = second > max(SETTINGS.predict.crease * pitch, 6 * typical)
         rough |= bent
         around = (slice(None), slice(1, -1)) if axis == 0 else (slice(1, -1), slice(None))
         flip = np.diff(seen[around].astype(np.int8), axis=axis) != 0

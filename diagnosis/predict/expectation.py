@@ -11,29 +11,33 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from diagnosis.fields import Field, Mask
 from diagnosis.predict.prediction import Prediction, law_of, predict
+from diagnosis.settings import SETTINGS
 from sensors.effects.base import Effect, MotionEffect
 from sensors.view.view import View
 
 if TYPE_CHECKING:
     from diagnosis.noise.noise_model import NoiseModel
 
-STEPS = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
-"""Where classes of changes begin, in units of the noise."""
-
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class EdgeShares:
-    """Share of a change at edges that fitted readings support, for each class of `STEPS`."""
+    """Share of a change at edges that fitted readings support, for each class of sizes."""
 
     shares: Field
 
     def of(self, change: Field) -> Field:
         """Return the share for changes (any shape) in units of the noise."""
         size = np.abs(np.nan_to_num(change))
-        return np.asarray(self.shares[np.searchsorted(STEPS, size, side="right") - 1])
+        return np.asarray(self.shares[edge_class(size)])
+
+
+def edge_class(size: Field) -> NDArray[np.intp]:
+    """Class of changes at edges by their sizes (any shape), in units of the noise."""
+    return np.searchsorted(SETTINGS.predict.edge_classes, size, side="right") - 1
 
 
 def bending_effects(effects: Sequence[Effect]) -> list[Effect]:

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from diagnosis.fields import Field, Mask
+from diagnosis.settings import SETTINGS
 from sensors.datasheet import Datasheet
 from sensors.effects.base import Effect
 from sensors.effects.delivery import DeliveryEffect
@@ -28,14 +29,9 @@ from sensors.view.view_cache import ViewCache
 if TYPE_CHECKING:
     from diagnosis.noise.noise_model import NoiseModel
 
-FLOOR_MISSING = 2e-4
-"""Least probability that any reading is lost, or that one comes where none can."""
-FLOOR_FOUND = 0.02
 KEPT_LAWS = 4
 LOCAL_COVARIATES = {c.name for c in COVARIATES.values() if c.approximate}
 """Of effects on edges and in corners, whose laws are no more than good approximations there."""
-DOUBT = 0.4
-"""Share of its own change of the mean by which the law of such an effect may be wrong."""
 KEPT_TRIALS = 4
 """Laws of a view that are kept for the next who asks: a trial is placed, levelled and scored.
 
@@ -192,14 +188,15 @@ def predict(
     local = [e for e in effects if e.covariate in LOCAL_COVARIATES]
     if local:
         change = law_of(view, local, noise).mean_mm - law_of(view, (), noise).mean_mm
-        sd = np.hypot(sd, DOUBT * np.nan_to_num(np.abs(change)))
-    base = max(noise.missing_share, FLOOR_MISSING)
-    missing = np.clip(1 - (1 - missing) * (1 - base), FLOOR_MISSING, 1 - FLOOR_FOUND)
+        sd = np.hypot(sd, SETTINGS.predict.local_doubt * np.nan_to_num(np.abs(change)))
+    least = SETTINGS.predict.least_missing
+    base = max(noise.missing_share, least)
+    missing = np.clip(1 - (1 - missing) * (1 - base), least, 1 - SETTINGS.predict.least_found)
     if softness is not None:
         sd = np.hypot(sd, softness[0])
         missing = np.clip(missing, softness[1], 1 - softness[1])
     p_outlier = np.clip(
-        np.asarray(law.p_outlier, dtype=np.float64) + max(noise.tail_share, 2e-4), 0, 0.5
+        np.asarray(law.p_outlier, dtype=np.float64) + max(noise.tail_share, least), 0, 0.5
     )
     wide = np.where(own > 0, np.maximum(own, noise.tail_sd_mm), noise.tail_sd_mm)
     return Prediction(

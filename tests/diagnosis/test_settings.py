@@ -3,12 +3,13 @@
 import ast
 import json
 import re
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 import pytest
 
 import diagnosis
-from diagnosis.settings import SETTINGS, Settings
+from diagnosis.settings import SETTINGS
 from quantity import quantities
 from sensors.effects import CATALOGUE
 
@@ -70,16 +71,10 @@ FORM = {
         "data/albedo:LEAST_STEP", "data/albedo:STEEPEST_COS", "data/brightness:CLEAR",
         "data/brightness:EVEN", "data/brightness:FEWEST", "data/patch:SPIKE_SD",
         "localise/maps:SURE", "localise/regions:MARKED_LOST", "localise/regions:MARKED_SD",
-        "model/edge_shrinkage:FARTHEST", "model/edge_shrinkage:PRIOR_READINGS",
-        "noise/calibration:EVEN_SHARE", "noise/calibration:USUAL_SHARE",
-        "noise/noise_model:CLIP_SD", "noise/noise_model:MIN_PAIRS",
         "physics/effect_fit:ALIKE", "physics/effect_fit:CORNER_COSTS",
         "physics/effect_fit:EDGE_COSTS", "physics/joint_fit:PROMISING",
-        "physics/linear_fit:TILT_COSTS", "predict/albedo_borders:BORDER",
-        "predict/albedo_borders:BORDER_REACH", "predict/edges:BEND", "predict/edges:LINE_SD_MM",
-        "predict/edges:TRUST", "predict/edges:UNSURE", "predict/expectation:STEPS",
-        "predict/prediction:DOUBT", "predict/prediction:FLOOR_FOUND",
-        "predict/prediction:FLOOR_MISSING", "register/part_unit:FIT_MM", "register/part_unit:MET",
+        "physics/linear_fit:TILT_COSTS",
+        "register/part_unit:FIT_MM", "register/part_unit:MET",
         "register/part_unit:NEARER", "register/placement:PRIOR_SD",
         "register/pose_derivative:EDGE_ON", "register/sample:LEAST_MET",
         "register/sample:LEAST_SHARE_MET", "register/silhouettes:LEAST_SETTLED",
@@ -130,12 +125,44 @@ def test_a_room_knows_no_effect_by_name(file: Path) -> None:
         assert not re.search(rf"['\"]{name}['\"]|\b{kind.__name__}\b", text), name
 
 
-def test_every_setting_says_what_it_is_and_where_it_comes_from() -> None:
-    for q in quantities(Settings):
-        assert q.meaning, q.name
-        assert q.source, q.name
+ROOMS_OF_SETTINGS = {
+    f.name: record for f in fields(SETTINGS) if is_dataclass(record := getattr(SETTINGS, f.name))
+}  # fmt: skip
+RECORDS = {"": SETTINGS, **ROOMS_OF_SETTINGS}
+"""The numbers of the evidence, and those of each room."""
 
 
-def test_settings_are_written_whole() -> None:
+def test_numbers_stand_under_the_room_that_they_are_of() -> None:
+    assert set(ROOMS_OF_SETTINGS) <= set(ROOMS)
+
+
+@pytest.mark.parametrize("room", RECORDS)
+def test_every_setting_says_what_it_is_and_where_it_comes_from(room: str) -> None:
+    known = {q.name: q for q in quantities(type(RECORDS[room]))}
+    assert set(known) == {f.name for f in fields(RECORDS[room])} - set(ROOMS_OF_SETTINGS)
+    for name, q in known.items():
+        assert q.meaning, name
+        assert q.source, name
+        q.check(getattr(RECORDS[room], name))
+
+
+@pytest.mark.parametrize("room", RECORDS)
+def test_every_setting_is_used(room: str) -> None:
+    """By its whole name, or in a method beside it."""
+    own = ROOT / "settings.py"
+    others = "".join(f.read_text(encoding="utf-8") for f in ROOT.rglob("*.py") if f != own)
+    for q in quantities(type(RECORDS[room])):
+        name = ".".join(filter(None, ("SETTINGS", room, q.name)))
+        beside = re.search(rf"self\.{q.name}\b", own.read_text(encoding="utf-8"))
+        assert beside or re.search(rf"\b{re.escape(name)}\b", others), name
+
+
+def test_settings_are_written_whole_and_with_their_sources() -> None:
     written = json.loads(json.dumps(SETTINGS.as_json()))
-    assert set(written) == set(Settings.__dataclass_fields__)
+    sources = written.pop("provenance")
+    assert set(written) == {f.name for f in fields(SETTINGS)}
+    for room, record in RECORDS.items():
+        values, known = (w[room] if room else w for w in (written, sources))
+        assert set(values) == set(known) == {f.name for f in fields(record)}
+        for q in quantities(type(record)):
+            assert known[q.name] == {"meaning": q.meaning, "unit": q.unit, "source": q.source}

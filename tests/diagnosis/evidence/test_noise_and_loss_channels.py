@@ -10,7 +10,6 @@ from diagnosis.evidence.noise_and_loss_channels import Channel, channel_of
 from diagnosis.fields import Field
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
-from diagnosis.noise.calibration import USUAL_SHARE
 from diagnosis.settings import SETTINGS
 from tests.support.effect_case import bench_workspace
 
@@ -72,9 +71,10 @@ def test_losses_in_clumps_count_as_clumps(ws: Workspace) -> None:
 
 def test_an_instrument_that_loses_less_than_most_departs_in_nothing(ws: Workspace) -> None:
     found = channel(ws, "outliers").responses
-    assert (found.usual <= max(USUAL_SHARE, found.usual.max())).all()
+    assert (found.usual <= max(SETTINGS.noise.usual_share, found.usual.max())).all()
     # fewer are expected of all readings than one above those that came
-    assert found.usual.sum() <= max(found.seen.sum() + 1.0, USUAL_SHARE * found.usual.size)
+    noise = SETTINGS.noise.usual_share * found.usual.size
+    assert found.usual.sum() <= max(found.seen.sum() + 1.0, noise)
 
 
 def test_columns_over_cells_have_a_rms_of_one(ws: Workspace) -> None:

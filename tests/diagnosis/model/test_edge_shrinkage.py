@@ -8,11 +8,13 @@ import pytest
 from diagnosis.model.edge_shrinkage import edge_shares
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
-from diagnosis.predict.expectation import STEPS, EdgeShares, bending_effects
+from diagnosis.predict.expectation import EdgeShares, bending_effects, edge_class
+from diagnosis.settings import SETTINGS
 from sensors.effects.finite_spot import FiniteSpot
 from sensors.effects.travel_ripple import TravelRipple
 from tests.support.effect_case import bench_workspace
 
+CLASSES = len(SETTINGS.predict.edge_classes)
 WIDE = Model(effects=(FiniteSpot(line_sd_um=400.0),))
 
 
@@ -23,10 +25,10 @@ def ws() -> Workspace:
 
 def classes(ws: Workspace) -> np.ndarray:
     """Readings of each class at edges, under the wide spot."""
-    count = np.zeros(len(STEPS))
+    count = np.zeros(CLASSES)
     for patch, plain, full in zip(ws.patches, ws.predict(Model()), ws.predict(WIDE), strict=True):
         change = np.abs(full.mean_mm - plain.mean_mm)[patch.edge & plain.seen] / ws.noise.sd_mm
-        count += np.bincount(np.searchsorted(STEPS, change, side="right") - 1, minlength=len(STEPS))
+        count += np.bincount(edge_class(change), minlength=CLASSES)
     return count
 
 
@@ -49,7 +51,7 @@ def test_a_law_that_they_bear_out_counts_whole(ws: Workspace) -> None:
 
 
 def test_without_a_model_or_a_reading_nothing_is_taken_off(ws: Workspace) -> None:
-    assert np.array_equal(edge_shares(ws, Model()).shares, np.ones(len(STEPS)))
+    assert np.array_equal(edge_shares(ws, Model()).shares, np.ones(CLASSES))
 
 
 def test_each_change_gets_the_share_of_its_class() -> None:
@@ -61,4 +63,4 @@ def test_each_change_gets_the_share_of_its_class() -> None:
 def test_what_moves_the_sensor_is_cast_and_not_weighed(ws: Workspace) -> None:
     moving = TravelRipple(amplitude_um=300.0, period_mm=5.0, phase_rad=0.3)
     assert bending_effects([moving, *WIDE.effects]) == list(WIDE.effects)
-    assert np.array_equal(edge_shares(ws, Model(effects=(moving,))).shares, np.ones(len(STEPS)))
+    assert np.array_equal(edge_shares(ws, Model(effects=(moving,))).shares, np.ones(CLASSES))

@@ -8,12 +8,12 @@ import pytest
 from diagnosis.data.plates import Plate
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.calibration import (
-    USUAL_SHARE,
     calibrated_noise,
     nominal_noise,
     nominal_sd_mm,
 )
 from diagnosis.noise.noise_model import calibrate
+from diagnosis.settings import SETTINGS
 from sensors.law import geometric_law
 from sensors.model import SensorModel
 from sensors.noise.uncertainty import sigma_mm
@@ -53,7 +53,7 @@ def test_plates_state_losses_up_to_a_good_instruments(ws: Workspace) -> None:
     own, reference = calibrated_noise(ws.patches, (plate(0.02, missing=0.1),), notes)
     assert reference is not None
     assert reference.sd_mm == pytest.approx(0.02, rel=0.05)
-    assert own.missing_share == USUAL_SHARE
+    assert own.missing_share == SETTINGS.noise.usual_share
     assert own.sd_mm == calibrated_noise(ws.patches, (), [])[0].sd_mm
     assert notes[0].endswith(f"(ratio {own.sd_mm / reference.sd_mm:.2f})")
 

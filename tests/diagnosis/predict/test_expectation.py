@@ -5,8 +5,9 @@ import pytest
 
 from diagnosis.data.patch import Patch
 from diagnosis.model.workspace import Workspace
-from diagnosis.predict.expectation import STEPS, EdgeShares, expect
+from diagnosis.predict.expectation import EdgeShares, expect
 from diagnosis.predict.prediction import predict
+from diagnosis.settings import SETTINGS
 from sensors.effects.finite_spot import FiniteSpot
 from sensors.effects.pose_error import PoseError
 from tests.support.effect_case import bench_workspace
@@ -20,7 +21,8 @@ def ws() -> Workspace:
 
 
 def change(ws: Workspace, patch: Patch, share: float | None, *effects: object) -> np.ndarray:
-    shares = None if share is None else EdgeShares(shares=np.full(len(STEPS), share))
+    classes = len(SETTINGS.predict.edge_classes)
+    shares = None if share is None else EdgeShares(shares=np.full(classes, share))
     with_effects, without = (
         expect(patch.view, of, ws.noise, patch.edge, shares=shares) for of in (effects, ())
     )
