@@ -108,6 +108,99 @@ class ModelSettings:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class RegisterSettings:
+    """Where the part lay and how the travel went: `register/`."""
+
+    position_mm: float = quantity(
+        "standard deviation of a commanded position; also the largest median distance of readings "
+        "from a part whose unit is right",
+        default=2.0, unit="mm", low=0.0, above=True,
+        source="chosen; a part lies anywhere",
+    )  # fmt: skip
+    turn_rad: float = quantity(
+        "standard deviation of a commanded orientation",
+        default=0.02, unit="rad", low=0.0, above=True,
+        source="chosen; a part lies anywhere",
+    )  # fmt: skip
+    travel_share: float = quantity(
+        "standard deviation of the travel's length, over the length",
+        default=3e-4, unit="1", low=0.0, above=True,
+        source="makers' data of linear stages: a few hundred ppm",
+    )  # fmt: skip
+    travel_turn_rad: float = quantity(
+        "standard deviation of the travel's direction in the sensor's frame",
+        default=1e-3, unit="rad", low=0.0, above=True,
+        source="makers' data of linear stages: a milliradian",
+    )  # fmt: skip
+    together: int = quantity(
+        "readings that count as one against that prior, since neighbours share noise",
+        default=50, unit="", low=1, whole=True, source=CHOSEN,
+    )  # fmt: skip
+    least_met: int = quantity(
+        "readings whose rays must meet the part from the commanded poses",
+        default=50, unit="", low=1, whole=True, source=CHOSEN,
+    )  # fmt: skip
+    least_share_met: float = quantity(
+        "the same, as a share of a recording's readings",
+        default=0.02, unit="1", low=0.0, high=1.0, source=CHOSEN,
+    )  # fmt: skip
+    unit_met: float = quantity(
+        "share of the readings whose rays must meet a part whose unit is right",
+        default=0.5, unit="1", low=0.0, high=1.0,
+        source="chosen: most of them",
+    )  # fmt: skip
+    unit_nearer: float = quantity(
+        "median distance from a part in another unit below which that unit is proposed, over the "
+        "distance from the part as it is",
+        default=0.1, unit="1", low=0.0, high=1.0, source=CHOSEN,
+    )  # fmt: skip
+    open_pitches: float = quantity(
+        "standard deviation, in pitches, from which smooth faces leave a direction open",
+        default=0.01, unit="", low=0.0,
+        source="blurred terraces: planes were up to two pitches off at deviations of 0.01 to 0.1",
+    )  # fmt: skip
+    silhouette_pitches: float = quantity(
+        "smallest step of the depth, in pitches, that is a silhouette",
+        default=0.3, unit="", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    shadow_pitches: int = quantity(
+        "pitches by which a shadow's end may be off",
+        default=3, unit="", low=0, whole=True, source=CHOSEN,
+    )  # fmt: skip
+    least_settled: float = quantity(
+        "what a placement by edges must save: readings on the wrong side of a silhouette; nats "
+        "under a model",
+        default=5.0, unit="", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+
+    def prior_sd(self) -> tuple[float, ...]:
+        """Return a placement's standard deviations: mm, rad, share of the travel, its turns."""
+        return (
+            *(self.position_mm,) * 3, *(self.turn_rad,) * 3, self.travel_share,
+            *(self.travel_turn_rad,) * 2,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ReregisterSettings:
+    """Registration again under a model: `reregister/`."""
+
+    near_mm: float = quantity(
+        "change of a placement up to which it is linear in it: the part is not cast again",
+        default=0.03, unit="mm", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    near_sd: float = quantity(
+        "the same for the largest change of a depth, over the noise",
+        default=3.0, unit="σ", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    least_chance: float = quantity(
+        "smallest probability that a reading or its absence counts with",
+        default=1e-3, unit="1", low=0.0, high=1.0,
+        source="chosen; what comes from elsewhere constrains nothing",
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Settings:
     """Numbers of the evidence, and below them those of each room."""
 
@@ -335,6 +428,8 @@ class Settings:
     predict: PredictSettings = PredictSettings()
     noise: NoiseSettings = NoiseSettings()
     model: ModelSettings = ModelSettings()
+    register: RegisterSettings = RegisterSettings()
+    reregister: ReregisterSettings = ReregisterSettings()
 
     def as_json(self) -> dict[str, object]:
         """Return every number for diagnosis.json, and what is known about each."""

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from diagnosis.fields import Field
+from diagnosis.settings import SETTINGS
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 
@@ -13,12 +14,6 @@ UNITS = {
     1 / 25.4: ("mm", "mm, not inch"), 0.001: ("um", "um, or mm, not m"),
 }  # fmt: skip
 """Option and words for each factor on a part whose unit was taken for mm, or for its own."""
-MET = 0.5
-"""Share of the readings whose rays must meet a part that fits."""
-FIT_MM = 2.0
-"""Median distance within which it fits: a deviation of a commanded pose."""
-NEARER = 0.1
-"""Share of the distance of the part as it is below which a scaled one fits better."""
 
 
 def unit_hint(
@@ -32,14 +27,16 @@ def unit_hint(
     ----------
     missed : whether the readings miss the part as it is
     """
+    need, fit_mm = SETTINGS.register.unit_met, SETTINGS.register.position_mm
     off, met = _misfit(scene, rays, poses, depth)
-    if not missed and (met < MET or off < FIT_MM):
+    if not missed and (met < need or off < fit_mm):
         return None
+    near_mm = 3 * fit_mm if missed else min(fit_mm, SETTINGS.register.unit_nearer * off)
     fits = []
     for factor in UNITS:
         scaled = Scene(scene.vertices_mm * factor, scene.faces)
         distance, share = _misfit(scaled, rays, poses, depth)
-        if share >= MET and distance < (3 * FIT_MM if missed else min(FIT_MM, NEARER * off)):
+        if share >= need and distance < near_mm:
             fits.append((distance, factor))
     if not fits:
         return None

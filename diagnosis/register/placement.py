@@ -7,14 +7,13 @@ from scipy.spatial.transform import Rotation
 
 from diagnosis.fields import Field
 from diagnosis.register.pose_derivative import travel_columns, turned_ways
+from diagnosis.settings import SETTINGS
 
-PRIOR_SD = np.array([2.0, 2.0, 2.0, 0.02, 0.02, 0.02, 3e-4, 1e-3, 1e-3])
+PRIOR_SD = np.array(SETTINGS.register.prior_sd())
 """How far a commanded pose may be off: mm, radians, share of the travel, its direction.
 
-A part lies anywhere; a stage's way is right to a few hundred ppm and its sensor sits on it to a
-milliradian (makers' data of linear stages). What turns with a part's tilt isn't told apart by flat
-faces, so that a wider prior would bend the travel for nothing; where readings tell, it hardly
-matters.
+What turns with a part's tilt isn't told apart by flat faces, so that a wider prior would bend the
+travel for nothing; where readings tell, it hardly matters.
 """
 
 

@@ -13,6 +13,7 @@ from diagnosis.register.placement import PRIOR_SD, Placement, move, move_all
 from diagnosis.register.pose_derivative import pose_columns, travel_columns
 from diagnosis.register.sample import Sample, pitch_of
 from diagnosis.register.silhouettes import settled_by_silhouettes
+from diagnosis.settings import SETTINGS
 from sensors.casting.hits import Hits
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
@@ -125,9 +126,10 @@ def _by_smooth_faces(
         columns /= sample.spread[use][:, None]
         factor = weight[use] * robust / scale**2
         normal_matrix = (columns * factor[:, None]).T @ columns
-        # neighbours share noise: fifty readings count as one against the prior
-        hessian = normal_matrix / 50 + inverse_prior
-        gradient = (columns * factor[:, None]).T @ residual / 50 - inverse_prior @ shift
+        # neighbours share noise: so many readings count as one against the prior
+        hessian = normal_matrix / SETTINGS.register.together + inverse_prior
+        gradient = (columns * factor[:, None]).T @ residual / SETTINGS.register.together
+        gradient -= inverse_prior @ shift
         change = np.linalg.solve(hessian, gradient)
         covariance = np.linalg.inv(hessian)
         largest = np.max(np.abs(change) / MOVE_LIMIT)

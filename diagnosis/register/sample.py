@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from diagnosis.fields import Field, Mask
 from diagnosis.register.part_unit import unit_hint
+from diagnosis.settings import SETTINGS
 from files.errors import RecipeError
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
@@ -14,8 +15,6 @@ from sensors.recording import Recording
 
 READINGS = 120_000
 """Readings of a sample, about: whole rows and columns, evenly spread."""
-LEAST_MET, LEAST_SHARE_MET = 50, 0.02
-"""Readings, and share of a recording's, that must meet the part from the commanded poses."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -74,7 +73,8 @@ class Sample:
         first = self.scene.cast(self.rays, self.poses)
         read = np.isfinite(self.depth_mm)
         together = np.isfinite(first.depth_mm) & read
-        if together.sum() < max(LEAST_MET, LEAST_SHARE_MET * read.sum()):
+        least = max(SETTINGS.register.least_met, SETTINGS.register.least_share_met * read.sum())
+        if together.sum() < least:
             raise RecipeError(self._fault(), where=name)
         return self.rays.points_part_mm(first.depth_mm, self.poses)[together], together
 

@@ -12,24 +12,13 @@ from diagnosis.register.coordinate_search import step_by_step
 from diagnosis.register.placement import PRIOR_SD, move
 from diagnosis.register.pose_derivative import travel_vector
 from diagnosis.register.sample import Sample
+from diagnosis.settings import SETTINGS
 from sensors.casting.laser import Laser
 from sensors.datasheet import Datasheet
 from sensors.view.visibility import camera_visible
 
-OPEN = 0.01
-"""Deviation, in pitches, from which a direction is left to the silhouettes.
-
-Planes say nothing of where they end: walls and what is read between two levels do, and those may be
-blurred over many pitches. Their word was up to two pitches off, with a deviation of 0.01 to 0.1.
-"""
-STEP = 0.3
-"""Depth, in pitches, by which a silhouette stands out at least."""
 REACHES = (8.0, 3.0, 1.0, 0.4, 0.15, 0.05)
 """Steps of a search by silhouettes, in pitches."""
-LEAST_SETTLED = 5.0
-"""What silhouettes must save to be followed: five readings on the wrong side of one."""
-SHADE = 3
-"""Pitches by which a shadow's end may be off."""
 
 
 def settled_by_silhouettes(
@@ -67,10 +56,10 @@ def settled_by_silhouettes(
         # what is read in a shadow is read elsewhere: it would draw the edge there
         seen = camera_visible(scene, rays, moved, hits, datasheet.camera_offset_mm)
         hidden = np.isfinite(hits.depth_mm) & ~seen
-        known &= ~binary_dilation(hidden, iterations=SHADE)
+        known &= ~binary_dilation(hidden, iterations=SETTINGS.register.shadow_pitches)
     away = (depth - hits.depth_mm)[known & np.isfinite(hits.depth_mm)]
     # faces that are bent don't tell where they end
-    cap = max(10 * sd_mm, STEP * pitch, 2 * robust_sd(away))
+    cap = max(10 * sd_mm, SETTINGS.register.silhouette_pitches * pitch, 2 * robust_sd(away))
 
     def cost(shift: Field) -> float:
         hits = scene.cast(rays, move(poses, shift, centre))
@@ -97,7 +86,7 @@ def _searched(
         return cost(start + steps @ directions)
 
     best, gained = step_by_step(there, len(directions), [k * pitch for k in REACHES])
-    if gained < LEAST_SETTLED:
+    if gained < SETTINGS.register.least_settled:
         return start
     polished = minimize(
         there,
@@ -117,7 +106,8 @@ def _searched(
 def any_silhouette(depth_mm: Field, pitch_mm: float) -> bool:
     """Whether depth (n, m) ends, or leaves the line through its neighbours, anywhere."""
     bends = [np.abs(np.diff(depth_mm, n=2, axis=axis)) for axis in (0, 1)]
-    steps = any((bend > STEP * pitch_mm).any() for bend in bends)
+    least_mm = SETTINGS.register.silhouette_pitches * pitch_mm
+    steps = any((bend > least_mm).any() for bend in bends)
     return bool(steps or not np.isfinite(depth_mm).all())
 
 
@@ -132,6 +122,9 @@ def open_directions(
 ) -> Field:
     """Directions (k, 9) in which smooth faces leave a placement open; a unit moves it by 1 mm.
 
+    Planes say nothing of where they end: walls and what is read between two levels do, and those
+    may be blurred over many pitches.
+
     Parameters
     ----------
     travels : whether the travel may be another; else where the part lies, for a travel as it is
@@ -142,7 +135,8 @@ def open_directions(
     if not travels:
         covariance, sizes = np.linalg.inv(np.linalg.inv(covariance)[:6, :6]), sizes[:6]
     values, vectors = np.linalg.eigh(covariance / np.outer(sizes, sizes))
-    found = (vectors[:, np.sqrt(values) > OPEN * pitch_mm] * sizes[:, None]).T
+    left_open = np.sqrt(values) > SETTINGS.register.open_pitches * pitch_mm
+    found = (vectors[:, left_open] * sizes[:, None]).T
     return np.hstack([found, np.zeros((len(found), 9 - len(sizes)))])
 
 

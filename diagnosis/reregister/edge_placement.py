@@ -18,7 +18,8 @@ from diagnosis.predict.prediction import predict
 from diagnosis.register.coordinate_search import step_by_step
 from diagnosis.register.placement import PRIOR_SD, Placement, move
 from diagnosis.register.sample import pitch_of
-from diagnosis.register.silhouettes import LEAST_SETTLED, open_directions
+from diagnosis.register.silhouettes import open_directions
+from diagnosis.settings import SETTINGS
 from sensors.casting.laser import Laser
 from sensors.view.view import View
 
@@ -26,12 +27,6 @@ READINGS = 6_000
 """Readings that a placement goes by, about: whole columns, evenly spread."""
 REACHES = (0.4, 0.15, 0.05)
 """Steps of the search, in pitches."""
-FARTHEST = 4.0
-"""Deviations that a reading counts at most: one that comes from elsewhere says no more."""
-SELDOM = 1e-3
-"""Least probability of what a reading does, for the same reason."""
-TOGETHER = 50
-"""Readings that share their noise, as in registration."""
 
 
 def placed_by_law(
@@ -47,7 +42,8 @@ def placed_by_law(
     points = view.part_mm[view.in_range]
     pitch = pitch_of(points, patch.shape)
     smooth = (patch.columns / PRIOR_SD)[patch.observed & ~patch.edge] / noise.sd_mm
-    covariance = np.linalg.inv(smooth.T @ smooth / TOGETHER + np.diag(PRIOR_SD**-2.0))
+    hessian = smooth.T @ smooth / SETTINGS.register.together + np.diag(PRIOR_SD**-2.0)
+    covariance = np.linalg.inv(hessian)
     directions = open_directions(covariance, view.poses, view.laser, patch.depth_mm, pitch)
     if not len(directions):
         return placement
@@ -56,6 +52,7 @@ def placed_by_law(
     laser = Laser(x_mm=view.laser.x_mm[::every], slope_x=view.laser.slope_x[::every])
     bright = None if view.intensity is None else view.intensity[:, ::every]
     effects = model.of(patch.recording)
+    farthest, least = SETTINGS.clip, SETTINGS.reregister.least_chance
 
     def moved(steps: Field) -> Field:
         return move(view.poses, steps @ directions, placement.centre_mm)
@@ -68,15 +65,15 @@ def placed_by_law(
         law = predict(there, effects, noise, level=model.level)
         read = np.isfinite(depth) & counted
         told = read & law.seen
-        away = np.clip((depth - law.mean_mm)[told] / law.sd_mm[told], -FARTHEST, FARTHEST)
+        away = np.clip((depth - law.mean_mm)[told] / law.sd_mm[told], -farthest, farthest)
         wrong = 0.5 * float(away @ away) + float(np.log(law.sd_mm[told] / noise.sd_mm).sum())
-        wrong += 0.5 * FARTHEST**2 * np.count_nonzero(read & ~law.seen)
+        wrong += 0.5 * farthest**2 * np.count_nonzero(read & ~law.seen)
         for here, chance in ((told, 1.0 - law.p_missing), (counted & ~read, law.p_missing)):
-            wrong -= float(np.log(np.fmax(chance[here], SELDOM)).sum())
+            wrong -= float(np.log(np.fmax(chance[here], least)).sum())
         prior = steps @ directions / PRIOR_SD
         return wrong + 0.5 * float(prior @ prior)
 
     best, gained = step_by_step(cost, len(directions), [k * pitch for k in REACHES])
-    if gained < LEAST_SETTLED:
+    if gained < SETTINGS.register.least_settled:
         return placement
     return replace(placement, shift=placement.shift + best @ directions, poses=moved(best))

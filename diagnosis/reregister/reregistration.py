@@ -14,9 +14,6 @@ from diagnosis.register.placement import PRIOR_SD, Placement
 from diagnosis.reregister.edge_placement import placed_by_law
 from diagnosis.settings import SETTINGS
 
-NEAR_MM, NEAR_SD = 0.03, 3.0
-"""A placement changes no further than this, sideways and in units of the noise, for nothing."""
-
 
 def placed_anew(
     model: Model,
@@ -110,6 +107,6 @@ def by_all_readings(
 
 def _stays(patch: Patch, shift: Field, noise: NoiseModel) -> bool:
     """Whether a placement is so near that what is linear in it is all there is."""
-    far = np.abs(shift * PRIOR_SD)[:3].max() > NEAR_MM
-    deep = np.abs(patch.columns @ shift).max() > NEAR_SD * noise.sd_mm
+    far = np.abs(shift * PRIOR_SD)[:3].max() > SETTINGS.reregister.near_mm
+    deep = np.abs(patch.columns @ shift).max() > SETTINGS.reregister.near_sd * noise.sd_mm
     return not (far or deep)

@@ -28,6 +28,7 @@ FORM = {
     ],
     "neighbours of a whitened reading, by reach and cost": ["noise/whitening:NEIGHBOURS"],
     "rounding": ["evidence/gram:ROUNDED", "evidence/posterior:ROUNDING"],
+    "a bound that keeps a division finite": ["register/pose_derivative:EDGE_ON"],
     "a cell's floor of a sum": ["evidence/glm:SPARSE", "model/log_density:LOG_STRAY"],
     "when an iteration ends": [
         "data/albedo:ROUNDS", "data/albedo:TURNS", "evidence/glm:SETTLED", "evidence/glm:STEPS",
@@ -74,14 +75,7 @@ FORM = {
         "physics/effect_fit:ALIKE", "physics/effect_fit:CORNER_COSTS",
         "physics/effect_fit:EDGE_COSTS", "physics/joint_fit:PROMISING",
         "physics/linear_fit:TILT_COSTS",
-        "register/part_unit:FIT_MM", "register/part_unit:MET",
-        "register/part_unit:NEARER", "register/placement:PRIOR_SD",
-        "register/pose_derivative:EDGE_ON", "register/sample:LEAST_MET",
-        "register/sample:LEAST_SHARE_MET", "register/silhouettes:LEAST_SETTLED",
-        "register/silhouettes:OPEN", "register/silhouettes:SHADE", "register/silhouettes:STEP",
-        "reregister/edge_placement:FARTHEST", "reregister/edge_placement:SELDOM",
-        "reregister/edge_placement:TOGETHER", "reregister/reregistration:NEAR_MM",
-        "reregister/reregistration:NEAR_SD", "validate/heldout:GROUP",
+        "validate/heldout:GROUP",
         "validate/heldout:OWN_SHARE",
     ],
 }  # fmt: skip

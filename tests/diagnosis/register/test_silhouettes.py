@@ -1,5 +1,6 @@
 """Silhouettes settle what smooth faces leave open, and only that."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from diagnosis.register.placement import PRIOR_SD
 from diagnosis.register.registration import register
 from diagnosis.register.silhouettes import any_silhouette, open_directions
+from diagnosis.settings import SETTINGS
 from sensors.casting.laser import Laser
 from tests.support.small_parts import datasheet, part, poses, record
 
@@ -20,7 +22,8 @@ def test_silhouettes_are_searched_where_there_are_some(monkeypatch: pytest.Monke
         return np.zeros(count), 0.0
 
     monkeypatch.setattr("diagnosis.register.silhouettes.step_by_step", search)
-    monkeypatch.setattr("diagnosis.register.silhouettes.OPEN", 0.0)
+    every = replace(SETTINGS, register=replace(SETTINGS.register, open_pitches=0.0))
+    monkeypatch.setattr("diagnosis.register.silhouettes.SETTINGS", every)
     sheet = datasheet(60)
     laser = Laser.from_datasheet(sheet)
     for name in ("domes", "steps"):
