@@ -201,6 +201,112 @@ class ReregisterSettings:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class DataSettings:
+    """Outliers of a recording, brightness of the surface, albedo patterns: `data/`."""
+
+    outlier_sd: float = quantity(
+        "deviations from the model and from the neighbours beyond which a reading is an outlier",
+        default=6.0, unit="σ", low=0.0,
+        source="chosen; no Gaussian reading",
+    )  # fmt: skip
+    speckle_sd: float = quantity(
+        "deviations of the speckle beyond which a change of brightness is the surface's",
+        default=6.0, unit="σ", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    direction_readings: int = quantity(
+        "readings below which the brightness of surfaces of one direction isn't known",
+        default=50, unit="", low=1, whole=True, source=CHOSEN,
+    )  # fmt: skip
+    one_albedo: float = quantity(
+        "standard deviation of the brightness's logarithm, once the directions of the surface are "
+        "subtracted, below which a part has one albedo",
+        default=0.15, unit="1", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    pattern_step: float = quantity(
+        "smallest step of the brightness's logarithm between the two levels of an albedo pattern",
+        default=0.3, unit="1", low=0.0,
+        source="speckle of a contrast of 0.4 leaves 0.12 in a single recording; shading less",
+    )  # fmt: skip
+    pattern_cos: float = quantity(
+        "cosine of the incidence below which a reading is left out of an albedo pattern",
+        default=0.5, unit="1", low=0.0, high=1.0,
+        source="chosen; at more than 60° much of a face lies in one cell",
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ComponentsSettings:
+    """Periods over the range: `components/row_periods.py`."""
+
+    least_periods: int = quantity(
+        "fewest periods over the readings' span of the range that are looked for",
+        default=8, unit="", low=1, whole=True, source=CHOSEN,
+    )  # fmt: skip
+    period_readings: int = quantity(
+        "readings below which no period is looked for",
+        default=500, unit="", low=1, whole=True, source=CHOSEN,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PhysicsSettings:
+    """Fits of the laws of named causes: `physics/`."""
+
+    promising: float = quantity(
+        "share of the best law's gain that a law must gain on its grid to be searched further",
+        default=0.25, unit="1", low=0.0, high=1.0,
+        source="a search rarely doubles a gain, and a law with half of the best one's is no cause",
+    )  # fmt: skip
+    tilt_nats: float = quantity(
+        "evidence above which columns have slopes beside their offsets",
+        default=3.0, unit="nat", low=0.0,
+        source="twenty to one",
+    )  # fmt: skip
+    fillet_nats: float = quantity(
+        "gain above which a concave corner has a fillet, and below whose negative it is sharp",
+        default=5.0, unit="nat", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    fillet_nats_each: float = quantity(
+        "what a fillet must gain besides for each of its readings at edges",
+        default=0.5, unit="nat", low=0.0,
+        source="the nominal law may be off there by its noise",
+    )  # fmt: skip
+    corners_alike_deg: float = quantity(
+        "difference of their angles below which corners are of one kind",
+        default=12.0, unit="deg", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ValidateSettings:
+    """Held-out readings: `validate/heldout.py`."""
+
+    own_every: int = quantity(
+        "one group of profiles of so many serves a recording's own parameters and isn't scored",
+        default=5, unit="", low=2, whole=True, source=CHOSEN,
+    )  # fmt: skip
+    group_profiles: int = quantity(
+        "profiles of a group, where a recording has enough of them",
+        default=6, unit="", low=1, whole=True, source=CHOSEN,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LocaliseSettings:
+    """Regions: `localise/`."""
+
+    marked_sd: float = quantity(
+        "change of the mean over the noise, averaged over neighbours, from which a reading is in a "
+        "region",
+        default=0.3, unit="σ", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    marked_lost: float = quantity(
+        "the same for the change of the probability of a missing reading",
+        default=0.2, unit="1", low=0.0, high=1.0, source=CHOSEN,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Settings:
     """Numbers of the evidence, and below them those of each room."""
 
@@ -430,6 +536,11 @@ class Settings:
     model: ModelSettings = ModelSettings()
     register: RegisterSettings = RegisterSettings()
     reregister: ReregisterSettings = ReregisterSettings()
+    data: DataSettings = DataSettings()
+    components: ComponentsSettings = ComponentsSettings()
+    physics: PhysicsSettings = PhysicsSettings()
+    validate: ValidateSettings = ValidateSettings()
+    localise: LocaliseSettings = LocaliseSettings()
 
     def as_json(self) -> dict[str, object]:
         """Return every number for diagnosis.json, and what is known about each."""

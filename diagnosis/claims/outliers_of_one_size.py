@@ -8,7 +8,6 @@ import numpy as np
 from scipy.special import logsumexp
 from scipy.stats import norm
 
-from diagnosis.data.patch import SPIKE_SD
 from diagnosis.fields import Field
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
@@ -26,7 +25,7 @@ def one_size_mm(ws: Workspace, model: Model) -> float | None:
     for patch, law in zip(ws.patches, ws.predict(model), strict=True):
         residual = patch.depth_mm - law.mean_mm
         pick = patch.fit & patch.observed & patch.counted & law.seen & ~patch.edge
-        pick &= np.abs(np.nan_to_num(residual)) > SPIKE_SD * law.sd_mm
+        pick &= np.abs(np.nan_to_num(residual)) > SETTINGS.data.outlier_sd * law.sd_mm
         sizes.append(residual[pick])
     return _one_size(np.concatenate(sizes), WIDE * ws.noise.sd_mm)
 

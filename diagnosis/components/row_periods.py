@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from diagnosis.model.log_density import Whitened
 
 BINS = 4096
-LEAST_CYCLES = 8
-FEWEST = 500
-"""Readings below which no period can be told."""
 
 
 def image_row(depth_mm: Field, sheet: Datasheet) -> Field:
@@ -54,7 +51,8 @@ def strongest_rows(
     cycles = np.arange(reach)
     total = sum(above[h * cycles] / h for h in range(1, SETTINGS.harmonics + 1))
     found: list[int] = []
-    for k in np.argsort(-total[LEAST_CYCLES:]) + LEAST_CYCLES:
+    least = SETTINGS.components.least_periods
+    for k in np.argsort(-total[least:]) + least:
         if len(found) == count:
             break
         if all(abs(k - other) > 1 for other in found):
@@ -68,7 +66,7 @@ def _binned(
     """Sum the scores (BINS,) over the image's rows; the rows' span, 1 the whole range."""
     rows = [image_row(p.view.depth_mm, p.view.datasheet) for p in patches]
     every = np.concatenate([r[p] for r, p in zip(rows, picked, strict=True)])
-    if every.size < FEWEST or np.ptp(every) == 0:
+    if every.size < SETTINGS.components.period_readings or np.ptp(every) == 0:
         return None
     low, high = np.quantile(every, [0.002, 0.998])
     sums = np.zeros(BINS)

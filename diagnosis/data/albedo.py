@@ -21,6 +21,7 @@ from scipy.fft import dctn, idctn, next_fast_len
 from diagnosis.data.brightness import by_direction, surface_brightness
 from diagnosis.fields import Field
 from diagnosis.register.placement import Placement
+from diagnosis.settings import SETTINGS
 from files.yaml_document import dump_yaml
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
@@ -46,13 +47,6 @@ TURNS = 3
 MOST_CELLS = 9_000_000
 MOST_READINGS = 3_000_000
 """Readings that a pattern is drawn from at most: more need memory and resolve no more."""
-STEEPEST_COS = 0.5
-"""Faces hit at more than 60° are left out: much of them lies in one cell."""
-LEAST_STEP = 0.3
-"""Least step of the logarithm between the two levels, around most readings.
-
-Speckle of a contrast of 0.4 leaves 0.12 in a single recording. Shading leaves less than a pattern.
-"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,7 +93,8 @@ def find_albedo(intensities: Sequence[Field], views: Sequence[View]) -> AlbedoPa
     lit, pitches = [], []
     for intensity, view in zip(intensities, views, strict=True):
         with np.errstate(invalid="ignore"):
-            usable = np.isfinite(view.depth_mm) & (view.cos_incidence > STEEPEST_COS)
+            square = view.cos_incidence > SETTINGS.data.pattern_cos
+            usable = np.isfinite(view.depth_mm) & square
             lit.append(usable & (intensity > 0))
         if not lit[-1].any():
             return None
@@ -188,13 +183,13 @@ def _drawn(place_mm: Field, log: Field, pitch_mm: float) -> AlbedoPattern | None
         bright = smooth > middle
         low, high = (_mean(total * side, count * side, wide) for side in (~bright, bright))
         middle = 0.5 * (low + high)
-    step = high - low
-    if np.median(step.ravel()[index]) < LEAST_STEP:
+    step, least = high - low, SETTINGS.data.pattern_step
+    if np.median(step.ravel()[index]) < least:
         return None
     # speckle frays a border: what differs from most around it changes sides
     frayed = _mean(total, count, FINE * pitch_mm / cell) > middle
     bright = _blurred(frayed.astype(np.float64), STRAIGHT * pitch_mm / cell) > 0.5
-    level = np.where(step < LEAST_STEP, smooth, np.where(bright, high, low))
+    level = np.where(step < least, smooth, np.where(bright, high, low))
     return AlbedoPattern(corner_mm=corner, cell_mm=cell, level=np.exp(level))
 
 

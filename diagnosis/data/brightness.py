@@ -12,22 +12,17 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, distance_transform_edt, median_filter
 
 from diagnosis.fields import Field, Mask
+from diagnosis.settings import SETTINGS
 from sensors.view.view import View
 
 NARROW, WIDE = 5, 15
 WINDOWS = (NARROW, 3, 1)
 """Windows of medians, readings; the narrowest that is clear of speckle counts."""
-CLEAR = 6.0
-"""A change of brightness counts as the surface's beyond this many deviations of speckle."""
-EVEN = 0.15
-"""Scatter of the logarithm that directions may leave over; more is an albedo pattern."""
 BIN_DEG = 3.0
 """Directions of the surface that count as one."""
 SIDE = int(180 / BIN_DEG) + 1
 CHUNK = 450_000
 """Points that are looked at together."""
-FEWEST = 50
-"""Readings that the brightness of a direction needs at least."""
 
 
 def by_direction(intensity: Field, view: View) -> Field:
@@ -42,7 +37,7 @@ def by_direction(intensity: Field, view: View) -> Field:
     lit = (place >= 0) & np.isfinite(intensity) & (intensity > 0)
     count = np.bincount(place[lit], minlength=SIDE**2).reshape(SIDE, SIDE)
     total = np.bincount(place[lit], np.log(intensity[lit]), SIDE**2).reshape(SIDE, SIDE)
-    known = count >= FEWEST
+    known = count >= SETTINGS.data.direction_readings
     if not known.any():
         return np.ones(intensity.shape)
     nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
@@ -72,7 +67,7 @@ def surface_brightness(intensity: Field, view: View) -> Field:
     usual = by_direction(intensity, view)
     rest = smoothed_brightness(intensity / usual)
     log = np.log(rest[np.isfinite(rest) & (rest > 0)])
-    if log.size and np.std(log) < EVEN:
+    if log.size and np.std(log) < SETTINGS.data.one_albedo:
         return rest * usual
     return smoothed_brightness(intensity)
 
@@ -81,8 +76,8 @@ def smoothed_brightness(intensity: Field) -> Field:
     """Return what stands clear of speckle, (n, m), same unit; NaN where missing.
 
     Medians keep steps, but lose features narrower than half their window. The logarithm is taken
-    as read, else from a narrow median, where that differs from a wide median by `CLEAR` deviations
-    of the speckle in it; from the wide median elsewhere.
+    as read, else from a narrow median, where that differs from a wide median by `speckle_sd`
+    deviations of the speckle in it; from the wide median elsewhere.
     """
     known = np.isfinite(intensity) & (intensity > 0)
     if known.sum() < 4 * NARROW**2:
@@ -93,7 +88,8 @@ def smoothed_brightness(intensity: Field) -> Field:
     out = wide
     for width in WINDOWS:
         middle = filled if width == 1 else _median(filled, width)
-        clear = np.abs(middle - wide) > CLEAR * max(_speckle(middle, known, max(width, 2)), 1e-6)
+        speckle = max(_speckle(middle, known, max(width, 2)), 1e-6)
+        clear = np.abs(middle - wide) > SETTINGS.data.speckle_sd * speckle
         out = np.where(binary_dilation(clear, iterations=2), middle, out)
     return np.where(known, np.exp(out), np.nan)
 

@@ -16,6 +16,7 @@ from diagnosis.predict.prediction import law_of
 from diagnosis.register.placement import PRIOR_SD, Placement
 from diagnosis.register.pose_derivative import pose_columns, travel_columns
 from diagnosis.register.registration import hits_normal
+from diagnosis.settings import SETTINGS
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
@@ -28,7 +29,6 @@ STRIP_ROWS = 40
 STRIPS = 5
 FEWEST_ROWS = 16
 """Profiles that a strip keeps at least: several correlation lengths."""
-SPIKE_SD = 6.0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False, weakref_slot=True)
@@ -209,7 +209,8 @@ def in_range(depth_mm: Field, datasheet: Datasheet) -> Field:
 
 def spikes(residual_mm: Field, used: Mask, sd_mm: Field) -> Mask:
     """Mark readings that leave their neighbours: isolated, unlike a misfit, which is smooth."""
-    limit = np.ascontiguousarray(np.broadcast_to(SPIKE_SD * sd_mm, residual_mm.shape))
+    limit_mm = SETTINGS.data.outlier_sd * sd_mm
+    limit = np.ascontiguousarray(np.broadcast_to(limit_mm, residual_mm.shape))
     return np.asarray(_spikes(np.ascontiguousarray(residual_mm), used, limit))
 
 

@@ -18,6 +18,7 @@ from diagnosis.predict.prediction import Prediction, law_of, predict
 from diagnosis.register.placement import PRIOR_SD, Placement
 from diagnosis.register.pose_derivative import pose_columns, travel_columns
 from diagnosis.register.registration import hits_normal
+from diagnosis.settings import SETTINGS
 from diagnosis.validate.placement_candidates import Placed
 from sensors.model import SensorModel
 from sensors.recording import Recording, repeated_rows
@@ -28,8 +29,6 @@ RIGID = 6
 """Columns of a placement that move the part; the others are the travel's."""
 LEVELLED_BY = 60_000
 """Readings that tell what a placement takes up."""
-SURE = 0.01
-"""Chance of the other side of an edge below which a reading's absence, or presence, is marked."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -158,7 +157,7 @@ def map_recording(
     changes = _changes(recorded, number, found, noise)
     residual = depth - plain
     score = smoothed_score(residual, changes.sd_mm, noise)
-    wrong = (np.isfinite(depth) != np.isfinite(plain)) & (changes.soft < SURE)
+    wrong = (np.isfinite(depth) != np.isfinite(plain)) & (changes.soft < SETTINGS.ambiguous)
     wrong[repeated] = False
     if not found.model.is_nominal:
         mask = departure_mask(changes.departure_mm, changes.lost, changes.noise_mm * usual)

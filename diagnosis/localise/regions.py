@@ -15,12 +15,11 @@ from scipy.ndimage import (
 
 from diagnosis.fields import Field, Mask, Single
 from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.settings import SETTINGS
 
 MOST_REGIONS = 12
 NEIGHBOURS = 5
 """Points a side over which a departure is averaged."""
-MARKED_SD, MARKED_LOST = 0.3, 0.2
-"""Departures marked: of the mean in units of the noise, of the share that returns."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -72,11 +71,11 @@ def departure_mask(
     A departure that is small everywhere is marked where it comes near its own peak.
     """
     size = np.abs(uniform_filter(np.nan_to_num(departure_mm / sd_mm), NEIGHBOURS))
-    mask = size > MARKED_SD
+    mask = size > SETTINGS.localise.marked_sd
     if not mask.any() and size.any():
         mask = size > max(0.4 * float(np.quantile(size[size > 0], 0.98)), 0.02)
     lost = uniform_filter(np.nan_to_num(missing_change), NEIGHBOURS)
-    return np.asarray(mask | (np.abs(lost) > MARKED_LOST))
+    return np.asarray(mask | (np.abs(lost) > SETTINGS.localise.marked_lost))
 
 
 def free_mask(score: Single, wrong: Mask) -> Mask:

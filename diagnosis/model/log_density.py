@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 
-from diagnosis.data.patch import SPIKE_SD, Patch, spikes
+from diagnosis.data.patch import Patch, spikes
 from diagnosis.fields import Field, Mask, Single
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.noise.whitening import Whitener
@@ -166,7 +166,7 @@ def _taken(
     seen = prediction.seen & patch.observed & patch.counted
     mean = np.nan_to_num(prediction.mean_mm) + patch.columns @ placement
     residual = np.where(seen, patch.depth_mm - mean, 0.0)
-    used = seen & (np.abs(residual) < SPIKE_SD * prediction.sd_mm)
+    used = seen & (np.abs(residual) < SETTINGS.data.outlier_sd * prediction.sd_mm)
     return seen, residual, used, _whitener(patch, used, noise)
 
 

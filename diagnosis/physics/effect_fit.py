@@ -30,12 +30,6 @@ from sensors.view.creases import concave_creases, filled_mm
 MAX_GRID = 600
 RADII_MM = (0.4, 0.8, 1.6, 3.2, 6.4)
 FINER = (0.65, 0.75, 0.87, 1.15, 1.33, 1.5)
-CORNER_COSTS = 5.0
-"""Nats that a fillet in a corner must gain."""
-EDGE_COSTS = 0.5
-"""Nats that each of its readings must gain besides, where the plain law may be off by its noise."""
-ALIKE = math.radians(12.0)
-"""Turns of corners of one kind differ by less."""
 STRONGER = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Strengths from which a search goes on where the one found holds to the first order."""
 PEAKS = 4
@@ -99,8 +93,10 @@ def _fit_fillets(ws: Workspace, model: Model, polish: bool) -> Fitted | None:
             _, crease = filled_mm(patch.view, radius_mm)
             gains += np.bincount(crease[mask] + 1, (after - before)[mask], minlength=corners + 1)
             edge = mask & patch.edge
-            doubt += EDGE_COSTS * np.bincount(crease[edge] + 1, minlength=corners + 1)
-        better = np.flatnonzero(gains[1:] > CORNER_COSTS + doubt[1:])
+            # the nominal law may be off there by its noise
+            at_edges = np.bincount(crease[edge] + 1, minlength=corners + 1)
+            doubt += SETTINGS.physics.fillet_nats_each * at_edges
+        better = np.flatnonzero(gains[1:] > SETTINGS.physics.fillet_nats + doubt[1:])
         silent = _as_silent(creases.turn_rad, gains[1:])
         which = tuple(float(v) for v in middles[np.union1d(better, silent)].ravel())
         effect = replace(everywhere, fillet_mm=radius_mm if better.size else 0.0, corners_mm=which)
@@ -125,8 +121,10 @@ def _as_silent(turn_rad: Field, gains: Field) -> NDArray[np.int64]:
     One maker's tool rounds corners of one kind; where a corner of that kind is sharp, none is
     presumed.
     """
-    rounded, sharp = gains > CORNER_COSTS, gains < -CORNER_COSTS
-    alike = np.abs(turn_rad[:, None] - turn_rad[None]) < ALIKE
+    least = SETTINGS.physics.fillet_nats
+    apart_rad = math.radians(SETTINGS.physics.corners_alike_deg)
+    rounded, sharp = gains > least, gains < -least
+    alike = np.abs(turn_rad[:, None] - turn_rad[None]) < apart_rad
     kind = alike[:, rounded].any(axis=1) & ~alike[:, sharp].any(axis=1)
     return np.flatnonzero(kind & ~rounded & ~sharp)
 

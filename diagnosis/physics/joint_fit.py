@@ -16,10 +16,6 @@ from diagnosis.settings import SETTINGS
 from sensors.effects import CATALOGUE
 from sensors.effects.base import Effect
 
-PROMISING = 0.25
-"""Share of the best law's gain that a law reaches on its grid if it is worth a search of its own:
-a search rarely doubles a gain, and half of the best law's tells that it is another one's."""
-
 
 def fit_laws(
     causes: Sequence[Cause],
@@ -132,7 +128,7 @@ def among_laws(
     fitted: dict[str, Fitted] = {}
     for name in sorted(rough, key=lambda n: -rough[n].gain):
         most = max((f.gain for f in fitted.values()), default=0.0)
-        if name == cause.name or rough[name].gain > PROMISING * most:
+        if name == cause.name or rough[name].gain > SETTINGS.physics.promising * most:
             fitted[name] = law(name, polish=True) or rough[name]
     gains = {
         n: min(f.gain, few.gain_by_mean(model, f.effect, f.own)) - f.free

@@ -20,8 +20,6 @@ from sensors.effects.base import Effect
 from sensors.effects.sinusoid import SinusoidalEffect
 
 ROUNDS = 2
-TILT_COSTS = 3.0
-"""Nats of evidence above which columns have slopes, too: twenty to one."""
 PLACED_BY = 16_000
 """Readings of a recording that settle its placement while coefficients are tried."""
 
@@ -291,7 +289,7 @@ def _solve_columns(
     values, gain, evidence = tilted.level().shrunk()
     slopes: Field = np.zeros(0)
     with_slopes, more, better = tilted.shrunk()
-    if better > evidence + TILT_COSTS:
+    if better > evidence + SETTINGS.physics.tilt_nats:
         (values, slopes), gain = np.split(with_slopes, 2), more
         slopes = slopes - slopes.mean()
     return Fitted(

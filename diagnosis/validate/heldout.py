@@ -18,11 +18,7 @@ from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.linear_fit import phase_is_own, solve_linear
-
-OWN_SHARE = 5
-"""Every fifth group of profiles serves a recording's own parameters and isn't scored."""
-GROUP = 6
-"""Profiles of a group, where a recording has enough of them for five groups."""
+from diagnosis.settings import SETTINGS
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -80,10 +76,10 @@ def own_parts(masks: Sequence[Mask]) -> tuple[list[Mask], list[Mask]]:
 
     A recording of few profiles has smaller groups, so that most of it is judged on.
     """
-    small = []
+    every, most, small = SETTINGS.validate.own_every, SETTINGS.validate.group_profiles, []
     for mask in masks:
-        size = max(1, min(GROUP, len(mask) // OWN_SHARE))
-        group = (np.arange(len(mask)) // size) % OWN_SHARE == 0
+        size = max(1, min(most, len(mask) // every))
+        group = (np.arange(len(mask)) // size) % every == 0
         small.append(group[:, None] & mask)
     return small, [m & ~s for m, s in zip(masks, small, strict=True)]
 

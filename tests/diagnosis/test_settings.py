@@ -68,15 +68,6 @@ FORM = {
         "report/covariate_picture:FEWEST",
     ],
     "a threshold that isn't in the settings yet; its file states it": [
-        "components/row_periods:FEWEST", "components/row_periods:LEAST_CYCLES",
-        "data/albedo:LEAST_STEP", "data/albedo:STEEPEST_COS", "data/brightness:CLEAR",
-        "data/brightness:EVEN", "data/brightness:FEWEST", "data/patch:SPIKE_SD",
-        "localise/maps:SURE", "localise/regions:MARKED_LOST", "localise/regions:MARKED_SD",
-        "physics/effect_fit:ALIKE", "physics/effect_fit:CORNER_COSTS",
-        "physics/effect_fit:EDGE_COSTS", "physics/joint_fit:PROMISING",
-        "physics/linear_fit:TILT_COSTS",
-        "validate/heldout:GROUP",
-        "validate/heldout:OWN_SHARE",
     ],
 }  # fmt: skip
 """Why a number may stand outside of the settings, and which do."""

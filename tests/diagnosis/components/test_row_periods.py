@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.components.row_periods import FEWEST, strongest_rows
+from diagnosis.components.row_periods import strongest_rows
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
+from diagnosis.settings import SETTINGS
 from sensors.view.camera import row_of_depth
 from tests.support.effect_case import bench_workspace
 
@@ -34,5 +35,5 @@ def test_the_strongest_ripple_comes_first(ws: Workspace, rows: float) -> None:
 def test_few_readings_have_no_period(ws: Workspace) -> None:
     states = ws.states(ws.predict(Model()))
     none = [np.zeros(p.shape, dtype=bool) for p in ws.patches]
-    none[0].ravel()[: FEWEST // 2] = True
+    none[0].ravel()[: SETTINGS.components.period_readings // 2] = True
     assert strongest_rows(ws.patches, states, none, 3) == []

@@ -3,7 +3,8 @@
 import numpy as np
 
 from diagnosis.localise.maps import taken_up
-from diagnosis.localise.regions import MARKED_SD, departure_mask
+from diagnosis.localise.regions import departure_mask
+from diagnosis.settings import SETTINGS
 
 STILL = np.zeros((40, 60))
 SD = np.full((40, 60), 0.02)
@@ -28,8 +29,8 @@ def test_alternating_signs_average_out() -> None:
 
 def test_what_is_small_everywhere_is_marked_at_its_peak() -> None:
     change = np.zeros_like(STILL)
-    change[:, :20] = 0.5 * MARKED_SD * 0.02
-    change[:, 20:40] = 0.1 * MARKED_SD * 0.02
+    change[:, :20] = 0.5 * SETTINGS.localise.marked_sd * 0.02
+    change[:, 20:40] = 0.1 * SETTINGS.localise.marked_sd * 0.02
     mask = departure_mask(change, STILL, SD)
     assert mask[:, :17].all()
     assert not mask[:, 25:].any()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from diagnosis.physics.column_offsets import Columns, likely_variance
-from diagnosis.physics.linear_fit import TILT_COSTS
+from diagnosis.settings import SETTINGS
 
 
 @pytest.mark.parametrize("true", [1e-6, 1e-4, 1e-2])
@@ -43,9 +43,9 @@ def test_columns_tilt_where_the_evidence_asks_for_it(slope_mm: float) -> None:
     values, gain, evidence = tilted.shrunk()
     flat, less, plain = tilted.level().shrunk()
     if slope_mm == 0.0:
-        assert evidence < plain + TILT_COSTS
+        assert evidence < plain + SETTINGS.physics.tilt_nats
         return
-    assert evidence > plain + TILT_COSTS
+    assert evidence > plain + SETTINGS.physics.tilt_nats
     assert gain > less
     found, tilts = np.split(values, 2)
     # the noise of an offset is 0.02 / sqrt(150), that of a slope less by the depths' 1.7 mm

@@ -10,9 +10,8 @@ from scipy.special import ndtri
 
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
+from diagnosis.settings import SETTINGS
 from diagnosis.validate.heldout import (
-    GROUP,
-    OWN_SHARE,
     judge,
     judging_masks,
     largest_gap,
@@ -37,8 +36,10 @@ def test_readings_serve_one_purpose(profiles: int) -> None:
     (small,), (scored,) = own_parts([mask])
     assert not (small & scored).any()
     assert ((small | scored) == mask).all()
-    (every,), _ = own_parts([np.ones((profiles * OWN_SHARE * GROUP, 1), dtype=bool)])
-    assert every.mean() == pytest.approx(1 / OWN_SHARE)
+    groups = SETTINGS.validate
+    whole = profiles * groups.own_every * groups.group_profiles
+    (every,), _ = own_parts([np.ones((whole, 1), dtype=bool)])
+    assert every.mean() == pytest.approx(1 / groups.own_every)
 
 
 def test_the_gap_of_known_samples() -> None:
