@@ -307,6 +307,134 @@ class LocaliseSettings:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class ClaimsSettings:
+    """Recordings against claims: `claims/`."""
+
+    square_deg: float = quantity(
+        "incidence below which the noise is compared with a plate's",
+        default=25.0, unit="deg", low=0.0, high=90.0, source=CHOSEN,
+    )  # fmt: skip
+    darker: float = quantity(
+        "share of these readings that are darker than those compared",
+        default=0.6, unit="1", low=0.0, high=1.0,
+        source="chosen; a dark albedo is noisier whatever the surface's texture",
+    )  # fmt: skip
+    unchanged: float = quantity(
+        "change of the noise, and of the mean over the noise, by effects of the model below which "
+        "a reading is compared",
+        default=0.1, unit="1", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    level_parts: int = quantity(
+        "parts of what another cause of noise follows, in each of which the noise is compared",
+        default=6, unit="", low=1, whole=True, source=CHOSEN,
+    )  # fmt: skip
+    surely_smoother: float = quantity(
+        "factor on a plate's noise below which it is named beside an unexplained mean, too",
+        default=0.75, unit="1", low=0.0, high=1.0,
+        source="chosen; a bent mean adds to noise only",
+    )  # fmt: skip
+    surely_drawn: float = quantity(
+        "ratio of a lay above which it is named beside an unexplained mean, too",
+        default=1.7, unit="1", low=1.0,
+        source="chosen; a mean's waves have directions, too",
+    )  # fmt: skip
+    finer: float = quantity(
+        "factor on the density of a surface's peaks, up or down, from which it is reported",
+        default=1.35, unit="1", low=1.0,
+        source="correlation lengths of plates differ by as much",
+    )  # fmt: skip
+    averaged: float = quantity(
+        "factor on a plate's noise below which a translucent material is tried",
+        default=0.9, unit="1", low=0.0, high=1.0,
+        source="speckle of a surface rougher than the wavelength doesn't depend on its roughness "
+        "(Dorsch, Häusler and Herrmann 1994); the value is chosen",
+    )  # fmt: skip
+    filter_nats: float = quantity(
+        "divergence per reading of a filter's noise from a recording's below which it may be named",
+        default=0.2, unit="nat", low=0.0,
+        source="recordings against their own filter: 0.05 to 0.10; against another: 0.08 and more",
+    )  # fmt: skip
+    filter_share: float = quantity(
+        "the same, over the divergence of the nearest surface without a filter",
+        default=0.5, unit="1", low=0.0, high=1.0, source=CHOSEN,
+    )  # fmt: skip
+    filter_lags: int = quantity(
+        "lags along either axis below which no filter is looked for",
+        default=3, unit="", low=1, whole=True, source=CHOSEN,
+    )  # fmt: skip
+    slack_deg: float = quantity(
+        "standard deviation of a placement by registration alone: turns",
+        default=0.01, unit="deg", low=0.0, above=True, source=CHOSEN,
+    )  # fmt: skip
+    slack_mm: float = quantity(
+        "the same: offsets across the range",
+        default=0.01, unit="mm", low=0.0, above=True, source=CHOSEN,
+    )  # fmt: skip
+    slack_range_mm: float = quantity(
+        "the same: offset along the range",
+        default=0.02, unit="mm", low=0.0, above=True, source=CHOSEN,
+    )  # fmt: skip
+    least_scatter: float = quantity(
+        "smallest scatter of how parts lie that is weighed, over the prior of a placement",
+        default=1e-3, unit="1", low=0.0, above=True,
+        source="far below what registration scatters; the largest is the prior itself",
+    )  # fmt: skip
+    scatters: int = quantity(
+        "sizes of that scatter, even on a logarithmic scale",
+        default=10, unit="", low=2, whole=True, source=CHOSEN,
+    )  # fmt: skip
+    least_offset: float = quantity(
+        "smallest error of the mounting that is weighed, over the prior of a placement",
+        default=0.01, unit="1", low=0.0, above=True,
+        source="0.02 mm and 0.01°, as registration scatters; the largest is the prior itself",
+    )  # fmt: skip
+    offsets: int = quantity(
+        "sizes of that error, even on a logarithmic scale",
+        default=7, unit="", low=2, whole=True, source=CHOSEN,
+    )  # fmt: skip
+    strays: float = quantity(
+        "share of outliers of other sizes among those of one size",
+        default=0.1, unit="1", low=0.0, high=1.0, above=True, below=True,
+        source="chosen; a good instrument has some, too",
+    )  # fmt: skip
+    one_size_sd: float = quantity(
+        "standard deviation of outliers of one size, over the noise",
+        default=2.0, unit="σ", low=0.0, above=True,
+        source="chosen; they lie on slopes, too",
+    )  # fmt: skip
+    repeats: float = quantity(
+        "share of profiles that repeat the one before, from which they are a fault",
+        default=0.01, unit="1", low=0.0, high=1.0, source=CHOSEN,
+    )  # fmt: skip
+    least_steps: int = quantity(
+        "steps that readings must span for a coarse step of the depth to be named",
+        default=20, unit="", low=2, whole=True, source=CHOSEN,
+    )  # fmt: skip
+    stuck_values: int = quantity(
+        "values in the other half of the counts below which no bit sticks",
+        default=8, unit="", low=1, whole=True,
+        source="chosen; fewer are a step that is coarser than stated",
+    )  # fmt: skip
+    stuck_share: float = quantity(
+        "share of the readings that the part must put into the middle of the half without any",
+        default=0.05, unit="1", low=0.0, high=1.0,
+        source="chosen; noise moves some of them out of it, and others into it",
+    )  # fmt: skip
+
+    def slack(self) -> tuple[float, ...]:
+        """Return the deviations that registration leaves: three turns, deg, three offsets, mm."""
+        return (*(self.slack_deg,) * 3, *(self.slack_mm,) * 2, self.slack_range_mm)
+
+    def mounting_scatters(self) -> Floats:
+        """Return sizes of the scatter of how parts lie, over the prior of a placement."""
+        return np.geomspace(self.least_scatter, 1.0, self.scatters)
+
+    def mounting_offsets(self) -> Floats:
+        """Return sizes of the mounting's error, over the prior of a placement: none, and others."""
+        return np.append(0.0, np.geomspace(self.least_offset, 1.0, self.offsets))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Settings:
     """Numbers of the evidence, and below them those of each room."""
 
@@ -541,6 +669,7 @@ class Settings:
     physics: PhysicsSettings = PhysicsSettings()
     validate: ValidateSettings = ValidateSettings()
     localise: LocaliseSettings = LocaliseSettings()
+    claims: ClaimsSettings = ClaimsSettings()
 
     def as_json(self) -> dict[str, object]:
         """Return every number for diagnosis.json, and what is known about each."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from diagnosis.fields import Field
 from diagnosis.noise.noise_model import NoiseModel, calibrate
+from diagnosis.settings import SETTINGS
 from sensors.effects.base import Effect
 from sensors.effects.onboard_filter import OnboardFilter
 from sensors.effects.roughness_level import RoughnessLevel
@@ -34,13 +35,6 @@ MEANS_ACROSS = (1, 3, 5, 7)
 AMPLITUDES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.12, 0.08)
 PEAKS = (0.3, 0.5, 0.7, 1.0, 1.4, 2.0)
 """Factors on heights and on peaks per mm that a surface other than claimed may have."""
-NEAR = 0.2
-"""Divergence in nats per reading from which a filter doesn't fit. Recordings against the filter
-that they went through: 0.05 to 0.10; against another one: 0.08 and more."""
-BETTER = 0.5
-"""Share of the nearest surface's divergence that a filter's must be below."""
-LEAST_LAGS = 3
-"""Lags along either axis without which a window can't be told."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -87,7 +81,7 @@ def onboard_filter_of(own: NoiseModel, surface: Surface, view: View) -> OnboardF
     surface, view : what the surface's file claims, and a scan of it
     """
     speckle = geometric_law(view, surface).speckle
-    if speckle is None or min(own.lags) < LEAST_LAGS:
+    if speckle is None or min(own.lags) < SETTINGS.claims.filter_lags:
         return None
     sheet = view.datasheet
     claimed = _Claimed(
@@ -99,7 +93,8 @@ def onboard_filter_of(own: NoiseModel, surface: Surface, view: View) -> OnboardF
     nearest = min(_divergence(own, claimed.noise(*each), claimed) for each in surfaces)
     filters = [(_divergence(own, claimed.noise(each), claimed), each) for each in _filters()]
     distance, best = min(filters, key=lambda pair: pair[0])
-    return best if distance < min(NEAR, BETTER * nearest) else None
+    most = min(SETTINGS.claims.filter_nats, SETTINGS.claims.filter_share * nearest)
+    return best if distance < most else None
 
 
 def _filters() -> Iterator[OnboardFilter]:

@@ -41,15 +41,15 @@ from sensors.effects.pose_error import PoseError
 from sensors.recording import Recording
 
 NAMES = ("yaw_deg", "roll_deg", "pitch_deg", "x_mm", "y_mm", "z_mm")
-SLACK = np.array([0.01, 0.01, 0.01, 0.01, 0.01, 0.02])
+SLACK = np.array(SETTINGS.claims.slack())
 """What registration alone scatters: turns in degrees, offsets in mm."""
 UNIT = np.array([*np.degrees(PRIOR_SD[3:6]), *PRIOR_SD[:3]])
 """How far a commanded pose may be off, degrees and mm."""
-SCATTERS = np.geomspace(1e-3, 1.0, 10)
+SCATTERS = SETTINGS.claims.mounting_scatters()
 """Sizes of a, its shift and its turn, in `UNIT`: from far below `SLACK`."""
 TINY = 1e-9
 """What counts as no deviation, degrees and mm."""
-OFFSETS = np.append(0.0, np.geomspace(0.01, 1.0, 7))
+OFFSETS = SETTINGS.claims.mounting_offsets()
 """Sizes of m, its shift and its turn, in `UNIT`: none, or from 0.02 mm and 0.01 degrees."""
 
 
@@ -236,13 +236,13 @@ def mounted(
     )  # fmt: skip
     mounting = mounting_error(seen, good)
     sure, error = SETTINGS.probability(mounting.nats, "pose_error"), mounting.error
-    if sure <= 0.5 or not error.any():
+    if sure <= SETTINGS.reported or not error.any():
         return []
     apart = Workspace.build(held, ws.noise)
     moved = apart.placements(model, [p.counted & ~p.edge for p in held])
     others = lie(held, moved, 0.0)
     every = mounting_error([*seen, *others], good).nats
-    if SETTINGS.probability(every, "pose_error") <= 0.5:
+    if SETTINGS.probability(every, "pose_error") <= SETTINGS.reported:
         return []
     bounds = {p.name: (p.low, p.high) for p in PoseError.parameters()}
     values = {n: float(np.clip(v, *bounds[n])) for n, v in zip(NAMES, error, strict=True) if v}

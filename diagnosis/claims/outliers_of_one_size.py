@@ -1,7 +1,8 @@
 """Outliers that all lie equally far off: a bit, a ghost at one distance, no stray light.
 
 Outliers by chance have sizes of any value, r ~ N(0, w²). Those of one cause have one,
-r ~ (1 - ε) N(v, (2σ)²) + ε N(0, w²), σ the noise. Whichever makes the sizes more probable stands.
+r ~ (1 - ε) N(v, (kσ)²) + ε N(0, w²), σ the noise, ε and k by the settings. Whichever makes the
+sizes more probable stands.
 """
 
 import numpy as np
@@ -13,11 +14,6 @@ from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.settings import SETTINGS
 
-STRAY = 0.1
-"""Share ε of the outliers that may be others: a good instrument has some, too."""
-WIDE = 2.0
-"""Deviations over the noise's of those of one size: they lie on slopes, too."""
-
 
 def one_size_mm(ws: Workspace, model: Model) -> float | None:
     """Return the one size v of the outliers off edges, mm; None where they have many."""
@@ -27,7 +23,7 @@ def one_size_mm(ws: Workspace, model: Model) -> float | None:
         pick = patch.fit & patch.observed & patch.counted & law.seen & ~patch.edge
         pick &= np.abs(np.nan_to_num(residual)) > SETTINGS.data.outlier_sd * law.sd_mm
         sizes.append(residual[pick])
-    return _one_size(np.concatenate(sizes), WIDE * ws.noise.sd_mm)
+    return _one_size(np.concatenate(sizes), SETTINGS.claims.one_size_sd * ws.noise.sd_mm)
 
 
 def _one_size(sizes: Field, width: float) -> float | None:
@@ -39,8 +35,9 @@ def _one_size(sizes: Field, width: float) -> float | None:
     k = int(held.argmax())
     v = float(np.median(r[k : k + held[k]]))
     any_size = norm.logpdf(r, 0.0, np.sqrt(np.mean(r**2)))
+    strays = SETTINGS.claims.strays
     one = logsumexp(
-        [np.log1p(-STRAY) + norm.logpdf(r, v, width), np.log(STRAY) + any_size], axis=0
+        [np.log1p(-strays) + norm.logpdf(r, v, width), np.log(strays) + any_size], axis=0
     )
     known, unknown = SETTINGS.prior_cause, SETTINGS.prior_unknown
     price = np.log(known / unknown) + np.log(r.size)  # it was picked from as many

@@ -13,18 +13,11 @@ from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel, robust_sd
 from diagnosis.predict.albedo_borders import albedo_borders
+from diagnosis.settings import SETTINGS
 from sensors.effects.base import Effect
 from sensors.effects.motion_blur import MotionBlur
 from sensors.effects.pixel_locking import PixelLocking
 from sensors.view.view import View
-
-USUAL = 0.1
-LEAST_READINGS = 200
-SQUARE_RAD = math.radians(25)
-PARTS = 6
-"""Parts of what a cause of noise follows in which the noise is compared by itself."""
-BRIGHT = 0.6
-"""Share of the readings hit squarely that are darker than those whose noise is compared."""
 
 
 def level_change(ws: Workspace, model: Model, nominal_sd_mm: float) -> LevelChange:
@@ -37,24 +30,26 @@ def level_change(ws: Workspace, model: Model, nominal_sd_mm: float) -> LevelChan
     """
     predictions, plain = ws.predict(model), ws.predict(Model())
     noisy = [e for e in model.effects if "variance" in e.channels]
+    least, unchanged = SETTINGS.least_readings, SETTINGS.claims.unchanged
+    square_rad = math.radians(SETTINGS.claims.square_deg)
     found: dict[tuple[int, str, int], list[tuple[Field, Field]]] = {}
     for patch, state, with_it, bare in zip(
         ws.patches, ws.states(predictions), predictions, plain, strict=True
     ):
-        square = patch.view.incidence_rad < SQUARE_RAD
+        square = patch.view.incidence_rad < square_rad
         # where the model has the noise of a plate, effects on the noise have no say
-        usual = np.abs(state.sd_mm / (model.level * ws.noise.sd_mm) - 1) < USUAL
+        usual = np.abs(state.sd_mm / (model.level * ws.noise.sd_mm) - 1) < unchanged
         # where it leaves the mean alone, what it gets wrong there doesn't pass for noise
-        still = np.abs(with_it.mean_mm - bare.mean_mm) < USUAL * ws.noise.sd_mm
+        still = np.abs(with_it.mean_mm - bare.mean_mm) < unchanged * ws.noise.sd_mm
         pick = patch.fit & state.used & ~patch.edge & square
         # light at borders of a print bends the mean, whatever the finish
         for calm in (usual, still, ~albedo_borders(patch.view)):
-            if (pick & calm).sum() > LEAST_READINGS:
+            if (pick & calm).sum() > least:
                 pick &= calm
         bright = patch.view.intensity
         if bright is not None and pick.any():
             # dark print is noisier whatever its finish
-            pick &= bright >= np.nanquantile(bright[pick], BRIGHT)
+            pick &= bright >= np.nanquantile(bright[pick], SETTINGS.claims.darker)
         size_mm = model.level * ws.noise.sd_mm
         for name, part, mask in _parts(patch, pick, noisy):
             found.setdefault((patch.recording, name, part), []).append(
@@ -64,7 +59,7 @@ def level_change(ws: Workspace, model: Model, nominal_sd_mm: float) -> LevelChan
     for values in found.values():
         for kind in zip(*values, strict=True):
             each = np.concatenate(kind)
-            if each.size > LEAST_READINGS:
+            if each.size > least:
                 log = math.log(max(_scatter_mm(each), 1e-9) / nominal_sd_mm)
                 unsure = level_unsure(replace(ws.noise, readings=each.size))
                 changes.append(LevelChange(log=log, unsure=unsure))
@@ -92,11 +87,12 @@ def _parts(
     if not noisy or not pick.any():
         yield "", 0, pick
         return
+    parts = SETTINGS.claims.level_parts
     for effect in noisy:
         values = np.broadcast_to(effect.covariate_values(patch.view), patch.shape)
-        ends = np.quantile(np.nan_to_num(values[pick]), np.arange(1, PARTS) / PARTS)
+        ends = np.quantile(np.nan_to_num(values[pick]), np.arange(1, parts) / parts)
         part = np.searchsorted(ends, np.nan_to_num(values))
-        for k in range(PARTS):
+        for k in range(parts):
             yield effect.name, k, pick & (part == k)
 
 

@@ -15,11 +15,6 @@ from sensors.effects.axis_quantisation import AxisQuantisation
 from sensors.effects.row_repeat import RowRepeat
 from sensors.recording import Recording, repeated_rows
 
-LEAST_REPEATS = 0.01
-"""Share of profiles that repeat the one before from which it is a fault worth telling."""
-LEAST_COUNTS = 20
-"""Steps that the readings span at least: fewer say nothing of a scale."""
-
 
 def delivered(
     recordings: Sequence[Recording],
@@ -50,7 +45,7 @@ def _repeats(recordings: Sequence[Recording], notes: list[str]) -> list[FoundEff
             )
         shares.append(count / len(r.depth_mm))
     share = float(np.mean(shares))
-    if share < LEAST_REPEATS:
+    if share < SETTINGS.claims.repeats:
         return []
     effect = RowRepeat(share=min(share, RowRepeat.parameter("share").high))
     return [plainly_found(effect, 0.0, {"share": Estimate(value=share)}, probability=1.0)]
@@ -70,7 +65,7 @@ def _steps(
     values = np.unique(np.round(depth / sheet.step_mm).astype(np.int64))
     span = int(values[-1] - values[0])
     expected = min(depth.size, span) / 2
-    if len(values) < LEAST_COUNTS or len(values) > expected:
+    if len(values) < SETTINGS.claims.least_steps or len(values) > expected:
         return []
     step_um = 1e3 * sheet.step_mm * float(np.median(np.diff(values)))
     if step_um < 2e3 * sheet.step_mm:

@@ -14,12 +14,6 @@ from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.settings import SETTINGS
 from sensors.effects.relaxed import Relaxed
 
-LEAST_EXPECTED = 0.05
-"""Share of the readings that the part alone puts into the middle of what none fell into: noise
-moves some of them out of it and others in, a misplaced part none so far."""
-LEAST_VALUES = 8
-"""Values that come in the other half: fewer are a step that is coarser than stated."""
-
 
 def stuck_bit(patches: Sequence[Patch], noise: NoiseModel) -> Unexplained | None:
     """Find the highest bit that sticks; None where none does.
@@ -38,6 +32,7 @@ def stuck_bit(patches: Sequence[Patch], noise: NoiseModel) -> Unexplained | None
     )
     if seen.size < SETTINGS.least_readings:
         return None
+    least_values, least_share = SETTINGS.claims.stuck_values, SETTINGS.claims.stuck_share
     for bit in range(int(np.log2(max(np.ptp(seen) / 2, 1))), 0, -1):
         half = 1 << bit
         values = np.unique(seen % (2 * half))
@@ -45,7 +40,7 @@ def stuck_bit(patches: Sequence[Patch], noise: NoiseModel) -> Unexplained | None
         start, width = int(values[gaps.argmax()]), int(gaps.max())
         inside = (plain - start) % (2 * half)
         expected = float(np.mean((inside > width / 4) & (inside < 3 * width / 4)))
-        if width >= half and len(values) >= LEAST_VALUES and expected > LEAST_EXPECTED:
+        if width >= half and len(values) >= least_values and expected > least_share:
             return Unexplained(
                 component=f"bit {bit} of the counts never changes", channel="mean",
                 probability=1.0, nats=seen.size * expected,

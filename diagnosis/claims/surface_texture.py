@@ -34,13 +34,6 @@ if TYPE_CHECKING:
     from diagnosis.explanation import Explanation
     from diagnosis.prepare import Prepared
 
-SURELY_LESS = 0.75
-"""Factor on a plate's noise that is told beside a bent mean, too, which only adds to noise."""
-SURELY_DRAWN = 1.7
-"""Ratio of a lay that is told beside a bent mean, whose waves keep their direction, too."""
-FINER = math.log(1.35)
-"""Change of the peaks' density that is told: correlation lengths of plates differ by as much."""
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Claim:
@@ -135,7 +128,7 @@ def _level(
     if nominal is not None:
         was, now = nominal.correlation_length_px(), own.correlation_length_px()
         peaks = math.sqrt(was[0] * was[1] / max(now[0] * now[1], 1e-9))
-        peaks = 1.0 if abs(math.log(peaks)) < FINER else peaks
+        peaks = 1.0 if abs(math.log(peaks)) < math.log(SETTINGS.claims.finer) else peaks
     effect = RoughnessLevel(
         amplitude=float(np.clip(amplitude, 0.05, 20)), peaks=float(np.clip(peaks, 0.05, 20))
     )
@@ -159,8 +152,9 @@ def _lay(
 def _stands_out(effect: Effect) -> bool:
     """Whether a finish is told although a bent mean adds to the noise."""
     if isinstance(effect, AnisotropicLay):
-        return effect.ratio > SURELY_DRAWN
-    return isinstance(effect, RoughnessLevel) and effect.amplitude < SURELY_LESS
+        return effect.ratio > SETTINGS.claims.surely_drawn
+    smoother = SETTINGS.claims.surely_smoother
+    return isinstance(effect, RoughnessLevel) and effect.amplitude < smoother
 
 
 def texture_estimates(effect: Effect) -> dict[str, Estimate]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.physics.effect_fit import fit_effect
+from diagnosis.settings import SETTINGS
 from diagnosis.validate.found_effects import FoundEffect
 from sensors.effects.base import Effect
 from sensors.effects.roughness_level import RoughnessLevel
@@ -15,12 +16,6 @@ AVERAGED = (
     " Light from within a translucent material averages speckle, too: to tell them apart, spray the"
     " part matt and record again."
 )
-FINISHED = 0.9
-"""Factor on a plate's noise below which it isn't a finish that lowers it.
-
-Speckle of a surface that is rough beyond the wavelength doesn't depend on how rough it is (Dorsch,
-Häusler and Herrmann, Appl. Opt. 33 (1994) 1306); light from many depths averages it.
-"""
 UNSUNKEN = (
     " It averages speckle; how deep it goes hardly shows. A plate of another finish would do that,"
     " too: to tell them apart, spray the part matt and record again."
@@ -32,10 +27,13 @@ def sunken(
 ) -> Model:
     """Return the model with the material that averages speckle as no finish does, if it fits.
 
+    Speckle of a surface that is rough beyond the wavelength doesn't depend on how rough it is
+    (Dorsch, Häusler and Herrmann, Appl. Opt. 33 (1994) 1306); light from many depths averages it.
     How deep it lets the light in shows at edges, if at all: flats sink as a part does that lies
     deeper.
     """
-    falls = any(isinstance(e, RoughnessLevel) and e.amplitude < FINISHED for e in finishes)
+    most = SETTINGS.claims.averaged
+    falls = any(isinstance(e, RoughnessLevel) and e.amplitude < most for e in finishes)
     if not falls or VolumeScattering.name in {*withheld, *model.names()}:
         return model
     states = ws.states(ws.predict(model))

@@ -17,17 +17,20 @@ ROOT = Path(diagnosis.__file__).parent
 NAMELESS = sorted({init.parent.name for init in ROOT.glob("*/__init__.py")}
                   - {"claims", "physics", "predict"})  # fmt: skip
 """Rooms that name no effect; CONTRIBUTING.md says what the others name."""
-ROOMS = sorted({init.parent.name for init in ROOT.glob("*/__init__.py")} - {"claims"})
-"""Rooms whose numbers are looked at; the thresholds of `claims/` stand in its files."""
+ROOMS = sorted({init.parent.name for init in ROOT.glob("*/__init__.py")})
 FORM = {
-    "order of columns of a placement": ["components/component:TRAVEL", "localise/maps:RIGID"],
+    "order of columns of a placement": [
+        "claims/mounting:UNIT", "components/component:TRAVEL", "localise/maps:RIGID",
+    ],
     "names of units": ["register/part_unit:UNITS"],
     "geometry or definition: no choice": [
         "data/brightness:SIDE", "model/log_density:LOG_ROOT_2PI", "physics/column_offsets:COMB",
         "physics/curvature:TURN",
     ],
     "neighbours of a whitened reading, by reach and cost": ["noise/whitening:NEIGHBOURS"],
-    "rounding": ["evidence/gram:ROUNDED", "evidence/posterior:ROUNDING"],
+    "rounding": [
+        "claims/mounting:TINY", "evidence/gram:ROUNDED", "evidence/posterior:ROUNDING",
+    ],
     "a bound that keeps a division finite": ["register/pose_derivative:EDGE_ON"],
     "a cell's floor of a sum": ["evidence/glm:SPARSE", "model/log_density:LOG_STRAY"],
     "when an iteration ends": [
@@ -37,6 +40,8 @@ FORM = {
         "register/registration:MOVE_LIMIT", "register/registration:ROUNDS",
     ],
     "where a search begins, and its steps": [
+        "claims/firmware:AMPLITUDES", "claims/firmware:MEANS_ACROSS",
+        "claims/firmware:MEANS_ALONG", "claims/firmware:MEDIANS", "claims/firmware:PEAKS",
         "discrepancy/population:SPREADS", "physics/curvature:FARTHER",
         "physics/curvature:FIRST_STEP", "physics/curvature:SHARES", "physics/effect_fit:FINER",
         "physics/effect_fit:MAX_GRID", "physics/effect_fit:PEAKS", "physics/effect_fit:RADII_MM",
@@ -44,6 +49,7 @@ FORM = {
         "reregister/edge_placement:REACHES",
     ],
     "time or memory: how much is looked at, or kept": [
+        "claims/firmware:DRAWN_POINTS", "claims/firmware:FREQUENCIES",
         "components/row_periods:BINS", "data/albedo:MOST_CELLS", "data/albedo:MOST_READINGS",
         "data/brightness:CHUNK", "data/inputs:CHECKED_PROFILES", "data/patch:FEWEST_ROWS",
         "data/patch:STRIPS", "data/patch:STRIP_ROWS", "data/patch:WHOLE", "evidence/gram:AT_ONCE",
@@ -68,6 +74,8 @@ FORM = {
         "report/covariate_picture:FEWEST",
     ],
     "a threshold that isn't in the settings yet; its file states it": [
+        "claims/lay:ANY", "claims/lay:CORRELATED", "claims/lay:DISTANCES", "claims/lay:LEAST_LAGS",
+        "claims/lay:LEAST_READINGS", "claims/lay:OFFSETS", "claims/lay:SIZES",
     ],
 }  # fmt: skip
 """Why a number may stand outside of the settings, and which do."""
