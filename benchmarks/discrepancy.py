@@ -5,25 +5,34 @@ r"""What good instruments depart by: learn it from the calibration population an
         --write diagnosis/discrepancy/discrepancy.json
 
 Only good instruments are used: folders whose truth hides nothing. Each gives, for each component
-of the diagnosis, the likelihood of each size; the mixing distribution over sizes is kept. Each
-population is a kind of instruments of its own.
+of the diagnosis, the likelihood of each size; the mixing distribution over sizes is kept. The same
+is kept of changes: of what the other recordings have beside the first one, taken as a baseline.
+Each population is a kind of instruments of its own.
 """
 
 import argparse
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from diagnosis.claims.plate_noise import level_change
-from diagnosis.discrepancy.good_instrument import mean_factors, rate_factors
-from diagnosis.discrepancy.population import learnt
+from diagnosis.discrepancy.good_instrument import (
+    change_factors,
+    informed,
+    kinds_of,
+    mean_factors,
+    rate_factors,
+)
+from diagnosis.discrepancy.population import Kind, Population, learnt
 from diagnosis.evidence.noise_level import AGAINST_PLATES, level_factors, level_unsure
 from diagnosis.evidence.seen import channels_seen, seen
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
-from diagnosis.prepare import Inputs, Prepared, prepared
+from diagnosis.prepare import Inputs, prepared
 from pipeline.parts.part import load_part
 from sensors.datasheet import Datasheet
 from sensors.recording import Recording
@@ -44,23 +53,24 @@ def good_folders(root: Path) -> Iterator[Path]:
             yield file.parent
 
 
-def factors_of(folder: Path) -> dict[str, np.ndarray]:
-    """Likelihood of each size of each component in one good instrument's recordings."""
+Factors = Mapping[str, np.ndarray]
+
+
+def inputs_of(folder: Path) -> Inputs:
+    """Read the recordings and the plates of a good instrument."""
     part = load_part(folder / "part.stl")
     files = sorted([*folder.glob("rec-*.h5"), *folder.glob("[abc].h5")])
     print(folder, flush=True)
-    ready = prepared(
-        Inputs(
-            recordings=[Recording.load(f) for f in files], vertices_mm=part.vertices_mm,
-            faces=part.faces, datasheet=Datasheet.load(folder / "sensor.yaml"),
-            references=[Recording.load(f) for f in sorted(folder.glob("plate*.h5"))],
-        ),
-        [], lambda _: None,
+    return Inputs(
+        recordings=[Recording.load(f) for f in files], vertices_mm=part.vertices_mm,
+        faces=part.faces, datasheet=Datasheet.load(folder / "sensor.yaml"),
+        references=[Recording.load(f) for f in sorted(folder.glob("plate*.h5"))],
     )  # fmt: skip
-    return _factors(ready)
 
 
-def _factors(ready: Prepared) -> dict[str, np.ndarray]:
+def departures(inputs: Inputs) -> Factors:
+    """Likelihood of each size of each component in one good instrument's recordings."""
+    ready = prepared(inputs, [], lambda _: None)
     patches = [p for p in ready.patches if p.fit.any()]
     one = seen(patches, ready.noise, Model())
     channels = channels_seen(patches, ready.noise, Model(), one)
@@ -73,8 +83,24 @@ def _factors(ready: Prepared) -> dict[str, np.ndarray]:
     return found
 
 
-def simulated(seed: int) -> dict[str, np.ndarray]:
-    """Likelihood of each size in recordings that the plain simulator made: Perlin speckle."""
+def changes(inputs: Inputs, population: Population) -> Factors:
+    """Likelihood of each size of what its other recordings have beside the first one."""
+    first, *others = inputs.recordings
+    beside = replace(inputs, recordings=others, holdout=[first], baselines=[first])
+    ready = prepared(beside, [], lambda _: None)
+    patches = [p for p in ready.patches if p.fit.any()]
+    now = seen(patches, ready.noise, Model())
+    before = seen(ready.baseline, ready.noise, Model(), like=now)
+    usual = channels_seen(ready.baseline, ready.noise, Model(), now)
+    shown = mean_factors(before)
+    kinds = kinds_of(population, shown, good=True)
+    own = informed(population, kinds, shown | rate_factors(usual.values()))
+    channels = channels_seen(patches, ready.noise, Model(), now)
+    return change_factors(now, before, channels, usual, own)
+
+
+def simulated(seed: int) -> Inputs:
+    """Make recordings by the plain simulator: Perlin speckle."""
     name = SIMULATED[seed % len(SIMULATED)]
     scene, sheet = part(name), datasheet(100)
     made = [
@@ -82,13 +108,9 @@ def simulated(seed: int) -> dict[str, np.ndarray]:
                pitch_mm=0.6, **view)
         for k, view in enumerate(VIEWS)
     ]  # fmt: skip
-    ready = prepared(
-        Inputs(
-            recordings=made, vertices_mm=scene.vertices_mm, faces=scene.faces, datasheet=sheet
-        ),
-        [], lambda _: None,
-    )  # fmt: skip
-    return _factors(ready)
+    return Inputs(
+        recordings=made, vertices_mm=scene.vertices_mm, faces=scene.faces, datasheet=sheet
+    )
 
 
 def main() -> None:
@@ -102,24 +124,37 @@ def main() -> None:
     )
     parser.add_argument("--write", type=Path, required=True, metavar="FILE.json")
     args = parser.parse_args()
-    names, made = [], []
+    kinds: dict[str, list[Callable[[], Inputs]]] = {}
     for root in args.roots:
         folders = list(good_folders(root))
-        names.append(f"{root.name}: {len(folders)} good instruments")
-        made.append([factors_of(folder) for folder in folders])
+        kinds[f"{root.name}: {len(folders)} good instruments"] = [
+            partial(inputs_of, folder) for folder in folders
+        ]
     if args.simulated:
-        names.append(f"simulated: {args.simulated} calibration instruments")
-        made.append([simulated(seed) for seed in range(args.simulated)])
-    args.write.write_text(written(names, made), encoding="utf-8")
+        kinds[f"simulated: {args.simulated} calibration instruments"] = [
+            partial(simulated, seed) for seed in range(args.simulated)
+        ]
+    departing = learnt([[departures(make()) for make in one] for one in kinds.values()])
+    known = Population(
+        kinds=tuple(Kind(name=n, weights=w) for n, w in zip(kinds, departing, strict=True))
+    )
+    changing = learnt([[changes(make(), known) for make in one] for one in kinds.values()])
+    known = Population(
+        kinds=tuple(replace(k, changes=c) for k, c in zip(known.kinds, changing, strict=True))
+    )
+    args.write.write_text(written(known), encoding="utf-8")
 
 
-def written(names: Sequence[str], made: Sequence[Sequence[Mapping[str, np.ndarray]]]) -> str:
+def written(population: Population) -> str:
     """Return the file's text: for each component of each kind the probability of each size."""
+
+    def rounded(weights: Factors) -> dict[str, list[float]]:
+        return {n: [round(float(w), 6) for w in f] for n, f in sorted(weights.items())}
+
     kinds = [
-        {"name": name, "components": {n: [round(float(w), 6) for w in f]
-                                      for n, f in sorted(found.items())}}
-        for name, found in zip(names, learnt(made), strict=True)
-    ]  # fmt: skip
+        {"name": k.name, "components": rounded(k.weights), "changes": rounded(k.changes)}
+        for k in population.kinds
+    ]
     return json.dumps({"kinds": kinds}, indent=1) + "\n"
 
 

@@ -58,16 +58,17 @@ def diagnose(
     withheld = frozenset(withheld)
     notes: list[str] = []
     ready = prepared(inputs, notes, progress)
+    known = population()
     by_form = delivered(
-        ready.recorded.recordings, inputs.datasheet, notes, inputs.baselines
-    )
+        ready.recorded.recordings, inputs.datasheet, notes, inputs.baselines,
+        noise_mm=ready.noise.sd_mm, known=known,
+    )  # fmt: skip
     for coarse in (f.effect for f in by_form if isinstance(f.effect, AxisQuantisation)):
         ready = ready.in_steps(1e-3 * coarse.step_um)
     stuck = stuck_bit(ready.patches, ready.noise)
     if stuck is not None:
         # the noise is folded and the mean a saw: what goes with them has no other cause
         withheld |= CATALOGUE.keys()
-    known = population()
     explanation = explain(ready, known, withheld=withheld, notes=notes, progress=progress)
     if stuck is not None:
         explanation = replace(explanation, unexplained=(stuck, *explanation.unexplained))

@@ -9,6 +9,7 @@ from diagnosis.claims.plate_noise import levels_of_each
 from diagnosis.components.component import Component
 from diagnosis.discrepancy.good_instrument import (
     alike_at_edges,
+    change_factors,
     informed,
     kinds_of,
     mean_factors,
@@ -67,7 +68,7 @@ def explain(
     first = seen(ws.patches, noise, Model())
     before = seen(baseline, noise, Model(), like=first) if baseline else None
     baseline_channels = channels_seen(baseline, noise, Model(), first) if baseline else {}
-    scales = _good(population, first, before, baseline_channels)
+    departures, scales = _good(population, ready, first, before, baseline_channels)
     if ready.nominal is not None and baseline:
         changes = levels_of_each(baseline, ready.nominal)
         scales |= steady_level(changes, scales[AGAINST_PLATES])
@@ -82,7 +83,8 @@ def explain(
     before_law: _BeforeLaw | None = None
     for _ in range(SETTINGS.rounds):
         found = assessed_mean(
-            state.now, scales, state.before, withheld=withheld, refuted=state.refuted,
+            state.now, departures if state.before is None else scales, state.before,
+            departures=departures, withheld=withheld, refuted=state.refuted,
             explained=state.explained,
         )  # fmt: skip
         if not members:
@@ -221,21 +223,51 @@ def _seen_again(
 
 def _good(
     population: Population,
+    ready: Prepared,
     first: Seen,
     before: Seen | None,
     baseline_channels: Mapping[str, Channel],
-) -> dict[str, Field]:
+) -> tuple[dict[str, Field], dict[str, Field]]:
     """Probability of each component's sizes in this instrument when it is good.
 
     Parameters
     ----------
     before, baseline_channels : the mean and the channels of baselines, where there are some
+
+    Returns
+    -------
+    of what it departs from the nominal model by; of what is weighed, changes beside baselines
     """
     if before is None:
-        return population.of_kinds(kinds_of(population, mean_factors(first), good=False))
+        departures = population.of_kinds(kinds_of(population, mean_factors(first), good=False))
+        return departures, departures
     factors = mean_factors(before)
-    own = informed(population, factors, rate_factors(baseline_channels.values()))
-    return alike_at_edges(own, factors, before.candidates)
+    kinds = kinds_of(population, factors, good=True)
+    rates = rate_factors(baseline_channels.values())
+    departures = informed(population, kinds, factors | rates)
+    among = _changes_among(ready, first, departures)
+    changes = departures | informed(population.of_changes, kinds, among)
+    departures, changes = (
+        alike_at_edges(one, factors, before.candidates) for one in (departures, changes)
+    )
+    return departures, changes
+
+
+def _changes_among(
+    ready: Prepared, like: Seen, departures: Mapping[str, Field]
+) -> dict[str, Field]:
+    """Log factors of the sizes of what later baselines have beside the first; {} of one alone."""
+    earliest = min(p.recording for p in ready.baseline)
+    first, later = (
+        [p for p in ready.baseline if (p.recording == earliest) is is_first]
+        for is_first in (True, False)
+    )
+    if not later:
+        return {}
+    noise = ready.noise
+    one, other = (seen(part, noise, Model(), like=like) for part in (first, later))
+    usual, channels = (channels_seen(part, noise, Model(), like) for part in (first, later))
+    return change_factors(other, one, channels, usual, departures)
 
 
 def _is_law(cause: Cause) -> bool:

@@ -14,33 +14,47 @@ from diagnosis.components.component import components_of
 from diagnosis.discrepancy.population import Population
 from diagnosis.evidence.candidates import Candidate
 from diagnosis.evidence.mean_causes import Scales
+from diagnosis.evidence.noise_and_loss_baselines import beside_baselines
 from diagnosis.evidence.noise_and_loss_causes import in_turn
 from diagnosis.evidence.noise_and_loss_channels import Channel
 from diagnosis.evidence.posterior import Posterior, Term
-from diagnosis.evidence.seen import Seen
+from diagnosis.evidence.seen import Seen, worlds_of
 from diagnosis.settings import SETTINGS
 from sensors.datasheet import Datasheet
 
 Floats = NDArray[np.float64]
 
 
-def mean_factors(one: Seen) -> dict[str, Floats]:
+def mean_factors(
+    one: Seen, before: Seen | None = None, departures: Mapping[str, Floats] | None = None
+) -> dict[str, Floats]:
     """Log Bayes factor of each size of each component, by its key, in recordings of one kind.
 
-    Where the recordings are of a good instrument this is the likelihood of its discrepancy. Each
-    component is weighed beside the others at their likeliest sizes, so that what several could
-    explain is counted once; what is each recording's own comes after what recordings share.
+    Where the recordings are of a good instrument this is the likelihood of its discrepancy, or of
+    what has changed since its baselines. Each component is weighed beside the others at their
+    likeliest sizes, so that what several could explain is counted once; what is each recording's
+    own comes after what recordings share.
+
+    Parameters
+    ----------
+    before : baselines
+    departures : probability of the sizes of what baselines and recordings share
     """
     sizes = SETTINGS.mean_sizes()
     quiet = np.full(len(one.bulk.right), sizes[0])
+    if departures is not None:
+        quiet = Scales(sizes=sizes, weights=departures).deviations(one.candidates, len(quiet))
+    worlds = worlds_of(one, before)
+    grown: dict[bytes, tuple[Term, float]] = {}
 
     def factors(c: Candidate, posteriors: Mapping[bool, Posterior]) -> Floats:
         return c.log_factors(posteriors[c.at_edges].cavity(Term(at=c.at)), sizes)[1]
 
-    def posteriors() -> dict[bool, Posterior]:
+    def posteriors(without: bytes = b"") -> dict[bool, Posterior]:
+        active = [term for at, term in grown.items() if at != without]
         return {
-            edges: Posterior(g.equations, quiet)
-            for edges, g in ((False, one.bulk), (True, one.whole))
+            edges: Posterior(world.found, quiet, active, world.baseline)
+            for edges, world in worlds.items()
         }
 
     for own in (False, True):
@@ -52,18 +66,13 @@ def mean_factors(one: Seen) -> dict[str, Floats]:
             best = max(waiting, key=lambda c: float(found[c.name].max()))
             if found[best.name].max() < 1.0:
                 break
-            quiet[best.at] = sizes[int(found[best.name].argmax())]
+            grown[best.at.tobytes()] = Term(at=best.at), float(sizes[found[best.name].argmax()])
             waiting = [c for c in waiting if not np.array_equal(c.at, best.at)]
-    out = {}
     now = posteriors()
-    for c in one.candidates:
-        if (quiet[c.at] > sizes[0]).any():
-            kept, quiet[c.at] = quiet[c.at].copy(), sizes[0]
-            out[c.key] = factors(c, posteriors())
-            quiet[c.at] = kept
-        else:
-            out[c.key] = factors(c, now)
-    return out
+    return {
+        c.key: factors(c, posteriors(c.at.tobytes()) if c.at.tobytes() in grown else now)
+        for c in one.candidates
+    }
 
 
 def rate_factors(channels: Iterable[Channel]) -> dict[str, Floats]:
@@ -73,6 +82,24 @@ def rate_factors(channels: Iterable[Channel]) -> dict[str, Floats]:
         for found in in_turn(channel):
             out |= {key: one.factors for key, one in found.items()}
     return out
+
+
+def change_factors(
+    now: Seen,
+    before: Seen,
+    channels: Mapping[str, Channel],
+    usual: Mapping[str, Channel],
+    departures: Mapping[str, Floats],
+) -> dict[str, Floats]:
+    """Return the same of what recordings have beside baselines.
+
+    Parameters
+    ----------
+    before, usual : the mean and the channels of the baselines
+    departures : probability of the sizes of what both share
+    """
+    left = beside_baselines(list(channels.values()), list(usual.values()))
+    return mean_factors(now, before, departures) | rate_factors(left)
 
 
 def kinds_of(
@@ -102,17 +129,17 @@ def kinds_of(
 
 
 def informed(
-    population: Population, mean: Mapping[str, Floats], rates: Mapping[str, Floats]
+    population: Population, kinds: Floats, factors: Mapping[str, Floats]
 ) -> dict[str, Floats]:
     """Probability of each component's sizes in an instrument, given its baselines.
 
     Parameters
     ----------
-    mean, rates : factors of the baselines
+    kinds : probability of each kind of instruments (K,)
+    factors : log Bayes factor of each size of each component, of the baselines
     """
-    kinds = kinds_of(population, mean, good=True)
     out = population.of_kinds(kinds)
-    for name, likelihood in {**mean, **rates}.items():
+    for name, likelihood in factors.items():
         weights = population.weights(name)
         if weights is None:
             flat = Scales(sizes=_sizes(name), weights={}).of(name)
@@ -121,6 +148,20 @@ def informed(
         own = np.exp(log - logsumexp(log, axis=1, keepdims=True))
         out[name] = kinds @ own
     return out
+
+
+def nats_of_size(population: Population, name: str, size: float) -> float:
+    """Log Bayes factor of a cause whose whitened rms is known, against a good instrument's.
+
+    As probable as each kind are all kinds of instruments.
+    """
+    weights = population.weights(name)
+    scales = Scales(
+        sizes=SETTINGS.mean_sizes(), weights={} if weights is None else {name: weights.mean(axis=0)}
+    )
+    k = int(np.abs(np.log(scales.sizes / max(size, scales.sizes[0]))).argmin())
+    good, changed = (np.maximum(w[k], 1e-300) for w in (scales.of(name), scales.changed(name)))
+    return float(np.log(changed / good))
 
 
 def alike_at_edges(

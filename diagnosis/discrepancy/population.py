@@ -2,7 +2,8 @@
 
 `discrepancy.json` holds kinds of instruments and, for each component of each kind, the probability
 of each size of a grid: a lognormal distribution over instruments, fitted to the likelihood of the
-sizes in each one's recordings. `python -m benchmarks.discrepancy` makes it.
+sizes in each one's recordings; and the same of changes, in recordings beside an earlier one of the
+instrument and the part. `python -m benchmarks.discrepancy` makes it.
 
 Which kind an instrument is of, its own recordings tell: where one has none of the locking, bow and
 slips that all of a kind have, it isn't of that kind (a mixture; Gelman et al., Bayesian Data
@@ -11,7 +12,7 @@ Analysis, 2013, ch. 22).
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.resources import files
 
@@ -34,10 +35,12 @@ class Kind:
     ----------
     name : of the recordings that it was learnt from
     weights : for each component's name, probability of each size
+    changes : the same of what changes from one recording of an instrument and a part to another
     """
 
     name: str
     weights: Mapping[str, Floats]
+    changes: Mapping[str, Floats] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -70,6 +73,11 @@ class Population:
         where = _where(component)
         like = [w for k in self.kinds for name, w in k.weights.items() if _where(name) == where]
         return np.asarray(np.mean(like, axis=0)) if like else None
+
+    @property
+    def of_changes(self) -> "Population":
+        """The same kinds of instruments, by what changes in them."""
+        return Population(kinds=tuple(replace(k, weights=k.changes) for k in self.kinds))
 
     def of_kinds(self, shares: Floats) -> dict[str, Floats]:
         """Probabilities of each component's sizes where kinds have these probabilities (K,)."""
@@ -104,6 +112,7 @@ def population() -> Population:
             Kind(
                 name=kind["name"],
                 weights={n: np.array(w) for n, w in kind["components"].items()},
+                changes={n: np.array(w) for n, w in kind["changes"].items()},
             )
             for kind in json.loads(text)["kinds"]
         )

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.evidence.gram import shared_only
-from diagnosis.evidence.mean_causes import CauseSearch, Member, Scales, World
+from diagnosis.evidence.mean_causes import CauseSearch, Member, Scales
 from diagnosis.evidence.noise_and_loss_causes import RateMember, RateSearch
 from diagnosis.evidence.noise_and_loss_channels import Channel
-from diagnosis.evidence.seen import Seen
+from diagnosis.evidence.seen import Seen, worlds_of
 from diagnosis.settings import SETTINGS
 
 Floats = NDArray[np.float64]
@@ -37,6 +36,7 @@ def assessed_mean(
     scales: Mapping[str, Floats],
     baseline: Seen | None = None,
     *,
+    departures: Mapping[str, Floats] | None = None,
     withheld: frozenset[str] = frozenset(),
     refuted: Collection[str] = (),
     explained: float = 0.0,
@@ -45,27 +45,24 @@ def assessed_mean(
 
     Parameters
     ----------
-    scales : probabilities of each component's size in this instrument when it is good
+    scales : probabilities of each component's size in this instrument when it is good; of each
+        change beside baselines
     baseline : recordings of the same instrument when it was good
+    departures : probabilities of what baselines and recordings share; `scales` where left out
     withheld : effects that must not be named: what follows their covariates has no name then
     refuted : effects whose laws were fitted and do nothing here: no candidates any more
     explained : whitened rms of what the model explains already
     """
-    worlds = [
-        World(found=now.equations, baseline=None if before is None else shared_only(before, now))
-        for now, before in (
-            (found.bulk, None if baseline is None else baseline.bulk),
-            (found.whole, None if baseline is None else baseline.whole),
-        )
-    ]
     search = CauseSearch(
-        worlds[0], worlds[1],
+        worlds_of(found, baseline),
         [
             c.unclaimed() if c.effect in withheld else c
             for c in found.candidates
             if c.effect not in refuted
         ],
-        Scales(sizes=SETTINGS.mean_sizes(), weights=scales), explained=explained,
+        Scales(sizes=SETTINGS.mean_sizes(), weights=scales),
+        Scales(sizes=SETTINGS.mean_sizes(), weights=scales if departures is None else departures),
+        explained=explained,
     )  # fmt: skip
     effects = {c.name: "" if c.effect in withheld else c.effect for c in found.candidates}
     return Assessment(mean=tuple(search.search()), rates=(), effects={"mean": effects})

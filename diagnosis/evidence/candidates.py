@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.special import logsumexp
 
 from diagnosis.components.component import Component
@@ -190,7 +191,10 @@ def _by_profile(
     out = [Candidate(name=component.name, effect=component.effect, component=component, at=at,
                      shapes=tuple(bands), labels=tuple(frequencies))] if bands else []  # fmt: skip
     unknown = replace(component, effect="", name=f"free {what} of profiles")
-    out.append(Candidate(name=unknown.name, effect="", component=unknown, at=at))
+    # each profile for itself, or from where the one before was: lost counts, a belt that creeps
+    walk = _scaled(block_diag(*(np.tri(size) for size in sizes)), inner, gram.readings)
+    out.append(Candidate(name=unknown.name, effect="", component=unknown, at=at,
+                         shapes=(None, walk), labels=(0.0, 0.0)))  # fmt: skip
     steps, places = [], []
     for i, size in enumerate(sizes):
         own = inner[starts[i] : starts[i + 1], starts[i] : starts[i + 1]]

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from diagnosis.evidence.candidates import Candidate
-from diagnosis.evidence.posterior import Equations, Posterior, Term
+from diagnosis.evidence.posterior import Posterior, Term
+from diagnosis.evidence.seen import World
 from diagnosis.settings import SETTINGS
 
 Floats = NDArray[np.float64]
@@ -40,6 +41,14 @@ class Scales:
         flat = np.zeros(len(self.sizes))
         flat[: SETTINGS.small_sizes] = 1.0 / SETTINGS.small_sizes
         return flat
+
+    def deviations(self, candidates: Sequence[Candidate], count: int) -> Floats:
+        """Return what most good instruments stay below of each column's coefficient, (count,)."""
+        out = np.full(count, self.sizes[0])
+        for c in candidates:
+            if c.shapes[0] is None:
+                out[c.at] = np.maximum(out[c.at], self.typical(c.key))
+        return out
 
     def changed(self, name: str) -> Floats:
         """Return the probabilities of a change's size: the smaller the likelier, above usual ones.
@@ -103,14 +112,6 @@ class Weighed:
     size: float
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class World:
-    """Equations of one choice of readings, and of the baselines' same choice."""
-
-    found: Equations
-    baseline: Equations | None = None
-
-
 class CauseSearch:
     """Search over sets of candidates.
 
@@ -120,22 +121,30 @@ class CauseSearch:
 
     def __init__(
         self,
-        bulk: World,
-        whole: World,
+        worlds: Mapping[bool, World],
         candidates: Sequence[Candidate],
         scales: Scales,
+        departures: Scales,
         *,
         explained: float = 0.0,
     ) -> None:
-        self._worlds = {False: bulk, True: whole}
-        self._explained = explained
+        """Set up a search.
+
+        Parameters
+        ----------
+        worlds : equations off edges, and of all readings
+        scales : of what is weighed in a good instrument: departures from the nominal model, or
+            changes since its baselines
+        departures : of the instrument, beside baselines
+        explained : whitened rms of what the model explains already
+        """
+        self._worlds, self._explained = worlds, explained
         self.candidates, self.scales = list(candidates), scales
-        self._quiet = np.full(len(bulk.found.right), scales.sizes[0])
+        columns = len(worlds[False].found.right)
+        self._quiet = departures.deviations(candidates, columns)
         self._spanned = np.zeros(len(self._quiet), dtype=bool)
         for c in candidates:
             self._spanned[c.at] |= c.component.relaxed.spanned
-            if c.shapes[0] is None:
-                self._quiet[c.at] = np.maximum(self._quiet[c.at], scales.typical(c.key))
 
     def posteriors(
         self, active: Sequence[Active], tried: Sequence[Active] = ()
@@ -167,8 +176,8 @@ class CauseSearch:
         """Weigh candidates beside a set: each against a good instrument, by name.
 
         A good instrument departs in one of the components more than most do; the one that explains
-        the readings best stands for it. Where there are baselines it departs as they do, and what
-        its recordings share changes by no more than it departs.
+        the readings best stands for it. Where there are baselines it departs as they do, and
+        changes as good instruments do.
         """
         sizes = self.scales.sizes
         found: dict[str, tuple[float, int, float]] = {}

@@ -10,8 +10,9 @@ from diagnosis.components.component import Component, components_of, with_pitche
 from diagnosis.components.covariate_ranges import ranges_of
 from diagnosis.data.patch import Patch
 from diagnosis.evidence.candidates import Candidate, candidates_of
-from diagnosis.evidence.gram import Gram, Turns, grams_of, turned, turns_of
+from diagnosis.evidence.gram import Gram, Turns, grams_of, shared_only, turned, turns_of
 from diagnosis.evidence.noise_and_loss_channels import Channel, channel_of
+from diagnosis.evidence.posterior import Equations
 from diagnosis.model.log_density import Whitened
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
@@ -80,6 +81,27 @@ def seen(
         bulk=bulk, whole=whole, turns=turns, candidates=tuple(candidates),
         components=tuple(c for c in components if c.name in turns), ranges=ranges,
     )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class World:
+    """Equations of one choice of readings, and of the baselines' same choice."""
+
+    found: Equations
+    baseline: Equations | None = None
+
+
+def worlds_of(found: Seen, before: Seen | None) -> dict[bool, World]:
+    """Equations off edges (False) and of all readings (True), beside those of baselines."""
+    return {
+        edges: World(
+            found=now.equations, baseline=None if then is None else shared_only(then, now)
+        )
+        for edges, now, then in (
+            (False, found.bulk, None if before is None else before.bulk),
+            (True, found.whole, None if before is None else before.whole),
+        )
+    }
 
 
 def channels_seen(

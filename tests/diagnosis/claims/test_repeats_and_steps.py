@@ -5,9 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.claims.repeats_and_steps import delivered
+from diagnosis.claims import repeats_and_steps
+from diagnosis.discrepancy.population import population
+from diagnosis.validate.found_effects import FoundEffect
+from sensors.datasheet import Datasheet
 from sensors.recording import Recording
 from tests.support.small_parts import datasheet, part, record
+
+
+def delivered(
+    recordings: list[Recording], sheet: Datasheet, notes: list[str],
+    baselines: list[Recording] | None = None, *, noise_mm: float = 0.01,
+) -> list[FoundEffect]:  # fmt: skip
+    return repeats_and_steps.delivered(
+        recordings, sheet, notes, baselines or [], noise_mm=noise_mm, known=population()
+    )
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +44,7 @@ def test_a_coarse_step_is_measured(plain: Recording, coarse: str) -> None:
     }[coarse]
     (found,) = delivered([replace(plain, depth_mm=cut)], datasheet(100), [])
     assert found.name == "axis_quantisation"
-    assert found.probability == 1.0
+    assert found.probability > 0.9
     assert found.parameters["step_um"].value == pytest.approx(50.0, rel=0.1)
 
 
@@ -61,3 +73,11 @@ def test_what_a_good_instrument_delivers_is_no_fault(plain: Recording) -> None:
     assert delivered([coarse], datasheet(100), notes, [coarse]) == []
     assert "axis_quantisation: the baselines have it, too" in notes
     assert len(delivered([coarse], datasheet(100), [], [plain])) == 1
+
+
+def test_a_step_far_below_the_noise_is_noted_alone(plain: Recording) -> None:
+    coarse, notes = replace(plain, depth_mm=np.round(plain.depth_mm / 0.01) * 0.01), []
+    assert delivered([coarse], datasheet(100), notes, noise_mm=0.2) == []
+    assert "depths come in steps of about 10 µm" in notes[0]
+    assert "no more than good instruments have" in notes[1]
+    assert len(delivered([coarse], datasheet(100), [], noise_mm=0.01)) == 1

@@ -51,7 +51,7 @@ def test_a_baseline_moves_the_probability_to_the_size_that_it_shows() -> None:
     readings = LinearReadings.drawn({"line_bow": 0.4}, seed=5)
     flat = np.full(readings.sizes.size, 1.0 / readings.sizes.size)
     kinds = Population(kinds=(Kind(name="any", weights={"line_bow": flat}),))
-    own = informed(kinds, mean_factors(readings.seen), {})["line_bow"]
+    own = informed(kinds, np.ones(1), mean_factors(readings.seen))["line_bow"]
     assert own.sum() > 1 - 1e-9
     near = (readings.sizes > 0.1) & (readings.sizes < 1.6)
     assert own[near].sum() > 0.98

@@ -48,7 +48,7 @@ def of_two(names: tuple[str, ...] = ("bow", "lens", "slips")) -> Population:
 
 def test_a_baseline_narrows_what_an_instrument_may_have() -> None:
     flat = Kind(name="any", weights={"bow": np.full(SIZES.size, 1 / SIZES.size)})
-    after = informed(Population(kinds=(flat,)), {"bow": seen_as(1e-5)}, {})
+    after = informed(Population(kinds=(flat,)), np.ones(1), {"bow": seen_as(1e-5)})
     assert after["bow"].sum() == pytest.approx(1.0)
     assert after["bow"][SIZES > 0.1].sum() < 1e-3
 

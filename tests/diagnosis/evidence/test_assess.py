@@ -21,12 +21,12 @@ def test_baselines_show_what_a_population_hides(bowed: Prepared) -> None:
     kinds = kinds_of(usual, mean_factors(now), good=False)
     alone = assessed_mean(now, usual.of_kinds(kinds))
     before = seen(bowed.baseline, bowed.noise, Model(), like=now)
-    known = assessed_mean(now, informed(usual, mean_factors(before), {}), before)
+    known = assessed_mean(now, informed(usual, kinds, mean_factors(before)), before)
     assert [m.candidate.effect for m in known.mean] == ["line_bow"]
     assert known.mean[0].nats > max((m.nats for m in alone.mean), default=0.0)
     # the same recordings as their own baseline: nothing has changed
     same = seen([p for p in bowed.patches if p.fit.any()], bowed.noise, Model(), like=now)
-    still = assessed_mean(now, informed(usual, mean_factors(same), {}), same)
+    still = assessed_mean(now, informed(usual, kinds, mean_factors(same)), same)
     assert not [m for m in still.mean if not m.candidate.at_edges]
 
 
@@ -62,7 +62,7 @@ def test_what_baselines_have_as_well_is_no_change() -> None:
     kinds = Population(kinds=(Kind(name="any", weights={"line_bow": any_size}),))
 
     def changed(baseline: LinearReadings) -> bool:
-        usual = informed(kinds, mean_factors(baseline.seen), {})
+        usual = informed(kinds, np.ones(1), mean_factors(baseline.seen))
         return bool(assessed_mean(readings.seen, usual, baseline.seen).mean)
 
     assert changed(LinearReadings.drawn({}, seed=1))

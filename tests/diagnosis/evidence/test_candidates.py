@@ -85,8 +85,13 @@ def test_a_step_is_nothing_before_its_place_and_one_height_after(
 def test_free_values_of_profiles_have_no_cause(offsets: dict[str, Candidate]) -> None:
     free = offsets["free offsets of profiles"]
     assert (free.effect, free.component.effect) == ("", "")
-    assert free.shapes == (None,)
     assert free.of_recordings
+    each, walk = free.shapes
+    assert each is None
+    assert walk is not None
+    # from where the profile before was: a jump is one number, and all later profiles have it
+    assert np.count_nonzero(walk[:, 20]) == PROFILES - 20
+    assert POINTS * np.square(walk).sum() == pytest.approx(PROFILES * POINTS)
 
 
 def test_a_slower_form_has_smaller_short_waves() -> None:

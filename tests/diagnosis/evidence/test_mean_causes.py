@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from diagnosis.evidence.mean_causes import CauseSearch, Member, Scales, World
+from diagnosis.evidence.mean_causes import CauseSearch, Member, Scales
+from diagnosis.evidence.seen import World
 from diagnosis.settings import SETTINGS
 from tests.support.linear_readings import LinearReadings
 
@@ -14,7 +15,7 @@ def found_in(readings: LinearReadings, baseline: LinearReadings | None = None) -
         baseline=None if baseline is None else baseline.gram.equations,
     )
     scales = Scales(sizes=readings.sizes, weights={})
-    return CauseSearch(world, world, readings.candidates, scales).search()
+    return CauseSearch({False: world, True: world}, readings.candidates, scales, scales).search()
 
 
 def test_causes_that_are_there_are_found_with_their_sizes() -> None:
@@ -52,13 +53,24 @@ def test_the_evidence_grows_with_the_square_of_the_signal() -> None:
 
 def test_usual_departures_are_no_causes() -> None:
     readings = LinearReadings.drawn({"line_bow": 0.1}, seed=4)
-    world = World(found=readings.gram.equations)
+    worlds = dict.fromkeys((False, True), World(found=readings.gram.equations))
     usual = np.where(np.isclose(readings.sizes, 0.128), 1.0, 0.0)
-    searches = [
-        CauseSearch(world, world, readings.candidates, Scales(sizes=readings.sizes, weights=w))
-        for w in ({}, {"line_bow": usual})
-    ]
+    scales = [Scales(sizes=readings.sizes, weights=w) for w in ({}, {"line_bow": usual})]
+    searches = [CauseSearch(worlds, readings.candidates, s, s) for s in scales]
     assert [len(s.search()) for s in searches] == [1, 0]
+
+
+def test_a_change_is_held_against_what_changes_in_good_instruments() -> None:
+    """One that departs by 0.1, as its baselines do, and then by another 0.1."""
+    before = LinearReadings.drawn({"line_bow": 0.1}, seed=4)
+    now = LinearReadings.drawn({"line_bow": 0.2}, seed=4, noise_seed=5)
+    world = World(found=now.gram.equations, baseline=before.gram.equations)
+    worlds, sizes = dict.fromkeys((False, True), world), now.sizes
+    departures = Scales(sizes=sizes, weights={"line_bow": 1.0 * np.isclose(sizes, 0.128)})
+    still = Scales(sizes=sizes, weights={"line_bow": 1.0 * np.isclose(sizes, 0.002)})
+    for changes, found in ((departures, 0), (still, 1)):
+        search = CauseSearch(worlds, now.candidates, changes, departures)
+        assert len(search.search()) == found
 
 
 def test_changes_are_larger_than_what_most_good_instruments_have() -> None:
