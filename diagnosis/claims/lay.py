@@ -1,19 +1,20 @@
 """A lay: the direction on the part along which its noise is drawn out.
 
-At lags of about one distance the autocorrelation goes with the lag's direction θ, in its lowest
-order, as
+Over the nominal spectrum f₀, and but for its level, the spectrum of recording k is
 
-    ρ(θ) = ρ₀ + u cos 2θ + v sin 2θ.
+    f_k / f₀ - 1 = s + b + e_k + T_k (L₀ + L) / f₀
 
-In recording k of the part, z = (u, v) in the sensor's frame is
-
-    z_k = a + b + T_k (L₀ + L) + e_k
-
-a what plates or baselines have, b what has changed of the sensor's own, L₀ a lay that baselines or
-the sensor's file have, L the lay, T_k how the part lay turned, e_k what changes from one recording
-to the next. All are normal. Baselines have a, L₀ and e, of any size; without them a is the plates',
-and nobody knows the sizes of b, e and L: the odds are averaged over them, as with the mounting.
-Recordings in one orientation can't tell b from L, two can't tell e, and the odds say so.
+s what f₀ is off, b what has changed of the sensor's own, e_k what changes from one recording to the
+next, L₀ a lay that baselines or the sensor's file have, L the lay, T_k how the part lay turned.
+Baselines have s, e and L₀, plates s and e. A lay is a strip across its direction
+(`noise_spectrum.py`) with a share of the variance in each octave of wavelengths, normal, as b and e
+are at each lag, and s is any. By Whittle's likelihood (Ark. Mat. 2 (1953) 423), to second order,
+autocorrelations of N whitened readings are independent with the variance 1 / N.
+Nobody knows the strip's direction and width and the sizes of b, e, L₀ and L: the odds are averaged
+over them, as with the mounting. A lay must be more probable, too, than a strip that stays in the
+sensor's frame, as likely before any reading, and than strips of each recording's own, as likely as
+an unknown cause.
+Recordings in one orientation can't tell a lay from the sensor, and the odds say so.
 """
 
 import math
@@ -23,44 +24,28 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
+from diagnosis.claims.noise_spectrum import REACH, Spectra, products
 from diagnosis.data.patch import Patch
 from diagnosis.fields import Field
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel, calibrate
+from diagnosis.settings import SETTINGS
 from sensors.effects.anisotropic_lay import AnisotropicLay
 
-DISTANCES = ((0.9, 2.0), (2.0, 4.0), (4.0, 8.0))
-"""Lags that go together, over the coarser pitch: octaves."""
-SIZES = np.geomspace(0.005, 0.64, 8)
-"""Sizes by which an autocorrelation may change: from what 40 000 readings show, in octaves."""
-OFFSETS = np.append(0.0, SIZES)
-ANY = 1.0
-"""Size of what may be any: no autocorrelation is larger."""
+ANGLES_RAD = np.arange(24) * math.pi / 24
+"""Directions that are tried: neighbours' narrowest strips meet at a wavelength of 4 pitches."""
+WIDTHS = (0.03, 0.06, 0.12)
+"""Widths of a strip, per coarser pitch: along it, noise is correlated over 1 / 2πw, 5 to 1."""
+SHARES = np.geomspace(0.004, 1.024, 9)
+"""Sizes of a lay, of the variance, in octaves: from what 50 000 readings show, to all of it."""
+SHARES_BEFORE = np.append(0.0, SHARES[::3])
+"""Sizes of the lay that baselines have; it is as likely that they have none."""
+CHANGES = np.append(0.0, np.geomspace(0.003, 0.768, 5))
+"""Sizes of b and e, four times one another: from 100 000 readings' own error to any."""
 CORRELATED = 0.05
 """Autocorrelation from which it isn't the measurement's own noise."""
 LEAST_READINGS = 3000
-LEAST_LAGS = 4
-
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Drawn:
-    """How a recording's autocorrelation goes with the direction of the lag, sensor's frame.
-
-    Attributes
-    ----------
-    z : (J, 2) float64
-        At each distance.
-    variance : (J,) float64
-        Of each number, by the readings that it was measured on.
-    stretch : (2,) float64
-        Logarithm of the longest over the shortest correlation length, as a vector of twice the
-        direction.
-    """
-
-    z: Field
-    variance: Field
-    stretch: Field
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -77,31 +62,6 @@ class Lay:
     angle_rad: float
 
 
-def drawn(noise: NoiseModel) -> Drawn:
-    """Fit the lowest order at each distance; a lag stands for its opposite, too.
-
-    An autocorrelation measured on N readings has the variance Σρ²/N at lags where there is none
-    (Bartlett, J. R. Stat. Soc. Suppl. 8 (1946) 27).
-    """
-    ly, lx = noise.lags
-    down, right = np.mgrid[-ly : ly + 1, -lx : lx + 1].astype(float)
-    x, y = right * noise.pitch_x_mm, down * noise.pitch_y_mm
-    far = np.hypot(x, y) / max(noise.pitch_x_mm, noise.pitch_y_mm)
-    once = (down > 0) | ((down == 0) & (right > 0))
-    one = float(np.square(noise.acf).sum()) / max(noise.readings, 1)
-    z, variance = np.zeros((len(DISTANCES), 2)), np.full(len(DISTANCES), ANY**2)
-    for j, (low, high) in enumerate(DISTANCES):
-        pick = once & (far >= low) & (far < high)
-        if pick.sum() < LEAST_LAGS:
-            continue
-        twice = 2 * np.arctan2(y[pick], x[pick])
-        columns = np.stack([np.ones(twice.size), np.cos(twice), np.sin(twice)], axis=1)
-        inverse = np.linalg.pinv(columns.T @ columns)
-        z[j] = (inverse @ columns.T @ noise.acf[pick])[1:]
-        variance[j] = one * float(inverse[1, 1] + inverse[2, 2]) / 2
-    return Drawn(z=z, variance=variance, stretch=_stretch(noise))
-
-
 def lay_of(
     ws: Workspace, model: Model, nominal: NoiseModel, baseline: Sequence[Patch] = ()
 ) -> tuple[AnisotropicLay, float] | None:
@@ -113,75 +73,137 @@ def lay_of(
     nominal : noise of plates, or of baselines
     """
     seen, turns = _recorded(ws, model, nominal)
-    if not seen:
+    if not seen or min(nominal.lags) < REACH:
         return None
     before = Workspace.build(baseline, ws.noise) if baseline else None
     good, turned = _recorded(before, Model(), nominal) if before else ([], [])
-    plate = drawn(nominal)
     listed = any(isinstance(e, AnisotropicLay) for e in ws.patches[0].view.sensor.effects)
-    found = lay_evidence(seen, turns, good, turned, plate, listed=listed)
+    found = lay_evidence(seen, turns, good, turned, nominal, listed=listed)
     stretch = np.mean(
-        [t.T @ (d.stretch - plate.stretch) for d, t in zip(seen, turns, strict=True)], axis=0
+        [t.T @ (stretched(n) - stretched(nominal)) for n, t in zip(seen, turns, strict=True)],
+        axis=0,
     )
     ratio = float(np.clip(math.exp(np.linalg.norm(stretch)), 1, 50))
     return AnisotropicLay(ratio=ratio, angle_deg=math.degrees(found.angle_rad)), found.nats
 
 
 def lay_evidence(
-    seen: Sequence[Drawn],
+    seen: Sequence[NoiseModel],
     turns: Sequence[Field],
-    good: Sequence[Drawn],
+    good: Sequence[NoiseModel],
     turned: Sequence[Field],
-    plate: Drawn,
+    nominal: NoiseModel,
     *,
     listed: bool = False,
 ) -> Lay:
     """Weigh whether what draws the noise out turns with the part; see the module's equation.
 
-    The numbers y of one distance, stacked, have the covariance D + τ² + β²BB' + λ²LL' and what
-    baselines have, D what readings leave open.
+    Parameters
+    ----------
+    seen, good : noise of recordings and of baselines
+    turns, turned : of each, (2, 2), from twice a direction on the part to twice that in the scan
+    nominal : noise of plates, where there are no baselines
+    listed : whether the sensor's file has a lay
+    """
+    spectra = Spectra.of([*seen, *good] if good else [*seen, nominal], nominal)
+    rows, count = len(spectra.readings), len(seen)
+    now = (np.arange(rows) < count).astype(float)
+    on_part = np.ones(rows) if good else now
+    before, likely = SHARES_BEFORE[:1], np.ones(1)
+    if good or listed:
+        more = SHARES_BEFORE.size - 1
+        before, likely = SHARES_BEFORE, np.append(0.5, np.full(more, 0.5 / more))
+    shares = np.stack(np.meshgrid(before, np.append(0.0, SHARES), indexing="ij"), axis=-1)
+    logs = _averaged(spectra, now, _strips(spectra, [*turns, *turned]), [on_part, now], shares)
+    logs += np.log(likely)[:, None]
+    there = logsumexp(logs[..., 1:], axis=(1, 2)) - math.log(SHARES.size)
+    none = logsumexp(logs[..., 0])
+    still = _strips(spectra, [np.eye(2)] * count)
+    sensor, *each = (
+        logsumexp(_averaged(spectra, now, still, [who], SHARES[:, None])) - math.log(SHARES.size)
+        for who in [now, *np.eye(rows)[:count]]
+    )
+    own = none + np.maximum(np.array(each) - none, 0).sum()
+    others = [
+        none, sensor + SETTINGS.log_odds(AnisotropicLay.name), own + SETTINGS.log_odds("")
+    ]  # fmt: skip
+    way = np.exp(there - there.max()) @ np.exp(2j * np.repeat(ANGLES_RAD, len(WIDTHS)))
+    return Lay(
+        nats=float(logsumexp(there) - logsumexp(others)),
+        angle_rad=0.5 * float(np.angle(way)),
+    )
+
+
+def _strips(spectra: Spectra, turns: Sequence[Field]) -> tuple[Field, Field]:
+    """Products of all strips of the recordings, (M, R, B, R, B), and with spectra, (M, R, B, R).
+
+    A plate at the end has none, and recordings for which there is no turn.
+    """
+    turned = np.stack([
+        t @ np.stack([np.cos(2 * ANGLES_RAD), np.sin(2 * ANGLES_RAD)]) for t in turns
+    ])  # fmt: skip
+    angles = 0.5 * np.arctan2(turned[:, 1], turned[:, 0])
+    between, towards = [], []
+    for seen in angles.T:
+        for width in WIDTHS:
+            strips = spectra.strips(seen, width)
+            rows = np.zeros((len(spectra.readings), *strips.shape[1:]))
+            rows[: len(strips)] = strips
+            between.append(products(rows, rows))
+            towards.append(products(rows, spectra.ratio))
+    return np.stack(between), np.stack(towards)
+
+
+def _averaged(
+    spectra: Spectra, now: Field, strips: tuple[Field, Field], who: Sequence[Field], shares: Field
+) -> Field:
+    """Log likelihood of each strip and its shares, (M, ...), averaged over sizes of b and e.
 
     Parameters
     ----------
-    seen, good : recordings and baselines
-    turns, turned : of each, from the part's frame to the sensor's, (2, 2)
-    plate : what the sensor has of its own, where there are no baselines
-    listed : whether the sensor's file has a lay
+    now : (R,) 1 where there is b
+    who : K of (R,), 1 where there is a strip
+    shares : (..., K) size of each
     """
-    every, count = [*seen, *good], 2 * (len(seen) + len(good))
-    same, turn = np.tile(np.eye(2), (len(every), 1)), np.concatenate([*turns, *turned])
-    now = np.arange(count)[:, None] < 2 * len(seen)
-    new, lay = same * now, turn * now
-    known = ANY**2 * (same @ same.T * bool(good) + turn @ turn.T * (listed or bool(good)))
-    scatter, changed, size = np.meshgrid(SIZES, OFFSETS, OFFSETS, indexing="ij")
-    shared = (
-        np.square(scatter)[..., None, None] * np.eye(count)
-        + np.square(changed)[..., None, None] * (new @ new.T)
-        + np.square(size)[..., None, None] * (lay @ lay.T)
-    )
-    logs, ways = np.zeros(size.shape), np.zeros((*size.shape, 2))
-    for j in range(len(DISTANCES)):
-        y = np.concatenate([d.z[j] - plate.z[j] * (not good) for d in every])
-        fixed = known + np.diag(np.repeat([d.variance[j] for d in every], 2))
-        if not good:
-            fixed = fixed + plate.variance[j] * same @ same.T
-        covariance = fixed + shared
-        right = np.broadcast_to(y[:, None], (*size.shape, count, 1))
-        solved = np.linalg.solve(covariance, right)[..., 0]
-        logs -= 0.5 * (np.linalg.slogdet(covariance)[1] + solved @ y)
-        # largest where it is nearest: speckle that is drawn out may turn negative far from there
-        ways += np.square(size)[..., None] * (solved @ lay)
-    way = np.einsum("abc,abck->k", np.exp(logs - logsumexp(logs)), ways)
-    return Lay(
-        nats=float(logsumexp(logs[..., 1:]) - math.log(len(SIZES)) - logsumexp(logs[..., 0])),
-        angle_rad=0.5 * math.atan2(way[1], way[0]),
-    )
+    logs = [
+        _log_likelihood(spectra, strips, np.stack(who), shares, c * now, e)
+        for c in CHANGES
+        for e in CHANGES
+    ]
+    return np.asarray(logsumexp(logs, axis=0))
+
+
+def _log_likelihood(
+    spectra: Spectra, strips: tuple[Field, Field], who: Field, shares: Field, b: Field, e: float
+) -> Field:
+    """Log likelihood of each strip and its shares, (M, ...), but for a constant.
+
+    At each lag the recordings have the covariance 1 / N + e² + b b' and an unknown mean.
+    """
+    between, towards = strips
+    covariance = np.diag(1 / spectra.readings + e**2) + np.outer(b, b)
+    inverse = np.linalg.inv(covariance)
+    total = inverse.sum(axis=0)
+    inverse -= np.outer(total, total) / total.sum()
+    alone = -0.5 * spectra.free * (np.linalg.slogdet(covariance)[1] + math.log(total.sum()))
+    alone -= 0.5 * float(np.einsum("lr,rs,ls", spectra.lags, inverse, spectra.lags))
+    # an autocorrelation's lag and its opposite are one: half of the mean over the frequencies
+    size, flat = len(who) * between.shape[2], (len(between), *([1] * (shares.ndim - 1)))
+    weight = 0.5 * np.einsum("rs,xr,zs->xzrs", inverse, who, who)
+    gram = np.einsum("xzrs,mrbsd->mxbzd", weight, between, optimize=True)
+    right = 0.5 * np.einsum("rs,xr,mrbs->mxb", inverse, who, towards, optimize=True)
+    scale = np.repeat(shares, between.shape[2], axis=-1)
+    inner = scale[..., :, None] * gram.reshape(*flat, size, size) * scale[..., None, :]
+    inner += np.eye(size)
+    vector = (scale * right.reshape(*flat, size))[..., None]
+    gain = (vector * np.linalg.solve(inner, vector)).sum(axis=(-2, -1))
+    return np.asarray(alone + 0.5 * (gain - np.linalg.slogdet(inner)[1]))
 
 
 def _recorded(
     ws: Workspace, model: Model, nominal: NoiseModel
-) -> tuple[list[Drawn], list[Field]]:
-    """Measure each recording; how the part lay turned in it."""
+) -> tuple[list[NoiseModel], list[Field]]:
+    """Measure the noise of each recording; how the part lay turned in it."""
     states = ws.states(ws.predict(model))
     found, turns = [], []
     for number in sorted({p.recording for p in ws.patches}):
@@ -191,12 +213,11 @@ def _recorded(
         masks = [p.fit & s.used & ~p.edge for p, s in members]
         if sum(int(m.sum()) for m in masks) < LEAST_READINGS:
             continue
-        own = calibrate(
+        found.append(calibrate(
             [s.residual_mm / s.sd_mm for _, s in members], masks,
             pitch_mm=(nominal.pitch_x_mm, nominal.pitch_y_mm), missing_share=0.0,
             from_reference=False,
-        )  # fmt: skip
-        found.append(drawn(own))
+        ))  # fmt: skip
         turns.append(_turn(members[0][0]))
     return found, turns
 
@@ -214,10 +235,11 @@ def _turn(patch: Patch) -> Field:
     return np.diag([1.0, -1.0]) @ twice if mirrored else twice
 
 
-def _stretch(noise: NoiseModel) -> Field:
-    """How noise is drawn out, by the second moments M of its positive autocorrelation, (2,).
+def stretched(noise: NoiseModel) -> Field:
+    """Logarithm of the longest over the shortest correlation length, as twice the direction, (2,).
 
-    With L = ln M, a reading's own size added to M: s = ((L_xx - L_yy) / 2, L_xy).
+    By the second moments M of the positive autocorrelation, a reading's own size added: with
+    L = ln M, s = ((L_xx - L_yy) / 2, L_xy).
     """
     ly, lx = noise.lags
     weight = np.where(noise.acf > CORRELATED, noise.acf, 0.0)

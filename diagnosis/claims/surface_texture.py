@@ -42,10 +42,13 @@ class Claim:
     Attributes
     ----------
     nats : log Bayes factor against a good instrument on a surface as claimed
+    heldout : by how much the held-out readings raise it, where they do; elsewhere they have to be
+        more probable with the noise that the fitted ones show
     """
 
     effect: Effect
     nats: float
+    heldout: float | None = None
 
 
 def texture(
@@ -80,7 +83,10 @@ def texture(
         if len(claims) > 1 and isinstance(claim.effect, RoughnessLevel):
             # what has a lay has it at its level: the level alone is the lesser explanation
             gain = min(plain - sized, gain)
-        sure = SETTINGS.probability(min(readings * gain, claim.nats), claim.effect.name)
+        nats = min(readings * gain, claim.nats)
+        if claim.heldout is not None:
+            gain, nats = claim.heldout / readings, claim.nats
+        sure = SETTINGS.probability(nats, claim.effect.name)
         if sure > SETTINGS.reported:
             values = texture_estimates(claim.effect)
             found.append(plainly_found(claim.effect, gain, values, probability=sure))
@@ -140,13 +146,21 @@ def _lay(
 ) -> Claim | None:
     """Return the lay of the part; None where there is none.
 
-    Held-out recordings say in which frame it lies, too; they still judge what it is worth.
+    Held-out recordings say in which frame it lies, too: noise that is drawn out in one orientation
+    is no prediction of another's.
     """
     every = [replace(p, fit=p.fit | p.scored) for p in explanation.patches]
-    found = lay_of(Workspace.build(every, noise), explanation.model, nominal, baseline)
+
+    def found_on(patches: Sequence[Patch]) -> tuple[AnisotropicLay, float] | None:
+        ws = Workspace.build(patches, noise)
+        return lay_of(ws, explanation.model, nominal, baseline)
+
+    found = found_on(every)
     if found is None or found[1] + SETTINGS.log_odds(AnisotropicLay.name) <= 0:
         return None
-    return Claim(effect=found[0], nats=found[1])
+    fitted = found_on(explanation.patches)
+    heldout = found[1] - (0.0 if fitted is None else fitted[1])
+    return Claim(effect=found[0], nats=found[1], heldout=heldout)
 
 
 def _stands_out(effect: Effect) -> bool:

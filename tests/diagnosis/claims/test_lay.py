@@ -5,12 +5,22 @@ import math
 import numpy as np
 import pytest
 
-from diagnosis.claims.lay import Drawn, drawn, lay_evidence
+from diagnosis.claims.lay import Lay, lay_evidence, stretched
 from diagnosis.noise.noise_model import calibrate
+from diagnosis.settings import SETTINGS
 from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.recording import Recording
 from tests.support.diagnosis_of import diagnosis_of
 from tests.support.small_parts import SPECKLE, datasheet, poses, record, solid
+from tests.support.spectra import (
+    ANGLE_DEG,
+    NOMINAL,
+    READINGS,
+    SHARE,
+    SPECKLE_POWER,
+    recordings,
+    strip,
+)
 
 
 @pytest.mark.parametrize(("ratio", "angle_deg"), [(1.0, 0.0), (2.5, 0.0), (2.5, 35.0), (2.0, 90.0)])
@@ -29,7 +39,7 @@ def test_stretch_is_the_noise_s_ratio_and_direction(ratio: float, angle_deg: flo
         [0.01 * field / field.std()], [np.ones(field.shape, dtype=bool)],
         pitch_mm=(pitch_x, pitch_y), missing_share=0.0, from_reference=False,
     )  # fmt: skip
-    stretch = complex(*drawn(noise).stretch)
+    stretch = complex(*stretched(noise))
     if ratio == 1.0:
         assert abs(stretch) < 0.1
         return
@@ -39,10 +49,9 @@ def test_stretch_is_the_noise_s_ratio_and_direction(ratio: float, angle_deg: flo
     assert abs(off) < 6
 
 
-EVEN = Drawn(z=np.zeros((3, 2)), variance=np.full(3, 1e-5), stretch=np.zeros(2))
-HEADINGS = (5.0, 95.0, 185.0, 40.0)
-LAY = np.array([0.05, 0.08])
-OWN = np.array([-0.1, 0.02])
+HEADINGS = (5.0, 95.0, 185.0)
+MANY = (5.0, 95.0, 185.0, 275.0, 50.0, 140.0)
+UNDECIDED = -SETTINGS.log_odds(AnisotropicLay.name)
 
 
 def turn(heading_deg: float) -> np.ndarray:
@@ -51,58 +60,61 @@ def turn(heading_deg: float) -> np.ndarray:
     return np.array([[c, s], [-s, c]])
 
 
-def seen(
-    on_part: np.ndarray, own: np.ndarray, *, scatter: float = 0.0, seed: int = 0
-) -> list[Drawn]:
-    """Draw recordings of each heading, with what is the part's and what is the sensor's own."""
-    rng = np.random.default_rng(seed)
-    sd = np.hypot(np.sqrt(1e-5), scatter)
-    return [
-        Drawn(z=turn(h) @ on_part + own + sd * rng.standard_normal((3, 2)),
-              variance=np.full(3, 1e-5), stretch=np.zeros(2))
-        for h in HEADINGS
-    ]  # fmt: skip
-
-
-def nats(
-    on_part: np.ndarray, own: np.ndarray, before: np.ndarray | None = None, *, scatter: float = 0.0,
+def weighed(
+    lay: float, own: float, before: float | None = None, *, scatter: float = 0.0,
     headings: tuple[float, ...] = HEADINGS, listed: bool = False,
-) -> float:  # fmt: skip
-    turns = [turn(h) for h in headings]
-    now = seen(on_part, own, scatter=scatter)
-    good = [] if before is None else seen(before, np.zeros(2), scatter=scatter, seed=1)
-    found = lay_evidence(now, turns, good, turns if good else [], EVEN, listed=listed)
+) -> Lay:  # fmt: skip
+    now = recordings(lay, own, headings, scatter=scatter)
+    other = (50.0, 140.0, 230.0)
+    good = [] if before is None else recordings(before, 0.0, other, seed=1)
+    found = lay_evidence(
+        now, [turn(h) for h in headings], good, [turn(h) for h in other] if good else [],
+        NOMINAL, listed=listed,
+    )  # fmt: skip
     if found.nats > 3:
-        u, v = on_part if before is None else on_part - before
-        off = found.angle_rad - 0.5 * math.atan2(v, u)
-        assert abs((off + math.pi / 2) % math.pi - math.pi / 2) < math.radians(5)
-    return found.nats
+        off = math.degrees(found.angle_rad) - ANGLE_DEG
+        assert abs((off + 90) % 180 - 90) < 5
+    return found
 
 
 def test_what_turns_with_the_part_is_a_lay_and_what_does_not_is_none() -> None:
-    none = np.zeros(2)
-    assert nats(LAY, OWN) > 6
-    assert nats(LAY, none) > 6
-    assert nats(none, OWN) < 0
-    assert nats(none, none) < 0
-    # what scatters from one recording to another as much is no evidence of a direction
-    assert nats(none, none, scatter=0.1) < 3
+    assert weighed(SHARE, 0.0).nats > 15
+    assert weighed(SHARE, SHARE).nats > 15
+    assert weighed(0.0, SHARE).nats < 0
+    assert weighed(0.0, 0.0).nats < -1
+
+
+def test_what_differs_between_recordings_is_none() -> None:
+    turns = [turn(h) for h in MANY]
+    found = [
+        lay_evidence(recordings(0.0, 0.0, MANY, scatter=SHARE, seed=seed),
+                     turns, [], [], NOMINAL).nats
+        for seed in range(6)
+    ]  # fmt: skip
+    assert max(found) < 0
 
 
 def test_a_lay_that_baselines_or_the_file_have_is_no_change() -> None:
-    none = np.zeros(2)
-    assert nats(LAY, none, LAY) < 0
-    assert nats(LAY, none, listed=True) < 0
-    assert nats(LAY, OWN, none) > 10
-    assert nats(2 * LAY, none, LAY) > 10
-    assert nats(none, OWN, none) < 0
+    assert weighed(SHARE, 0.0, SHARE).nats < 0
+    assert weighed(SHARE, 0.0, listed=True).nats < UNDECIDED
+    assert weighed(SHARE, 0.0, 0.0).nats > 15
+    assert weighed(SHARE, SHARE, 0.0).nats > 10
+    assert weighed(2 * SHARE, 0.0, SHARE).nats > 10
+    assert weighed(0.0, SHARE, 0.0).nats < 0
 
 
 def test_recordings_in_one_orientation_do_not_tell_a_lay_from_the_sensor() -> None:
-    turns = [turn(30.0)] * 3
-    alike = [Drawn(z=np.tile(turns[0] @ LAY, (3, 1)), variance=np.full(3, 1e-5),
-                   stretch=np.zeros(2))] * 3  # fmt: skip
-    assert lay_evidence(alike, turns, [], [], EVEN).nats < 1
+    assert weighed(SHARE, 0.0, headings=(30.0, 30.0, 30.0)).nats < UNDECIDED
+
+
+def test_evidence_is_a_part_of_what_knowing_the_spectra_would_give() -> None:
+    """Whittle's divergence of the true spectra pays for what isn't known, and for alternatives."""
+    gain, share = 0.0, 0.5 * SHARE
+    for heading in MANY:
+        ratio = 1 + share * strip(ANGLE_DEG - heading) / SPECKLE_POWER
+        ratio /= ratio.mean()
+        gain += 0.5 * READINGS * float((ratio - 1 - np.log(ratio)).mean())
+    assert 0.25 * gain < weighed(share, 0.0, headings=MANY).nats < gain
 
 
 def test_a_lay_between_the_axes_keeps_its_angle_on_the_part() -> None:

@@ -1,0 +1,36 @@
+"""Spectra over a nominal one are even where nothing has changed; strips are where waves go."""
+
+import numpy as np
+import pytest
+
+from diagnosis.claims.noise_spectrum import GRID, Spectra, products
+from tests.support.spectra import NOMINAL, PITCH_X, PITCH_Y, recordings
+
+
+def test_autocorrelations_of_whitened_readings_have_the_variance_of_their_number() -> None:
+    spectra = Spectra.of(recordings(0.0, 0.0, (0.0,) * 40), NOMINAL)
+    square = np.square(spectra.lags - spectra.lags.mean(axis=1)[:, None]).sum(axis=0).mean()
+    assert square * spectra.readings[0] == pytest.approx(spectra.free, rel=0.15)
+    # of N readings the mean of a squared wave over a spectrum has the variance 2 / N of its own
+    wave = np.cos(2 * np.pi * (3 * spectra.x * PITCH_X / PITCH_Y + spectra.y))
+    along = products(spectra.ratio, wave)
+    expected = np.sqrt(2 * products(wave, wave) / spectra.readings[0])
+    assert along.std() == pytest.approx(expected, rel=0.35)
+
+
+@pytest.mark.parametrize("angle_deg", [10.0, 60.0, 140.0])
+def test_a_strip_lies_across_its_ridges_without_a_level(angle_deg: float) -> None:
+    spectra = Spectra.of([NOMINAL], NOMINAL)
+    angle = np.radians(angle_deg)
+    strips = spectra.strips(np.array([angle]), 0.05)[0]
+    np.testing.assert_allclose(strips.mean(axis=1), 0, atol=1e-9)
+    direction = np.arctan2(spectra.y, spectra.x)
+    for strip, wavelength in zip(strips, (12.0, 6.0, 3.0), strict=True):
+        at = int(np.argmax(strip * spectra.nominal))
+        far = np.hypot(spectra.x[at], spectra.y[at])
+        assert far == pytest.approx(1 / wavelength, rel=0.3)
+        # cos 2 is -1 across the ridges; the grid is coarse near its middle
+        assert np.cos(2 * (direction[at] - angle)) < -0.8
+        lifted = strip - strip.min()
+        power = (lifted * spectra.nominal).sum() * 2 / GRID**2
+        assert power == pytest.approx(1.0, rel=0.1)
