@@ -148,6 +148,7 @@ class Shot:
     p_outlier, outlier : share of outliers and their sizes
     firmware : what is done to the readings at last
     intensity : (n, m) brightness, where the instrument records it
+    mounting : (4, 4) how the sensor sits in its own frame, None: as it should
     """
 
     view: View
@@ -161,6 +162,7 @@ class Shot:
     outlier: Draw | None = None
     firmware: Firmware | None = None
     intensity: Floats | None = None
+    mounting: Floats | None = None
 
     def plus(self, change: Floats) -> "Shot":
         """Add a change of the mean, mm."""

@@ -61,16 +61,28 @@ class Hidden:
     def moved(self, rigid: Floats) -> Floats:
         """Change of the depth (n, m) with a rigid movement (3 rad, 3 mm) of the sensor, mm."""
         view = self.nominal.view
-        far = np.array([0.0, 0.0, view.instrument.sheet.working_distance_mm])
         wrong = np.eye(4)
         wrong[:3, :3] = Rotation.from_rotvec(rigid[:3]).as_matrix()
-        wrong[:3, 3] = far - wrong[:3, :3] @ far + rigid[3:]
+        wrong[:3, 3] = self.middle - wrong[:3, :3] @ self.middle + rigid[3:]
         return np.asarray(view.seen_from(view.scan.true_poses @ wrong) - view.depth)
 
-    def placement(self, shot: Shot) -> Floats:
-        """Rigid movement (3 rad, 3 mm) that fits the change of the mean best."""
-        s = self.capped(shot.mean - self.nominal.mean)
-        return np.asarray(np.linalg.solve(self.gram, self.solved @ s))
+    @property
+    def middle(self) -> Floats:
+        """Middle of the measuring range, sensor frame, mm: about which movements turn."""
+        return np.array([0.0, 0.0, self.nominal.view.instrument.sheet.working_distance_mm])
+
+    def misplaced(self, shot: Shot) -> float:
+        """Square of a shot's mounting over how parts lie off by chance and what readings settle."""
+        if shot.mounting is None:
+            return 0.0
+        turn = shot.mounting[:3, :3]
+        shift = shot.mounting[:3, 3] - self.middle + turn @ self.middle
+        rigid = np.concatenate([Rotation.from_matrix(turn).as_rotvec(), shift])
+        unit = np.repeat([MISPLACED_RAD, MISPLACED_MM], 3)
+        # (U² + G⁻¹)⁻¹ without G⁻¹: a part may leave a direction open
+        gram = unit[:, None] * self.gram * unit
+        rigid = rigid / unit
+        return float(rigid @ np.linalg.solve(np.eye(6) + gram, gram @ rigid))
 
     def nats(self, shot: Shot) -> float:
         """Return the expected log likelihood ratio of the change, over all channels."""
@@ -139,6 +151,4 @@ def signal_to_noise(hidden: Sequence[Hidden], shots: Sequence[Shot]) -> float:
 
 def mounting_signal(hidden: Sequence[Hidden], shots: Sequence[Shot]) -> float:
     """Signal to noise of a common misplacement against how parts lie off by chance."""
-    unit = np.repeat([MISPLACED_RAD, MISPLACED_MM], 3)
-    off = [h.placement(s) / unit for h, s in zip(hidden, shots, strict=True)]
-    return float(np.sqrt(sum(b @ b for b in off)))
+    return float(np.sqrt(sum(h.misplaced(s) for h, s in zip(hidden, shots, strict=True))))

@@ -134,7 +134,7 @@ def tent(shot: Shot, size: float, _seed: int) -> Shot:
 def mounted(shot: Shot, wrong: Floats) -> Shot:
     """Move the sensor by (4, 4) in its own frame; formulas on top keep the exact geometry."""
     moved = shot.view.seen_from(shot.view.scan.true_poses @ wrong)
-    return replace(shot, mean=shot.mean + moved - shot.view.depth)
+    return replace(shot, mean=shot.mean + moved - shot.view.depth, mounting=wrong)
 
 
 def flange(shot: Shot, size: float, seed: int) -> Shot:

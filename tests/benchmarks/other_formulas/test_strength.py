@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.linalg import cho_factor, cho_solve
+from scipy.spatial.transform import Rotation
 
 from benchmarks.other_formulas.cases import Case, nominal_shot, stage
 from benchmarks.other_formulas.formulas import BY_NAME
 from benchmarks.other_formulas.formulas.sensor import mounted
+from benchmarks.other_formulas.instrument import MISPLACED_MM, MISPLACED_RAD
 from benchmarks.other_formulas.speckle import Covariance, Noise, field, speckle_kernel
-from benchmarks.other_formulas.strength import Hidden, signal_to_noise
+from benchmarks.other_formulas.strength import Hidden, mounting_signal, signal_to_noise
 
 
 def staged(part="freeform", formulas=(), wanted=0):
@@ -76,6 +78,30 @@ def test_a_rigid_movement_has_no_signal(smooth):
     raw = np.abs((moved.mean - shot.mean)[hidden.use] / hidden.sd)
     assert raw.max() > 0.5
     assert signal_to_noise([hidden], [moved]) < 0.02 * np.sqrt((raw**2).sum())
+
+
+@pytest.mark.parametrize("part", ["hills", "terraces"])
+def test_a_mounting_is_as_far_off_as_parts_lie_off_by_chance(part):
+    made = staged(part)
+    shots = [nominal_shot(made, scan, k) for k, scan in enumerate(made.scans[:2])]
+    hidden = [Hidden(shot) for shot in shots]
+
+    def signal(number, times):
+        rigid = np.zeros(6)
+        rigid[number] = times * (MISPLACED_RAD if number < 3 else MISPLACED_MM)
+        wrong = np.eye(4)
+        wrong[:3, :3] = Rotation.from_rotvec(rigid[:3]).as_matrix()
+        wrong[:3, 3] = hidden[0].middle - wrong[:3, :3] @ hidden[0].middle + rigid[3:]
+        return mounting_signal(hidden, [mounted(shot, wrong) for shot in shots])
+
+    for number in range(6):
+        small, large = signal(number, 0.1), signal(number, 3.0)
+        assert large == pytest.approx(30 * small, rel=1e-3)
+        # the distance is settled by thousands of readings; a turn of the laser's plane about the
+        # line in it leaves a level surface as it is
+        wanted = pytest.approx(0.1 * np.sqrt(2), rel=0.02)
+        assert small == wanted if number == 5 else small < 0.1 * np.sqrt(2)
+    assert mounting_signal(hidden, shots) == 0.0
 
 
 def test_signal_is_linear_in_the_size_of_an_additive_change(smooth):
