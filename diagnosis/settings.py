@@ -392,6 +392,71 @@ class ClaimsSettings:
         "sizes of that error, even on a logarithmic scale",
         default=7, unit="", low=2, whole=True, source=CHOSEN,
     )  # fmt: skip
+    lay_readings: int = quantity(
+        "readings of a recording below which no lay is sought in it",
+        default=3000, unit="", low=1, whole=True,
+        source="an autocorrelation is known to 0.02",
+    )  # fmt: skip
+    lay_directions: int = quantity(
+        "directions of a lay that are tried, over half a turn",
+        default=24, unit="", low=2, whole=True,
+        source="the narrowest strips of neighbours meet at a wavelength of 4 pitches",
+    )  # fmt: skip
+    lay_widest: float = quantity(
+        "standard deviation of the widest strip of a lay's spectrum, over the coarser pitch",
+        default=0.12, unit="1", low=0.0, above=True,
+        source="along its ridges the noise is correlated over little more than a pitch, 1 / 2πw",
+    )  # fmt: skip
+    lay_widths: int = quantity(
+        "widths of strips, each half of the one before",
+        default=3, unit="", low=1, whole=True,
+        source="the narrowest is the resolution of the longest lag, 1 / 24 by three quarters",
+    )  # fmt: skip
+    lay_octaves: int = quantity(
+        "octaves of wavelengths, from the sampling's limit, in each of which a strip has a size",
+        default=3, unit="", low=1, whole=True,
+        source="up to the longest lag: 24 pitches",
+    )  # fmt: skip
+    lay_least_share: float = quantity(
+        "smallest size of a lay that is weighed, over the noise's variance",
+        default=0.004, unit="1", low=0.0, above=True, below=True, high=1.0,
+        source="what 50 000 readings show; the largest is all of it",
+    )  # fmt: skip
+    lay_shares: int = quantity(
+        "sizes of a lay, even on a logarithmic scale",
+        default=9, unit="", low=2, whole=True,
+        source="octaves",
+    )  # fmt: skip
+    lay_least_change: float = quantity(
+        "smallest change of an autocorrelation without a lay that is weighed",
+        default=0.003, unit="1", low=0.0, above=True,
+        source="what 100 000 readings show",
+    )  # fmt: skip
+    lay_changes: int = quantity(
+        "sizes of that change, each four times the one before",
+        default=5, unit="", low=1, whole=True,
+        source="up to 0.77: any",
+    )  # fmt: skip
+    lay_reach: int = quantity(
+        "lags at which autocorrelations change without a lay",
+        default=6, unit="pitch", low=1, whole=True,
+        source="some correlation lengths of speckle",
+    )  # fmt: skip
+    lay_smooth: int = quantity(
+        "lags at which the nominal spectrum is cut off",
+        default=12, unit="pitch", low=1, whole=True,
+        source="half of those measured",
+    )  # fmt: skip
+    lay_least_power: float = quantity(
+        "least power of the nominal spectrum, over its mean",
+        default=0.02, unit="1", low=0.0, above=True,
+        source="less is leakage of the cut at lay_smooth",
+    )  # fmt: skip
+    lay_correlated: float = quantity(
+        "autocorrelation from which it counts for how far noise is drawn out",
+        default=0.05, unit="1", low=0.0, high=1.0,
+        source="less isn't known by 3000 readings",
+    )  # fmt: skip
     strays: float = quantity(
         "share of outliers of other sizes among those of one size",
         default=0.1, unit="1", low=0.0, high=1.0, above=True, below=True,
@@ -424,6 +489,18 @@ class ClaimsSettings:
     def slack(self) -> tuple[float, ...]:
         """Return the deviations that registration leaves: three turns, deg, three offsets, mm."""
         return (*(self.slack_deg,) * 3, *(self.slack_mm,) * 2, self.slack_range_mm)
+
+    def lay_angles_rad(self) -> Floats:
+        """Return directions of a lay."""
+        return np.arange(self.lay_directions) * np.pi / self.lay_directions
+
+    def lay_sizes(self) -> Floats:
+        """Return sizes of a lay, over the noise's variance."""
+        return np.geomspace(self.lay_least_share, 1.0, self.lay_shares)
+
+    def lay_other_changes(self) -> Floats:
+        """Return sizes of changes of the autocorrelation without a lay: none, and others."""
+        return np.append(0.0, self.lay_least_change * 4.0 ** np.arange(self.lay_changes))
 
     def mounting_scatters(self) -> Floats:
         """Return sizes of the scatter of how parts lie, over the prior of a placement."""

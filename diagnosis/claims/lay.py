@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
-from diagnosis.claims.noise_spectrum import REACH, Spectra, products
+from diagnosis.claims.noise_spectrum import WIDTHS, Spectra, products
 from diagnosis.data.patch import Patch
 from diagnosis.fields import Field
 from diagnosis.model.model import Model
@@ -33,19 +33,11 @@ from diagnosis.noise.noise_model import NoiseModel, calibrate
 from diagnosis.settings import SETTINGS
 from sensors.effects.anisotropic_lay import AnisotropicLay
 
-ANGLES_RAD = np.arange(24) * math.pi / 24
-"""Directions that are tried: neighbours' narrowest strips meet at a wavelength of 4 pitches."""
-WIDTHS = (0.03, 0.06, 0.12)
-"""Widths of a strip, per coarser pitch: along it, noise is correlated over 1 / 2πw, 5 to 1."""
-SHARES = np.geomspace(0.004, 1.024, 9)
-"""Sizes of a lay, of the variance, in octaves: from what 50 000 readings show, to all of it."""
+ANGLES_RAD = SETTINGS.claims.lay_angles_rad()
+SHARES = SETTINGS.claims.lay_sizes()
+"""Sizes of a lay, over the variance."""
 SHARES_BEFORE = np.append(0.0, SHARES[::3])
 """Sizes of the lay that baselines have; it is as likely that they have none."""
-CHANGES = np.append(0.0, np.geomspace(0.003, 0.768, 5))
-"""Sizes of b and e, four times one another: from 100 000 readings' own error to any."""
-CORRELATED = 0.05
-"""Autocorrelation from which it isn't the measurement's own noise."""
-LEAST_READINGS = 3000
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -73,7 +65,7 @@ def lay_of(
     nominal : noise of plates, or of baselines
     """
     seen, turns = _recorded(ws, model, nominal)
-    if not seen or min(nominal.lags) < REACH:
+    if not seen or min(nominal.lags) < SETTINGS.claims.lay_reach:
         return None
     before = Workspace.build(baseline, ws.noise) if baseline else None
     good, turned = _recorded(before, Model(), nominal) if before else ([], [])
@@ -165,10 +157,11 @@ def _averaged(
     who : K of (R,), 1 where there is a strip
     shares : (..., K) size of each
     """
+    changes = SETTINGS.claims.lay_other_changes()
     logs = [
         _log_likelihood(spectra, strips, np.stack(who), shares, c * now, e)
-        for c in CHANGES
-        for e in CHANGES
+        for c in changes
+        for e in changes
     ]
     return np.asarray(logsumexp(logs, axis=0))
 
@@ -211,7 +204,7 @@ def _recorded(
             (p, s) for p, s in zip(ws.patches, states, strict=True) if p.recording == number
         ]
         masks = [p.fit & s.used & ~p.edge for p, s in members]
-        if sum(int(m.sum()) for m in masks) < LEAST_READINGS:
+        if sum(int(m.sum()) for m in masks) < SETTINGS.claims.lay_readings:
             continue
         found.append(calibrate(
             [s.residual_mm / s.sd_mm for _, s in members], masks,
@@ -242,7 +235,7 @@ def stretched(noise: NoiseModel) -> Field:
     L = ln M, s = ((L_xx - L_yy) / 2, L_xy).
     """
     ly, lx = noise.lags
-    weight = np.where(noise.acf > CORRELATED, noise.acf, 0.0)
+    weight = np.where(noise.acf > SETTINGS.claims.lay_correlated, noise.acf, 0.0)
     weight /= weight.sum()
     down, right = np.mgrid[-ly : ly + 1, -lx : lx + 1]
     steps = np.stack([right * noise.pitch_x_mm, down * noise.pitch_y_mm])

@@ -12,17 +12,14 @@ import numpy as np
 
 from diagnosis.fields import Field, Mask
 from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.settings import SETTINGS
 
 GRID = 64
 """Frequencies along each axis: a torus that holds the lags of a `NoiseModel`, ±24."""
-SMOOTH = 12
-"""Lags over which the nominal spectrum reaches, pitches: half of those measured."""
-LEAST_POWER = 0.02
-"""Least power of the nominal spectrum, over its mean: less is leakage of `SMOOTH`."""
-WAVELENGTHS = (24.0, 12.0, 6.0, 3.0, 1.5)
-"""Octaves of wavelengths, coarser pitches: between the longest lag and the sampling's limit."""
-REACH = 6
-"""Lags over which a sensor's own noise changes, pitches: some correlation lengths."""
+WAVELENGTHS = 1.5 * 2.0 ** np.arange(SETTINGS.claims.lay_octaves + 2)
+"""Octaves of wavelengths, coarser pitches, about the sampling's limit, 2, in the first of them."""
+WIDTHS = SETTINGS.claims.lay_widest * 0.5 ** np.arange(SETTINGS.claims.lay_widths)
+"""Standard deviations of strips, per coarser pitch."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -34,7 +31,7 @@ class Spectra:
     ratio : (R, F) float64
         At half of the frequencies; the other half is the same.
     lags : (L, R) float64
-        Autocorrelations of the whitened readings, as far as `REACH`.
+        Autocorrelations of the whitened readings, as far as `lay_reach`.
     free : float
         How many of them are independent: frequencies are left out.
     readings : (R,) float64
@@ -66,10 +63,10 @@ class Spectra:
                                  indexing="ij")
         )  # fmt: skip
         far = np.hypot(x, y)
-        use = (x != 0) & (y != 0) & (far > 1 / WAVELENGTHS[0]) & (far < 0.5)
+        use = (x != 0) & (y != 0) & (far > 1 / WAVELENGTHS[-1]) & (far < 0.5)
         once = use & (y > 0)
         smooth = nominal.acf * np.outer(*(_taper(lag) for lag in nominal.lags))
-        power = np.maximum(_power(smooth), LEAST_POWER)
+        power = np.maximum(_power(smooth), SETTINGS.claims.lay_least_power)
         ratio = np.stack([_power(n.acf) / power for n in noises])
         ratio /= ratio[:, use].mean(axis=1)[:, None, None]
         ratio = np.where(use, ratio - 1, 0.0)
@@ -115,14 +112,15 @@ def _power(acf: Field) -> Field:
 
 
 def _near() -> Mask:
-    """Lags as far as `REACH`, of two opposite ones one, (GRID, GRID)."""
+    """Lags as far as `lay_reach`, of two opposite ones one, (GRID, GRID)."""
     lag = np.fft.fftfreq(GRID, 1 / GRID)
     down, right = np.meshgrid(lag, lag, indexing="ij")
     once = (down > 0) | ((down == 0) & (right > 0))
-    return np.asarray(once & (np.abs(down) <= REACH) & (np.abs(right) <= REACH))
+    reach = SETTINGS.claims.lay_reach
+    return np.asarray(once & (np.abs(down) <= reach) & (np.abs(right) <= reach))
 
 
 def _taper(lag: int) -> Field:
-    """Window over lags -lag..lag: 1 to half of `SMOOTH`, then down to 0 as a cosine."""
-    far = np.abs(np.arange(-lag, lag + 1)) / SMOOTH
+    """Window over lags -lag..lag: 1 to half of `lay_smooth`, then down to 0 as a cosine."""
+    far = np.abs(np.arange(-lag, lag + 1)) / SETTINGS.claims.lay_smooth
     return np.where(far < 0.5, 1.0, 0.5 * (1 + np.cos(2 * np.pi * (np.clip(far, 0.5, 1) - 0.5))))

@@ -24,6 +24,8 @@ FORM = {
     ],
     "names of units": ["register/part_unit:UNITS"],
     "geometry or definition: no choice": [
+        "claims/lay:SHARES_BEFORE", "claims/noise_spectrum:WAVELENGTHS",
+        "claims/noise_spectrum:WIDTHS",
         "data/brightness:SIDE", "model/log_density:LOG_ROOT_2PI", "physics/column_offsets:COMB",
         "physics/curvature:TURN",
     ],
@@ -50,6 +52,7 @@ FORM = {
     ],
     "time or memory: how much is looked at, or kept": [
         "claims/firmware:DRAWN_POINTS", "claims/firmware:FREQUENCIES",
+        "claims/noise_spectrum:GRID",
         "components/row_periods:BINS", "data/albedo:MOST_CELLS", "data/albedo:MOST_READINGS",
         "data/brightness:CHUNK", "data/inputs:CHECKED_PROFILES", "data/patch:FEWEST_ROWS",
         "data/patch:STRIPS", "data/patch:STRIP_ROWS", "data/patch:WHOLE", "evidence/gram:AT_ONCE",
@@ -72,10 +75,6 @@ FORM = {
     "the report's form": [
         "localise/regions:MOST_REGIONS", "physics/uncertainty:LEVEL",
         "report/covariate_picture:FEWEST",
-    ],
-    "a threshold that isn't in the settings yet; its file states it": [
-        "claims/lay:ANY", "claims/lay:CORRELATED", "claims/lay:DISTANCES", "claims/lay:LEAST_LAGS",
-        "claims/lay:LEAST_READINGS", "claims/lay:OFFSETS", "claims/lay:SIZES",
     ],
 }  # fmt: skip
 """Why a number may stand outside of the settings, and which do."""

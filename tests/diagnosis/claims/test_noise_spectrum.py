@@ -25,7 +25,7 @@ def test_a_strip_lies_across_its_ridges_without_a_level(angle_deg: float) -> Non
     strips = spectra.strips(np.array([angle]), 0.05)[0]
     np.testing.assert_allclose(strips.mean(axis=1), 0, atol=1e-9)
     direction = np.arctan2(spectra.y, spectra.x)
-    for strip, wavelength in zip(strips, (12.0, 6.0, 3.0), strict=True):
+    for strip, wavelength in zip(strips, (3.0, 6.0, 12.0), strict=True):
         at = int(np.argmax(strip * spectra.nominal))
         far = np.hypot(spectra.x[at], spectra.y[at])
         assert far == pytest.approx(1 / wavelength, rel=0.3)
