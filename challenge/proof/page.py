@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from challenge.cases.case import RECORDINGS, Secret, stage
+from challenge.cases.case import Secret, stage
 from challenge.cases.seeds import child, number
 from challenge.judging.probabilities import stated
 from challenge.judging.score import clopper_pearson
-from challenge.proof.pictures import draw_instrument, draw_power, draw_story
+from challenge.proof.choice import pick_stories
+from challenge.proof.pictures import draw_instrument, draw_power
 from challenge.proof.scoreboard import curve, figures, of_kinds, table
+from challenge.proof.story import Story, tell
+from challenge.proof.story_picture import draw_story
 from challenge.sets.aims import ALARMS, IOU, PRECISION, SHARE, TOP_1, UNKNOWN
 from challenge.sets.populations import needs_aggregate
 
@@ -144,53 +147,45 @@ def _counted(found: dict[str, int]) -> str:
     return ", ".join(f"{name} {count}" for name, count in ordered)
 
 
-def pick_stories(scored: Scored) -> list[tuple[str, str]]:
-    """Choose three cases: one found though concealed, and the two worst failures of two kinds."""
-    cases = scored["cases"]
-
-    def gain(name: str) -> float:
-        return float(cases[name]["facts"].get("oracle_gain", 0.0))
-
-    def worst(test: Callable[[dict[str, Any]], bool]) -> str | None:
-        fit = [n for n, c in cases.items() if test(c)]
-        return max(fit, key=gain) if fit else None
-
-    found = worst(lambda c: bool(c["facts"].get("concealed")) and c["score"]["top_1"] == 1)
-    failures = [
-        ("A failure: an instrument in good order, declared faulty",
-         worst(lambda c: c["secret"]["kind"] == "null" and c["score"]["alarm"])),
-        ("A failure: a fault called by a wrong name",
-         worst(lambda c: c["score"]["top_1"] == 0 and bool(c["score"]["reported"]))),
-        ("A failure: a fault that was not seen",
-         worst(lambda c: c["secret"]["kind"] in ("one", "two") and not c["score"]["reported"])),
-        ("A failure: a fault outside the catalogue, explained by names of the catalogue",
-         worst(lambda c: c["secret"]["kind"] == "unknown" and not c["score"]["flagged"])),
-    ]  # fmt: skip
-    told = [("Found: the paper's own checks see nothing here", found)] if found else []
-    return [(title, n) for title, n in told] + [(t, n) for t, n in failures if n][:2]
-
-
 def _stories(judged: Judged, pictures: Path) -> list[dict[str, str]]:
-    out = []
-    for k, (title, name) in enumerate(pick_stories(judged.scored)):
+    """Tell the stories of an opened set of the first family; pictures of another run are removed.
+
+    A case without an answer has none.
+    """
+    for old in pictures.glob("proof-story-*.png"):
+        old.unlink()
+    out: list[dict[str, str]] = []
+    for title, name in pick_stories(judged.scored):
         case = judged.scored["cases"][name]
-        secret, score = case["secret"], case["score"]
-        picture = f"proof-story-{k + 1}.png"
-        last = RECORDINGS[secret["recordings"] - 1]
-        draw_story(judged.folder, name, last, pictures / picture)
-        hidden = " and ".join(secret["switches"]) or "nothing"
-        names = ", ".join(score["reported"]) or "nothing"
-        beside = [n for n in score["offered"] if n not in score["reported"]]
-        size = f" ({STRENGTHS[secret['strength']]})" if secret["switches"] else ""
-        also = f"; as alternatives: {', '.join(beside)}" if beside else ""
-        text = (
-            f"Hidden: {hidden}{size}, on a part of the kind '{secret['shape']}'. "
-            f"Verdict: **{case['verdict']}**; reported: {names}{also}."
-        )
-        said = [f"> {e['statement']}" for e in case["effects"][:2] if e.get("statement")]
+        story = tell(judged.folder, name, case, stage(Secret.of_key(case["secret"])))
+        if story is None:
+            continue
+        picture = f"proof-story-{len(out) + 1}.png"
+        draw_story(story, pictures / picture)
         out.append({"title": title, "alt": title, "picture": picture,
-                    "text": "\n".join([text, *(["", *said] if said else [])])})  # fmt: skip
+                    "text": _told(case, story)})  # fmt: skip
     return out
+
+
+def _told(case: dict[str, Any], story: Story) -> str:
+    """Write what was hidden and what was answered."""
+    secret, score = case["secret"], case["score"]
+    hidden = " and ".join(secret["switches"]) or "nothing"
+    names = ", ".join(score["reported"]) or "nothing"
+    beside = [n for n in score["offered"] if n not in score["reported"]]
+    size = f" ({STRENGTHS[secret['strength']]})" if secret["switches"] else ""
+    also = f"; as alternatives: {', '.join(beside)}" if beside else ""
+    text = (
+        f"Hidden: {hidden}{size}, on a part of the kind '{secret['shape']}'. "
+        f"Verdict: **{case['verdict']}**; reported: {names}{also}."
+    )
+    said = [str(e["statement"]) for e in case["effects"] if e.get("statement")]
+    said += [
+        f"Unexplained: {r['channel']} over {r['covariate']}, probability {r['probability']:.2f}."
+        for r in story.answer.get("left", ())
+    ]
+    quoted = "\n>\n".join(f"> {line}" for line in said)
+    return f"{text}\n\n{quoted}" if said else text
 
 
 def write_page(sets: Sequence[Judged], page: Path, *, commit: str) -> None:
@@ -211,8 +206,8 @@ def write_page(sets: Sequence[Judged], page: Path, *, commit: str) -> None:
     stories: list[dict[str, str]] = []
     if shown is not None:
         draw_power(shown.scored, pictures / "proof-power.png")
-        stories = _stories(shown, pictures)
         if shown.scored["family"] == "first":
+            stories = _stories(shown, pictures)
             _show_instrument(shown.scored, pictures / "proof-instrument.png")
     first = next((s for s in sets if s.scored["family"] == "first"), None)
     protocol = sets[0].scored["protocol"]
