@@ -31,6 +31,7 @@ from diagnosis.validate.placement_candidates import Candidates, Placed, candidat
 from sensors.datasheet import Datasheet
 from sensors.effects import CATALOGUE
 from sensors.effects.axis_quantisation import AxisQuantisation
+from sensors.effects.base import MotionEffect
 from sensors.effects.form_error import FormError
 
 Progress = Callable[[str], None]
@@ -279,12 +280,14 @@ def _maps(
     if verdict == "match":
         return [m.silenced() for m in maps]
     if against_claims:
-        # a change of the noise is everywhere; what stands out are its extremes
-        noise_alone = not (judged.causes or explanation.unexplained) and all(
-            {*f.effect.channels} <= {"variance", "correlation"} for f in against_claims
+        # a change of the noise and a move are everywhere; what stands out are their extremes
+        alone = not (judged.causes or explanation.unexplained) and all(
+            {*f.effect.channels} <= {"variance", "correlation"}
+            or isinstance(f.effect, MotionEffect)
+            for f in against_claims
         )
         return [
-            m.everywhere(against_claims[-1].name) if noise_alone or not m.mask.any() else m
+            m.everywhere(against_claims[-1].name) if alone or not m.mask.any() else m
             for m in maps
         ]
     return maps

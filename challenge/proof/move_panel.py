@@ -52,8 +52,8 @@ def stretch(moves: Sequence[NDArray[np.float64]]) -> int:
     """How many times as large as they are moves are drawn: one significant digit."""
     largest = max(abs(a) for pose in moves for a in angles_deg(pose).values())
     times = max(SHOWN_DEG / max(largest, 1e-3), 1.0)
-    digit = 10 ** int(np.log10(times))
-    return round(times / digit) * digit
+    digit = int(10 ** int(np.log10(times)))
+    return int(round(times / digit)) * digit
 
 
 def title_of(move: Move) -> str:

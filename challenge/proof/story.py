@@ -166,8 +166,9 @@ def _move(case: dict[str, Any], staged: Staged, held: Scanned) -> Move | None:
     if not moved and found is None:
         return None
     path, camera = staged.off.scans.paths[len(staged.off.scans.paths) - 1], staged.off.device.camera
-    along = path.direction * path.pitch_mm * (np.arange(path.profiles) - path.profiles / 2)
+    along = np.arange(path.profiles, dtype=np.float64) - path.profiles / 2
     return Move(
-        true=true if moved else None, found=found, surface_mm=held.posed_mm, y_mm=along,
+        true=true if moved else None, found=found, surface_mm=held.posed_mm,
+        y_mm=path.direction * path.pitch_mm * along,
         x_mm=camera.working_distance_mm * np.tan(camera.angles_rad()),
     )  # fmt: skip

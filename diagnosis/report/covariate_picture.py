@@ -8,13 +8,25 @@ import numpy as np
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.fields import Field, Mask
 from diagnosis.model.workspace import Workspace
-from diagnosis.report.canvas import BEFORE, INK, PALE, binned, figure_of, png
+from diagnosis.report.canvas import (
+    BEFORE,
+    INK,
+    PALE,
+    binned,
+    binned_medians,
+    figure_of,
+    png,
+)
 from diagnosis.validate.found_effects import FoundEffect
 from files.errors import RecipeError
 from sensors.view.covariates import COVARIATES
 
 FEWEST = 50
 """Readings below which means over bins show nothing."""
+HALF_NORMAL_MEDIAN = 0.6745
+"""Median of the size of a standard normal variable."""
+HALF_NORMAL_MEDIAN_ERROR = 1.1664
+"""Standard error of that median from one reading, relative: 1 / (2 f(m) m), f(m) = 0.6356."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -48,7 +60,7 @@ def covariate_picture(result: Diagnosis, found: FoundEffect) -> bytes | None:
     figure, (axis,) = figure_of(5.2, 3.3)
     for channel, draw in (("mean", _draw_mean), ("missing", _draw_missing), ("", _draw_scale)):
         if not channel or channel in found.effect.channels:
-            if not draw(axis, samples, f"fitted {found.name}"):
+            if not draw(axis, samples, f"fitted: {found.name.replace('_', ' ')}"):
                 return None
             break
     covariate = COVARIATES[found.covariate_key]
@@ -108,11 +120,18 @@ def _draw_mean(axis: Any, samples: Samples, label: str) -> bool:
 
 def _draw_scale(axis: Any, samples: Samples, label: str) -> bool:
     """Draw the size of the noise; False where the covariate shows nothing."""
-    # the mean of |x| of a normal variable is sd sqrt(2/π)
-    size = 1e3 * np.abs(samples.residual_mm) * np.sqrt(np.pi / 2)
     if _bare(samples.covariate):
         return False
-    _draw_bins(axis, samples.covariate, size, 1e3 * samples.sd_mm, (label, "recordings"))
+    # medians: a few readings at edges have a hundred times the noise of the others
+    centre, size, count = binned_medians(samples.covariate, 1e3 * np.abs(samples.residual_mm))
+    size = size / HALF_NORMAL_MEDIAN
+    error = 2 * HALF_NORMAL_MEDIAN_ERROR * size / np.sqrt(count)
+    _, model, _ = binned_medians(samples.covariate, 1e3 * samples.sd_mm)
+    axis.errorbar(centre, size, yerr=error, fmt="o", ms=3, color=INK, lw=1, label="recordings")
+    axis.plot(centre, model, "-", color=BEFORE, lw=2, label=label)
+    low, high = float(min((size - error).min(), model.min())), float((size + error).max())
+    room = 0.3 * max(high - low, 0.05 * high)
+    axis.set_ylim(max(low - room, 0.0), max(high, float(model.max())) + room)
     axis.set_ylabel("noise of a reading, µm", fontsize=8)
     return True
 
@@ -121,11 +140,14 @@ def _draw_missing(axis: Any, samples: Samples, label: str) -> bool:
     """Draw the share of missing readings; False where the covariate shows nothing."""
     if np.ptp(samples.at) == 0:
         return False
-    centre, mean, _, _ = binned(samples.at, samples.missing)
+    centre, mean, low, high = binned(samples.at, samples.missing)
     _, model, _, _ = binned(samples.at, samples.p_missing)
-    axis.plot(centre, 100 * mean, "o", ms=4, color=INK, label="recordings")
+    error = 100 * np.stack([mean - np.maximum(low, 0.0), high - mean])
+    axis.errorbar(centre, 100 * mean, yerr=error, fmt="o", ms=3, color=INK, lw=1,
+                  label="recordings")  # fmt: skip
     axis.plot(centre, 100 * model, "-", color=BEFORE, lw=2, label=label)
-    axis.set_ylabel("missing, %", fontsize=8)
+    axis.set_ylim(0.0, 130 * max(float(high.max()), float(model.max()), 1e-3))
+    axis.set_ylabel("missing readings, %", fontsize=8)
     return True
 
 

@@ -16,7 +16,7 @@ def mismatch_map(result: Diagnosis) -> bytes:
     thin, extent = _thinned(maps.mask)
     figure, (axis,) = figure_of(5.6, 3.6)
     shown = axis.imshow(maps.depth_mm[thin], aspect="auto", cmap="Greys", extent=extent)
-    figure.colorbar(shown, ax=axis, label="depth, mm", shrink=0.85)
+    _bar(figure, shown, axis, "depth, mm")
     if maps.mask.any():
         overlay = np.zeros((*maps.mask[thin].shape, 4))
         overlay[maps.mask[thin]] = (0.76, 0.27, 0.18, 0.45)
@@ -28,24 +28,44 @@ def mismatch_map(result: Diagnosis) -> bytes:
 
 
 def residual_maps(result: Diagnosis) -> bytes:
-    """Residuals of the recording with the largest mismatch, before and after, at one scale."""
+    """Residuals of the recording with the largest mismatch, before and after, at one scale.
+
+    One map where the effects found move no expectation.
+    """
     maps = _worst(result)
     thin, extent = _thinned(maps.mask)
     pair = [1e3 * (maps.depth_mm - m)[thin] for m in (maps.simulated, maps.explained)]
     known = np.abs(pair[0][np.isfinite(pair[0])])
     limit = float(np.quantile(known, 0.97)) if known.size else 1.0
-    figure, axes = figure_of(10.5, 3.6, 2)
-    for axis, residual, words in zip(
-        axes, pair, ("nominal model", "with the effects found"), strict=True
-    ):
+    words = ["before: nominal model", "after: with the effects found"]
+    if not moves_expectation(result):
+        pair, words = pair[:1], ["nominal model"]
+    lost = (np.isfinite(maps.simulated) & ~np.isfinite(maps.depth_mm))[thin]
+    black = np.zeros((*lost.shape, 4))
+    black[lost, 3] = 1.0
+    figure, axes = figure_of(5.6 if len(pair) == 1 else 10.5, 3.6, len(pair))
+    for axis, residual, title in zip(axes, pair, words, strict=True):
         shown = axis.imshow(
             residual, aspect="auto", cmap="RdBu_r", vmin=-limit, vmax=limit, extent=extent,
             interpolation="nearest",
         )  # fmt: skip
-        axis.set_title(f"residual, {words}", fontsize=9)
+        axis.imshow(black, aspect="auto", extent=extent, interpolation="nearest")
+        axis.set_title(f"residual, {title}", fontsize=9)
         _name_axes(axis)
-    figure.colorbar(shown, ax=list(axes), label="reading - expectation, µm", shrink=0.85)
+    _bar(figure, shown, list(axes), "reading - expectation, µm")
     return png(figure)
+
+
+def moves_expectation(result: Diagnosis) -> bool:
+    """Whether the effects found move the expectation of any reading that the maps show."""
+    maps = _worst(result)
+    return not np.array_equal(maps.simulated, maps.explained, equal_nan=True)
+
+
+def _bar(figure: Any, shown: Any, axes: Any, label: str) -> None:
+    bar = figure.colorbar(shown, ax=axes, shrink=0.85)
+    bar.set_label(label, fontsize=8)
+    bar.ax.tick_params(labelsize=8)
 
 
 def _worst(result: Diagnosis) -> RecordingMaps:
@@ -61,5 +81,5 @@ def _thinned(mask: Mask) -> tuple[tuple[slice, slice], tuple[int, int, int, int]
 
 
 def _name_axes(axis: Any) -> None:
-    axis.set_xlabel("point", fontsize=8)
+    axis.set_xlabel("point of the profile", fontsize=8)
     axis.set_ylabel("profile", fontsize=8)

@@ -7,15 +7,30 @@ import numpy as np
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.fields import Field
 from diagnosis.report.canvas import AFTER, BEFORE, PALE, figure_of, png
+from diagnosis.validate.heldout import Judgement
 
 WORDS = ("nominal model", "with the effects found")
+Shown = tuple[tuple[Judgement, str, str], ...]
+
+
+def shown_of(result: Diagnosis) -> Shown:
+    """Return judgements with colour and words; the nominal model's alone where both are equal."""
+    both = ((result.before, BEFORE, WORDS[0]), (result.after, AFTER, WORDS[1]))
+    same = all(
+        np.array_equal(before, after, equal_nan=True)
+        for before, after in zip(
+            result.before.residuals_mm, result.after.residuals_mm, strict=True
+        )
+    )
+    return ((result.before, AFTER, WORDS[0]),) if same else both
 
 
 def profile_picture(result: Diagnosis) -> bytes | None:
     """Draw a held-out profile before and after, and both distributions of the residual."""
+    shown = shown_of(result)
     left_mm = [
         np.concatenate([r[np.isfinite(r)] for r in judged.residuals_mm])
-        for judged in (result.before, result.after)
+        for judged, _, _ in shown
     ]
     every = np.abs(np.concatenate(left_mm))
     if not every.size:
@@ -26,13 +41,14 @@ def profile_picture(result: Diagnosis) -> bytes | None:
     if best is None:
         return None
     figure, (left, right) = figure_of(10.5, 3.0, 2)
-    _draw_profile(left, result, best, reach)
-    for values, colour, words in zip(left_mm, (BEFORE, AFTER), WORDS, strict=True):
+    _draw_profile(left, result, shown, best, reach)
+    for values, (_, colour, words) in zip(left_mm, shown, strict=True):
         limit = max(4e3 * result.noise.sd_mm, float(np.quantile(np.abs(1e3 * values), 0.98)))
         right.hist(1e3 * values, bins=90, range=(-limit, limit), histtype="step", color=colour,
                    label=words)  # fmt: skip
     right.set_xlabel("reading - expectation, µm", fontsize=8)
     right.set_yticks([])
+    right.set_ylabel("readings", fontsize=8)
     right.set_title("all held-out readings", fontsize=9)
     right.legend(fontsize=7, frameon=False)
     return png(figure)
@@ -65,11 +81,11 @@ def _clipped(residual_mm: Field, reach_mm: float) -> Field:
     return np.clip(residual_mm, -reach_mm, reach_mm)
 
 
-def _draw_profile(axis: Any, result: Diagnosis, at: tuple[int, int], reach_mm: float) -> None:
+def _draw_profile(
+    axis: Any, result: Diagnosis, shown: Shown, at: tuple[int, int], reach_mm: float
+) -> None:
     patch, row = result.held_patches[at[0]], at[1]
-    for judged, colour, words in zip(
-        (result.before, result.after), (BEFORE, AFTER), WORDS, strict=True
-    ):
+    for judged, colour, words in shown:
         near = 1e3 * _clipped(judged.residuals_mm[at[0]][row], reach_mm)
         axis.plot(patch.view.column_x_mm, near, ".", ms=2.5, color=colour, label=words)
     axis.set_ylim(-1.05e3 * reach_mm, 1.05e3 * reach_mm)

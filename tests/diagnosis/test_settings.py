@@ -70,11 +70,12 @@ FORM = {
     ],
     "constants of a published estimator": [
         "noise/noise_model:M_BEND", "noise/noise_model:M_SHARE", "noise/noise_model:M_STEPS",
-        "noise/noise_model:M_VALUES",
+        "noise/noise_model:M_VALUES", "report/covariate_picture:HALF_NORMAL_MEDIAN",
+        "report/covariate_picture:HALF_NORMAL_MEDIAN_ERROR",
     ],
     "the report's form": [
         "localise/regions:MOST_REGIONS", "physics/uncertainty:LEVEL",
-        "report/covariate_picture:FEWEST",
+        "report/canvas:FEWEST", "report/covariate_picture:FEWEST", "report/page:REGIONS_SHOWN",
     ],
 }  # fmt: skip
 """Why a number may stand outside of the settings, and which do."""

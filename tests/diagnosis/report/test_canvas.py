@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from diagnosis.report.canvas import binned, figure_of, png
+from diagnosis.report.canvas import binned, binned_medians, figure_of, png
 
 
 def test_means_of_bins_are_those_of_their_readings() -> None:
@@ -37,3 +37,12 @@ def test_a_figure_is_a_png_and_the_same_every_time() -> None:
 
     assert drawn().startswith(b"\x89PNG")
     assert drawn() == drawn()
+
+
+def test_medians_of_bins_ignore_a_few_huge_values() -> None:
+    x = np.repeat(np.arange(10.0), 40)
+    y = 3.0 * x
+    y[::20] = 1e6
+    centre, median, count = binned_medians(x, y)
+    assert np.allclose(median, 3.0 * centre)
+    assert (count == 40).all()

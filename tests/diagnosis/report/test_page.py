@@ -1,6 +1,7 @@
 """The report stands by itself, and a browser shows it."""
 
 import dataclasses
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -8,7 +9,10 @@ from pathlib import Path
 import pytest
 
 from diagnosis.diagnosis import Diagnosis
+from diagnosis.localise.residual_structure import Residual
 from diagnosis.report.outputs import write_outputs
+from diagnosis.report.page import render
+from diagnosis.report.profile_picture import shown_of
 from tests.support.diagnosis_of import diagnosis_of
 from tests.support.small_parts import VIEWS, datasheet, part, record
 
@@ -19,7 +23,46 @@ def test_report_stands_by_itself(diagnosed: tuple[Diagnosis, Path]) -> None:
     assert "https://" not in page
     assert page.count("data:image/png;base64,") >= 3
     assert "line_bow" in page
-    assert "Measure next" in page
+    text = re.sub(r"<[^>]+>", "", page)
+    asked = ["Found: line bow (", "Where", "Cause:", "Place:", "What else it could be:",
+             "What to do:", "Before and after, on held-out readings"]  # fmt: skip
+    at = [text.index(words) for words in asked]
+    assert at == sorted(at)
+    assert "depth error at the ends of the line at the working distance, µm" in text
+
+
+def test_regions_are_listed_with_place_size_and_cause(diagnosed: tuple[Diagnosis, Path]) -> None:
+    result = diagnosed[0]
+    page = render(result, part_name="bowl")
+    largest = max(
+        result.regions,
+        key=lambda r: (r.profiles[1] - r.profiles[0]) * (r.points[1] - r.points[0]),
+    )
+    first, end = largest.profiles
+    assert f"<td>{largest.recording}</td><td class=\"n\">{first} to {end - 1}</td>" in page
+    assert f"{largest.size_um:.0f} µm</td><td>line bow</td>" in page
+
+
+def test_a_match_shows_no_effects(diagnosed: tuple[Diagnosis, Path]) -> None:
+    result = diagnosed[0]
+    match = dataclasses.replace(
+        result, verdict="match", effects=(), after=result.before, regions=(), share_of_points=0.0
+    )
+    page = render(match, part_name="bowl")
+    assert "with the effects" not in page
+    assert "Where" not in page
+    assert page.count("data:image/png;base64,") == 1
+    assert [words for _, _, words in shown_of(match)] == ["nominal model"]
+
+
+def test_a_change_of_the_noise_is_stated_as_a_factor(diagnosed: tuple[Diagnosis, Path]) -> None:
+    left = Residual(channel="missing", covariate="column of the profile", frame="sensor",
+                    size=5.12, unit="1", detail="losses of columns, 23 nats")  # fmt: skip
+    unexplained = dataclasses.replace(diagnosed[0], verdict="unexplained", effects=(), left=(left,))
+    page = render(unexplained, part_name="bowl")
+    assert "factor 170" in page
+    assert "the instrument, its calibration and optics" in page
+    assert "column of the profile (losses of columns, 23 nats)" in page
 
 
 def test_report_opens_in_a_browser(diagnosed: tuple[Diagnosis, Path], tmp_path: Path) -> None:
