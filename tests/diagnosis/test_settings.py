@@ -36,7 +36,8 @@ FORM = {
     "a bound that keeps a division finite": ["register/pose_derivative:EDGE_ON"],
     "a cell's floor of a sum": ["evidence/glm:SPARSE", "model/log_density:LOG_STRAY"],
     "when an iteration ends": [
-        "data/albedo:ROUNDS", "data/albedo:TURNS", "evidence/glm:SETTLED", "evidence/glm:STEPS",
+        "data/albedo:ROUNDS", "data/albedo:TURNS", "discrepancy/population:TURNS",
+        "evidence/glm:SETTLED", "evidence/glm:STEPS",
         "physics/column_offsets:SEARCHED", "physics/linear_fit:ROUNDS",
         "physics/uncertainty:ROUNDS", "physics/uncertainty:WORTH",
         "register/registration:MOVE_LIMIT", "register/registration:ROUNDS",
