@@ -14,6 +14,7 @@ from diagnosis.report.covariate_picture import covariate_picture
 from diagnosis.report.map_pictures import mismatch_map, moves_expectation, residual_maps
 from diagnosis.report.move_picture import TAKEN_UP, is_taken_up, move_picture
 from diagnosis.report.profile_picture import profile_picture
+from diagnosis.report.scan_pictures import scan_pictures
 from diagnosis.validate.found_effects import FoundEffect
 from files.whole_file import write_whole
 
@@ -73,6 +74,8 @@ def render(result: Diagnosis, *, part_name: str) -> str:
         checks=CHECK,
         channels=CHANNELS,
         profile=_image(profile_picture(result)),
+        scans=_image(scan_pictures(result)),
+        odds=_odds,
         size=_size,
         percent=_percent,
         words=_words,
@@ -93,6 +96,7 @@ def _shown(result: Diagnosis, found: FoundEffect) -> dict[str, object]:
     picture = move_picture(result, found) if moves else covariate_picture(result, found)
     return {
         "found": found,
+        "cause": found.statement.removesuffix(found.doubt).strip(),
         "frame": FRAMES.get(found.frame, ""),
         "check": CHECK.get(found.frame, ""),
         "taken_up": TAKEN_UP if moves else "",
@@ -187,6 +191,11 @@ def _size(left: Residual) -> str:
     if left.channel == "mean":
         return f"{left.size:.2g} {left.unit}"
     return f"factor {float(f'{np.exp(left.size):.2g}'):g}"
+
+
+def _odds(log_odds: float) -> str:
+    """Write a change of the log odds; beyond 100 every choice is certain."""
+    return "over 100" if log_odds > 100.0 else f"{log_odds:.1f}"
 
 
 def _percent(share: float) -> str:

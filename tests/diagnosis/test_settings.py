@@ -77,6 +77,7 @@ FORM = {
     "the report's form": [
         "localise/regions:MOST_REGIONS", "physics/uncertainty:LEVEL",
         "report/canvas:FEWEST", "report/covariate_picture:FEWEST", "report/page:REGIONS_SHOWN",
+        "report/scan_pictures:DRAWN",
     ],
 }  # fmt: skip
 """Why a number may stand outside of the settings, and which do."""

@@ -43,6 +43,16 @@ def test_regions_are_listed_with_place_size_and_cause(diagnosed: tuple[Diagnosis
     assert f"{largest.size_um:.0f} µm</td><td>line bow</td>" in page
 
 
+def test_a_doubt_is_stated_once(diagnosed: tuple[Diagnosis, Path]) -> None:
+    result = diagnosed[0]
+    doubt = "The formula may be another."
+    bow = result.effects[0]
+    doubted = dataclasses.replace(bow, doubt=doubt, statement=f"{bow.statement} {doubt}")
+    page = render(dataclasses.replace(result, effects=(doubted,)), part_name="bowl")
+    assert page.count(doubt) == 1
+    assert f"<b>Doubt:</b> {doubt}" in page
+
+
 def test_a_match_shows_no_effects(diagnosed: tuple[Diagnosis, Path]) -> None:
     result = diagnosed[0]
     match = dataclasses.replace(
