@@ -202,6 +202,8 @@ def _percent(share: float) -> str:
     """Write a share; a probability is never certain."""
     if 0.995 <= share < 1.0:
         return "over 99 %"
+    if 0.0 < share < 0.005:
+        return "under 1 %"
     return f"{100 * share:.0f} %"
 
 

@@ -43,6 +43,17 @@ def test_regions_are_listed_with_place_size_and_cause(diagnosed: tuple[Diagnosis
     assert f"{largest.size_um:.0f} µm</td><td>line bow</td>" in page
 
 
+@pytest.mark.parametrize(
+    ("share", "words"), [(0.0, "0 %"), (1e-4, "under 1 %"), (0.41, "41 %"), (0.9999, "over 99 %")]
+)
+def test_a_probability_is_never_certain(
+    diagnosed: tuple[Diagnosis, Path], share: float, words: str
+) -> None:
+    bow = dataclasses.replace(diagnosed[0].effects[0], none_of_these=share)
+    page = render(dataclasses.replace(diagnosed[0], effects=(bow,)), part_name="bowl")
+    assert f"none of the catalogued effects ({words})" in page
+
+
 def test_a_doubt_is_stated_once(diagnosed: tuple[Diagnosis, Path]) -> None:
     result = diagnosed[0]
     doubt = "The formula may be another."
