@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from diagnosis.claims.lay import LAY, lay_of
 from diagnosis.claims.plate_noise import level_change
 from diagnosis.discrepancy.good_instrument import (
     change_factors,
@@ -32,7 +33,7 @@ from diagnosis.evidence.noise_level import AGAINST_PLATES, level_factors, level_
 from diagnosis.evidence.seen import channels_seen, seen
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
-from diagnosis.prepare import Inputs, prepared
+from diagnosis.prepare import Inputs, Prepared, prepared
 from pipeline.parts.part import load_part
 from sensors.datasheet import Datasheet
 from sensors.recording import Recording
@@ -80,7 +81,17 @@ def departures(inputs: Inputs) -> Factors:
         change = level_change(ws, Model(), ready.nominal.sd_mm)
         unsure = np.hypot(change.unsure, level_unsure(ready.nominal))
         found[AGAINST_PLATES] = level_factors(change.log, float(unsure))
-    return found
+    return found | lay_factors(ready)
+
+
+def lay_factors(ready: Prepared) -> Factors:
+    """Likelihood of each size of the lay that the noise seems to have, where that can be seen."""
+    if ready.nominal is None:
+        return {}
+    every = [replace(p, fit=p.fit | p.scored) for p in ready.patches]
+    ws = Workspace.build(every, ready.noise)
+    lay = lay_of(ws, Model(), ready.nominal, ready.baseline)
+    return {} if lay is None else {LAY: lay[1]}
 
 
 def changes(inputs: Inputs, population: Population) -> Factors:
@@ -96,7 +107,7 @@ def changes(inputs: Inputs, population: Population) -> Factors:
     kinds = kinds_of(population, shown, good=True)
     own = informed(population, kinds, shown | rate_factors(usual.values()))
     channels = channels_seen(patches, ready.noise, Model(), now)
-    return change_factors(now, before, channels, usual, own)
+    return change_factors(now, before, channels, usual, own) | lay_factors(ready)
 
 
 def simulated(seed: int) -> Inputs:

@@ -417,16 +417,6 @@ class ClaimsSettings:
         default=3, unit="", low=1, whole=True,
         source="up to the longest lag: 24 pitches",
     )  # fmt: skip
-    lay_least_share: float = quantity(
-        "smallest size of a lay that is weighed, over the noise's variance",
-        default=0.004, unit="1", low=0.0, above=True, below=True, high=1.0,
-        source="what 50 000 readings show; the largest is all of it",
-    )  # fmt: skip
-    lay_shares: int = quantity(
-        "sizes of a lay, even on a logarithmic scale",
-        default=9, unit="", low=2, whole=True,
-        source="octaves",
-    )  # fmt: skip
     lay_least_change: float = quantity(
         "smallest change of an autocorrelation without a lay that is weighed",
         default=0.003, unit="1", low=0.0, above=True,
@@ -493,10 +483,6 @@ class ClaimsSettings:
     def lay_angles_rad(self) -> Floats:
         """Return directions of a lay."""
         return np.arange(self.lay_directions) * np.pi / self.lay_directions
-
-    def lay_sizes(self) -> Floats:
-        """Return sizes of a lay, over the noise's variance."""
-        return np.geomspace(self.lay_least_share, 1.0, self.lay_shares)
 
     def lay_other_changes(self) -> Floats:
         """Return sizes of changes of the autocorrelation without a lay: none, and others."""

@@ -11,9 +11,10 @@ Baselines have s, e and L₀, plates s and e. A lay is a strip across its direct
 are at each lag, and s is any. By Whittle's likelihood (Ark. Mat. 2 (1953) 423), to second order,
 autocorrelations of N whitened readings are independent with the variance 1 / N.
 Nobody knows the strip's direction and width and the sizes of b, e, L₀ and L: the odds are averaged
-over them, as with the mounting. A lay must be more probable, too, than a strip that stays in the
-sensor's frame, as likely before any reading, and than strips of each recording's own, as likely as
-an unknown cause.
+over them, as with the mounting. Noise of good instruments seems to have a lay as well, since it
+goes with the slopes of the part: how much was learnt from them. A lay must be more probable, too,
+than a strip that stays in the sensor's frame, as likely before any reading, and than strips of each
+recording's own, as likely as an unknown cause.
 Recordings in one orientation can't tell a lay from the sensor, and the odds say so.
 """
 
@@ -34,7 +35,9 @@ from diagnosis.settings import SETTINGS
 from sensors.effects.anisotropic_lay import AnisotropicLay
 
 ANGLES_RAD = SETTINGS.claims.lay_angles_rad()
-SHARES = SETTINGS.claims.lay_sizes()
+LAY = "scale: lay"
+"""Name of the sizes of the lay that the noise of good instruments seems to have."""
+SHARES = SETTINGS.rate_sizes()
 """Sizes of a lay, over the variance."""
 SHARES_BEFORE = np.append(0.0, SHARES[::3])
 """Sizes of the lay that baselines have; it is as likely that they have none."""
@@ -46,18 +49,18 @@ class Lay:
 
     Attributes
     ----------
-    nats : log Bayes factor of a lay against none
+    factors : (S,) log Bayes factor of each size of a lay against none
     angle_rad : its direction on the part, from x towards y
     """
 
-    nats: float
+    factors: Field
     angle_rad: float
 
 
 def lay_of(
     ws: Workspace, model: Model, nominal: NoiseModel, baseline: Sequence[Patch] = ()
-) -> tuple[AnisotropicLay, float] | None:
-    """Return the likeliest lay and its log Bayes factor; None where too little was read.
+) -> tuple[AnisotropicLay, Field] | None:
+    """Return the likeliest lay and log Bayes factors of its sizes; None where too little was read.
 
     Parameters
     ----------
@@ -76,7 +79,7 @@ def lay_of(
         axis=0,
     )
     ratio = float(np.clip(math.exp(np.linalg.norm(stretch)), 1, 50))
-    return AnisotropicLay(ratio=ratio, angle_deg=math.degrees(found.angle_rad)), found.nats
+    return AnisotropicLay(ratio=ratio, angle_deg=math.degrees(found.angle_rad)), found.factors
 
 
 def lay_evidence(
@@ -108,7 +111,7 @@ def lay_evidence(
     shares = np.stack(np.meshgrid(before, np.append(0.0, SHARES), indexing="ij"), axis=-1)
     logs = _averaged(spectra, now, _strips(spectra, [*turns, *turned]), [on_part, now], shares)
     logs += np.log(likely)[:, None]
-    there = logsumexp(logs[..., 1:], axis=(1, 2)) - math.log(SHARES.size)
+    there = logsumexp(logs[..., 1:], axis=1)
     none = logsumexp(logs[..., 0])
     still = _strips(spectra, [np.eye(2)] * count)
     sensor, *each = (
@@ -119,9 +122,10 @@ def lay_evidence(
     others = [
         none, sensor + SETTINGS.log_odds(AnisotropicLay.name), own + SETTINGS.log_odds("")
     ]  # fmt: skip
-    way = np.exp(there - there.max()) @ np.exp(2j * np.repeat(ANGLES_RAD, len(WIDTHS)))
+    each_way = np.exp(there - there.max()).sum(axis=1)
+    way = each_way @ np.exp(2j * np.repeat(ANGLES_RAD, len(WIDTHS)))
     return Lay(
-        nats=float(logsumexp(there) - logsumexp(others)),
+        factors=np.asarray(logsumexp(there, axis=0) - logsumexp(others)),
         angle_rad=0.5 * float(np.angle(way)),
     )
 

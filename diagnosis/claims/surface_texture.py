@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diagnosis.claims.firmware import filtered_instead
-from diagnosis.claims.lay import lay_of
+from diagnosis.claims.lay import LAY, lay_of
 from diagnosis.claims.plate_noise import level_change, plates_doubt
 from diagnosis.data.patch import Patch
+from diagnosis.evidence.mean_causes import Scales
 from diagnosis.evidence.noise_level import claimed_sizes, level_nats, level_unsure
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.calibration import nominal_noise, nominal_sd_mm
@@ -151,9 +152,12 @@ def _lay(
     """
     every = [replace(p, fit=p.fit | p.scored) for p in explanation.patches]
 
+    scales = Scales(sizes=SETTINGS.rate_sizes(), weights=explanation.scales)
+
     def found_on(patches: Sequence[Patch]) -> tuple[AnisotropicLay, float] | None:
         ws = Workspace.build(patches, noise)
-        return lay_of(ws, explanation.model, nominal, baseline)
+        found = lay_of(ws, explanation.model, nominal, baseline)
+        return None if found is None else (found[0], scales.nats(LAY, found[1]))
 
     found = found_on(every)
     if found is None or found[1] + SETTINGS.log_odds(AnisotropicLay.name) <= 0:

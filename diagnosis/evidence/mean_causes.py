@@ -59,6 +59,13 @@ class Scales:
         weights = np.where(above, self.sizes**-0.5, 1e-12)
         return np.asarray(weights / weights.sum())
 
+    def nats(self, name: str, factors: Floats) -> float:
+        """Log Bayes factor of a change, from those of its sizes (S,), against a good instrument."""
+        quiet = np.log(np.maximum(self.of(name), 1e-300))
+        return float(
+            logsumexp(factors + np.log(self.changed(name))) - logsumexp(factors + quiet)
+        )
+
     def typical(self, name: str) -> float:
         """Return the size that most good instruments stay below."""
         share = np.cumsum(self.of(name))

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
 from diagnosis.evidence.mean_causes import Scales
 from diagnosis.noise.noise_model import NoiseModel
@@ -52,10 +51,7 @@ def level_nats(change: LevelChange, usual: Mapping[str, Floats]) -> float:
     usual : probability of each component's sizes in a good instrument
     """
     scales = Scales(sizes=SETTINGS.rate_sizes(), weights=usual)
-    factors = level_factors(change.log, change.unsure)
-    quiet = np.log(np.maximum(scales.of(AGAINST_PLATES), 1e-300))
-    found = logsumexp(factors + np.log(scales.changed(AGAINST_PLATES)))
-    return float(found - logsumexp(factors + quiet))
+    return scales.nats(AGAINST_PLATES, level_factors(change.log, change.unsure))
 
 
 def claimed_sizes() -> dict[str, Floats]:
