@@ -35,9 +35,9 @@ from diagnosis.settings import SETTINGS
 from sensors.effects.anisotropic_lay import AnisotropicLay
 
 ANGLES_RAD = SETTINGS.claims.lay_angles_rad()
-LAY = "scale: lay"
+LAY = "lay of the noise"
 """Name of the sizes of the lay that the noise of good instruments seems to have."""
-SHARES = SETTINGS.rate_sizes()
+SHARES = SETTINGS.mean_sizes()
 """Sizes of a lay, over the variance."""
 SHARES_BEFORE = np.append(0.0, SHARES[::3])
 """Sizes of the lay that baselines have; it is as likely that they have none."""

@@ -152,7 +152,7 @@ def _lay(
     """
     every = [replace(p, fit=p.fit | p.scored) for p in explanation.patches]
 
-    scales = Scales(sizes=SETTINGS.rate_sizes(), weights=explanation.scales)
+    scales = Scales(sizes=SETTINGS.mean_sizes(), weights=explanation.scales)
 
     def found_on(patches: Sequence[Patch]) -> tuple[AnisotropicLay, float] | None:
         ws = Workspace.build(patches, noise)
