@@ -25,6 +25,7 @@ from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.uncertainty import refined
 from diagnosis.prepare import Inputs, Prepared, prepared
 from diagnosis.refuted import with_free_curves, without_names
+from diagnosis.undecided import weighed_on_all
 from diagnosis.validate.found_effects import FoundEffect, at_limits, found_effects, sheet_with
 from diagnosis.validate.heldout import Judgement, judge
 from diagnosis.validate.placement_candidates import Candidates, Placed, candidates_of
@@ -71,6 +72,8 @@ def diagnose(
         # the noise is folded and the mean a saw: what goes with them has no other cause
         withheld |= CATALOGUE.keys()
     explanation = explain(ready, known, withheld=withheld, notes=notes, progress=progress)
+    if not inputs.holdout:
+        explanation = weighed_on_all(explanation, ready, withheld)
     if stuck is not None:
         explanation = replace(explanation, unexplained=(stuck, *explanation.unexplained))
     progress("judging on held-out readings")

@@ -107,6 +107,7 @@ def explain(
         model=state.model, causes=state.causes, unexplained=(*unexplained, *of_rates),
         patches=tuple(state.patches), placed=state.placed, recorded=state.recorded,
         ws=fitted_part(state.patches, noise), first=first, members=members, scales=scales,
+        departures=departures,
     )  # fmt: skip
 
 

@@ -31,7 +31,8 @@ class Explanation:
     unexplained : components that no catalogued effect claims
     first, members : the recordings as they were seen under the nominal model, and the mean's
         causes as they were weighed then
-    scales : what a good instrument has of each component
+    scales, departures : what a good instrument has of each component, or changes by since its
+        baselines, and what it shares with them
     """
 
     model: Model
@@ -44,6 +45,7 @@ class Explanation:
     first: Seen
     members: tuple[Member, ...]
     scales: Mapping[str, Field]
+    departures: Mapping[str, Field]
 
     @property
     def held(self) -> list[Patch]:

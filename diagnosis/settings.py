@@ -42,6 +42,18 @@ class PredictSettings:
         "change of slope from one point to the next that makes a crease",
         default=0.2, unit="1", low=0.0, source=CHOSEN,
     )  # fmt: skip
+    crease_typical: float = quantity(
+        "change of slope that makes a crease, over that typical of the recording, if it is larger",
+        default=6.0, unit="1", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    step_mm: float = quantity(
+        "change of the depth within reach of a misplaced edge that is a step",
+        default=1.0, unit="mm", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    step_chance: float = quantity(
+        "probability that a point beside a step belongs to its other side",
+        default=0.1, unit="1", low=0.0, high=0.5, source=CHOSEN,
+    )  # fmt: skip
     outline_chance: float = quantity(
         "probability that a point beside the outline of what is seen belongs to its other side",
         default=0.3, unit="1", low=0.0, high=0.5, source=CHOSEN,
@@ -76,6 +88,26 @@ class NoiseSettings:
         default=4.5, unit="σ", low=0.0,
         source="7 of a million Gaussian readings",
     )  # fmt: skip
+    tail_sd: float = quantity(
+        "size of outliers over the noise, where plates show none that are larger",
+        default=8.0, unit="σ", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    least_tail_sd: float = quantity(
+        "smallest size of outliers over the noise, where plates show some",
+        default=6.0, unit="σ", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    least_readings: int = quantity(
+        "readings below which no correlation of the noise is measured",
+        default=50, unit="", low=1, whole=True, source=CHOSEN,
+    )  # fmt: skip
+    off_edges: int = quantity(
+        "readings off depth edges below which those at edges count for the noise, too",
+        default=100, unit="", low=1, whole=True, source=CHOSEN,
+    )  # fmt: skip
+    same_pitch: float = quantity(
+        "change of the pitch's logarithm below which lags of the correlation stay as they are",
+        default=0.1, unit="1", low=0.0, source=CHOSEN,
+    )  # fmt: skip
     least_pairs: int = quantity(
         "pairs of readings below which the autocorrelation at a lag counts as none",
         default=200, unit="", low=1, whole=True,
@@ -90,20 +122,6 @@ class NoiseSettings:
         "largest share of losses or outliers that counts as noise of a good instrument",
         default=5e-4, unit="1", low=0.0, high=1.0,
         source="chosen; a sensor's file has to state more",
-    )  # fmt: skip
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ModelSettings:
-    """Shrinkage of laws at edges: `model/edge_shrinkage.py`."""
-
-    shrinkage_clip: float = quantity(
-        "deviations beyond which a reading or a change at an edge counts as that far off",
-        default=10.0, unit="σ", low=0.0, source=CHOSEN,
-    )  # fmt: skip
-    shrinkage_readings: int = quantity(
-        "readings of each class that support a law whole before any is looked at",
-        default=10, unit="", low=0, whole=True, source=CHOSEN,
     )  # fmt: skip
 
 
@@ -136,12 +154,32 @@ class RegisterSettings:
         "readings that count as one against that prior, since neighbours share noise",
         default=50, unit="", low=1, whole=True, source=CHOSEN,
     )  # fmt: skip
+    jump_pitches: float = quantity(
+        "change of the depth to the next reading, in pitches, that is a depth edge",
+        default=6.0, unit="", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    crease_deg: float = quantity(
+        "turn of the normal to the next reading that is a crease",
+        default=12.0, unit="deg", low=0.0, high=90.0, source=CHOSEN,
+    )  # fmt: skip
+    crease_weight: float = quantity(
+        "weight of readings by creases and corners, over that on smooth faces",
+        default=0.2, unit="1", low=0.0, high=1.0, source=CHOSEN,
+    )  # fmt: skip
+    bisquare_sd: float = quantity(
+        "deviations beyond which a reading has no weight (Tukey's bisquare)",
+        default=3.5, unit="σ", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    least_readings: int = quantity(
+        "readings on smooth faces below which the placement isn't changed further",
+        default=30, unit="", low=1, whole=True, source=CHOSEN,
+    )  # fmt: skip
     least_met: int = quantity(
         "readings whose rays must meet the part from the commanded poses",
         default=50, unit="", low=1, whole=True, source=CHOSEN,
     )  # fmt: skip
     least_share_met: float = quantity(
-        "the same, as a share of a recording's readings",
+        "share of a recording's readings whose rays must meet the part from the commanded poses",
         default=0.02, unit="1", low=0.0, high=1.0, source=CHOSEN,
     )  # fmt: skip
     unit_met: float = quantity(
@@ -182,25 +220,6 @@ class RegisterSettings:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ReregisterSettings:
-    """Registration again under a model: `reregister/`."""
-
-    near_mm: float = quantity(
-        "change of a placement up to which it is linear in it: the part is not cast again",
-        default=0.03, unit="mm", low=0.0, source=CHOSEN,
-    )  # fmt: skip
-    near_sd: float = quantity(
-        "the same for the largest change of a depth, over the noise",
-        default=3.0, unit="σ", low=0.0, source=CHOSEN,
-    )  # fmt: skip
-    least_chance: float = quantity(
-        "smallest probability that a reading or its absence counts with",
-        default=1e-3, unit="1", low=0.0, high=1.0,
-        source="chosen; what comes from elsewhere constrains nothing",
-    )  # fmt: skip
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
 class DataSettings:
     """Outliers of a recording, brightness of the surface, albedo patterns: `data/`."""
 
@@ -208,6 +227,30 @@ class DataSettings:
         "deviations from the model and from the neighbours beyond which a reading is an outlier",
         default=6.0, unit="σ", low=0.0,
         source="chosen; no Gaussian reading",
+    )  # fmt: skip
+    lateral_pitches: float = quantity(
+        "how far edges may be off sideways for no reason of physics, over the profiles' pitch",
+        default=0.05, unit="1", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    least_lateral_mm: float = quantity(
+        "smallest distance by which edges may be off sideways",
+        default=0.015, unit="mm", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    most_lateral_mm: float = quantity(
+        "largest distance by which edges may be off sideways",
+        default=0.05, unit="mm", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    plate_readings: int = quantity(
+        "readings that a scan of a plate must have",
+        default=100, unit="", low=1, whole=True, source=CHOSEN,
+    )  # fmt: skip
+    plate_flat_mm: float = quantity(
+        "largest deviation (robust) of a plate from a plane",
+        default=0.5, unit="mm", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    plate_sd: float = quantity(
+        "deviations, over the robust one, beyond which a reading isn't the plate's",
+        default=30.0, unit="σ", low=0.0, source=CHOSEN,
     )  # fmt: skip
     speckle_sd: float = quantity(
         "deviations of the speckle beyond which a change of brightness is the surface's",
@@ -245,6 +288,39 @@ class ComponentsSettings:
     period_readings: int = quantity(
         "readings below which no period is looked for",
         default=500, unit="", low=1, whole=True, source=CHOSEN,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ModelSettings:
+    """Shrinkage of laws at edges: `model/edge_shrinkage.py`."""
+
+    shrinkage_clip: float = quantity(
+        "deviations beyond which a reading or a change at an edge counts as that far off",
+        default=10.0, unit="σ", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    shrinkage_readings: int = quantity(
+        "readings of each class that support a law whole before any is looked at",
+        default=10, unit="", low=0, whole=True, source=CHOSEN,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ReregisterSettings:
+    """Registration again under a model: `reregister/`."""
+
+    near_mm: float = quantity(
+        "shift of a part up to which depths are linear in it, and no registration is needed",
+        default=0.03, unit="mm", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    near_sd: float = quantity(
+        "change of a depth, over the noise, up to which it is linear in the placement",
+        default=3.0, unit="σ", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    least_chance: float = quantity(
+        "smallest probability that a reading or its absence counts with",
+        default=1e-3, unit="1", low=0.0, high=1.0,
+        source="chosen; what comes from elsewhere constrains nothing",
     )  # fmt: skip
 
 
@@ -301,8 +377,36 @@ class LocaliseSettings:
         default=0.3, unit="σ", low=0.0, source=CHOSEN,
     )  # fmt: skip
     marked_lost: float = quantity(
-        "the same for the change of the probability of a missing reading",
+        "change of the probability of a missing reading, averaged over neighbours, from which it "
+        "is in a region",
         default=0.2, unit="1", low=0.0, high=1.0, source=CHOSEN,
+    )  # fmt: skip
+    faint_share: float = quantity(
+        "where no change of the mean reaches `marked_sd`: change from which a reading is in a "
+        "region, over the 98 % quantile of the changes",
+        default=0.4, unit="1", low=0.0, high=1.0, source=CHOSEN,
+    )  # fmt: skip
+    faint_sd: float = quantity(
+        "smallest such change, over the noise",
+        default=0.02, unit="σ", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    free_score: float = quantity(
+        "deviations of a local mean from which it is in a region where no effect was found",
+        default=3.5, unit="σ", low=0.0,
+        source="0.05 % of Gaussian means",
+    )  # fmt: skip
+    least_points: int = quantity(
+        "readings that a region has, except the largest",
+        default=4, unit="", low=1, whole=True, source=CHOSEN,
+    )  # fmt: skip
+    alone_sd: float = quantity(
+        "change of the mean over the noise, and of the noise over itself, from which an effect "
+        "counts for the region that a reading is in",
+        default=0.1, unit="1", low=0.0, source=CHOSEN,
+    )  # fmt: skip
+    alone_lost: float = quantity(
+        "change of the probability of a missing reading from which an effect counts so",
+        default=0.002, unit="1", low=0.0, high=1.0, source=CHOSEN,
     )  # fmt: skip
 
 
@@ -355,7 +459,8 @@ class ClaimsSettings:
         source="recordings against their own filter: 0.05 to 0.10; against another: 0.08 and more",
     )  # fmt: skip
     filter_share: float = quantity(
-        "the same, over the divergence of the nearest surface without a filter",
+        "divergence of a filter's noise, over that of the nearest surface without a filter, below "
+        "which it may be named",
         default=0.5, unit="1", low=0.0, high=1.0, source=CHOSEN,
     )  # fmt: skip
     filter_lags: int = quantity(
@@ -367,11 +472,11 @@ class ClaimsSettings:
         default=0.01, unit="deg", low=0.0, above=True, source=CHOSEN,
     )  # fmt: skip
     slack_mm: float = quantity(
-        "the same: offsets across the range",
+        "standard deviation of a placement by registration alone: offsets across the range",
         default=0.01, unit="mm", low=0.0, above=True, source=CHOSEN,
     )  # fmt: skip
     slack_range_mm: float = quantity(
-        "the same: offset along the range",
+        "standard deviation of a placement by registration alone: offset along the range",
         default=0.02, unit="mm", low=0.0, above=True, source=CHOSEN,
     )  # fmt: skip
     least_scatter: float = quantity(
@@ -724,11 +829,11 @@ class Settings:
     )  # fmt: skip
     predict: PredictSettings = PredictSettings()
     noise: NoiseSettings = NoiseSettings()
-    model: ModelSettings = ModelSettings()
     register: RegisterSettings = RegisterSettings()
-    reregister: ReregisterSettings = ReregisterSettings()
     data: DataSettings = DataSettings()
     components: ComponentsSettings = ComponentsSettings()
+    model: ModelSettings = ModelSettings()
+    reregister: ReregisterSettings = ReregisterSettings()
     physics: PhysicsSettings = PhysicsSettings()
     validate: ValidateSettings = ValidateSettings()
     localise: LocaliseSettings = LocaliseSettings()

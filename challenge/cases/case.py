@@ -49,6 +49,8 @@ class Secret:
     plates, baselines
         How many reference plates, and recordings of the instrument in good order, a stranger
         gets; the first family has no baselines.
+    aligned
+        The part's length lies along the line in each recording.
     doubled
         How often the second family's size of a fault was doubled, so that it shows.
     """
@@ -62,6 +64,7 @@ class Secret:
     family: str = "first"
     plates: int = 2
     baselines: int = 0
+    aligned: bool = False
     doubled: int = 0
 
     @classmethod
@@ -108,7 +111,8 @@ def stage(secret: Secret) -> Staged:
     top = float(np.percentile(shape.vertices_mm[:, 2], 90))
     poses = child(secret.seed, "scans")
     for attempt in range(_POSES):
-        scans = draw_scans(poses, device, count=secret.recordings, top_mm=max(top, 0.5))
+        scans = draw_scans(poses, device, count=secret.recordings, top_mm=max(top, 0.5),
+                           aligned=secret.aligned)  # fmt: skip
         # round parts always have a place that is seen edge-on
         most = EDGE_ON_SHARE * (1 + attempt // 10)
         if all(edge_on(shape, path, device) < most for path in scans.paths):
@@ -217,7 +221,7 @@ def write(secret: Secret, staged: Staged, folder: FilePath) -> None:
         name = RECORDINGS[k]
         files.write_recording(folder / f"{name}.h5", depth, bright, world.scans.paths[k], name)
     flat = plate(child(secret.seed, "plate"))
-    for name, path in zip(PLATES, staged.plates, strict=True):
+    for name, path in zip(PLATES[: secret.plates], staged.plates, strict=False):
         depth, bright = world.device.scan(
             flat, OpticalSurface(), path, child(secret.seed, "noise", name),
             specimen=number(secret.seed, "specimen", name),

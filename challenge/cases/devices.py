@@ -80,8 +80,9 @@ def draw_instrument(rng: np.random.Generator) -> Instrument:
 
 
 def draw_scans(
-    rng: np.random.Generator, device: Instrument, *, count: int = 3, top_mm: float = 2.0
-) -> Scans:
+    rng: np.random.Generator, device: Instrument, *, count: int = 3, top_mm: float = 2.0,
+    aligned: bool = False,
+) -> Scans:  # fmt: skip
     """Draw the poses of a case's recordings: turned and tilted differently.
 
     Parameters
@@ -90,6 +91,8 @@ def draw_scans(
         Recordings.
     top_mm
         Height in the part's frame that stands at the working distance.
+    aligned
+        The part's length lies along the line, as against a stop.
     """
     pitch = float(rng.uniform(0.085, 0.115))
     # slow stages and fast ones: nothing about a case may be read from its speed
@@ -98,6 +101,8 @@ def draw_scans(
     )
     profiles = int(rng.integers(140, 181))
     turns = rng.permutation([0.0, 180.0, 90.0])[:count] + rng.uniform(-15, 15, count)
+    if aligned:
+        turns = 180.0 * np.round(turns / 180.0)
     paths, misplaced = [], []
     clock = float(rng.uniform(5, 60))
     for k in range(count):

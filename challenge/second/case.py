@@ -122,6 +122,8 @@ def stage(secret: Secret, meshes: Path | None = None) -> Staged:
     for turn in turns[: secret.recordings + len(BASELINES)]:
         aim = np.array([*rng.uniform(-2, 2, 2), max(top, 0.5) / 2 + rng.uniform(-0.5, 0.5)])
         angle = float(turn + rng.uniform(-12, 12))
+        if secret.aligned:
+            angle = 180.0 * round(angle / 180.0)
         travels.append(_travel(rng, device, angle, pitch, rate, profiles, clock, aim, 6.0))
         clock += profiles / rate + float(rng.uniform(20, 120))
     misplaced = [drawn_place(rng) for _ in travels]
@@ -138,9 +140,9 @@ def stage(secret: Secret, meshes: Path | None = None) -> Staged:
         size = SIZES[secret.strength] * 2**secret.doubled
         on = fault.apply(on, size, child(secret.seed, "fault", name))
     dropped = child(secret.seed, "file").permutation(OPTIONAL)[: len(OPTIONAL) // 2]
-    good = _calibrated(off, secret.seed)
+    good = calibrated(off, secret.seed)
     return Staged(
-        on=_calibrated(on, secret.seed), off=good, plates=plates,
+        on=calibrated(on, secret.seed), off=good, plates=plates,
         baselines=tuple(travels[secret.recordings :]), left_out=tuple(sorted(map(str, dropped))),
         noise_law=measured_noise(good.device, child(secret.seed, "noise law")),
     )  # fmt: skip
@@ -154,7 +156,8 @@ def drawn_place(rng: np.random.Generator) -> NDArray[np.float64]:
     return error
 
 
-def _calibrated(world: World, seed: int) -> World:
+def calibrated(world: World, seed: int) -> World:
+    """Calibrate a world's instrument as it is."""
     device = world.device.calibrated(
         child(seed, "calibration"), gauge_stretch=world.gauge_stretch,
         plate_bow_mm=world.plate_bow_mm,

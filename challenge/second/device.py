@@ -256,9 +256,13 @@ class Device:
 
     def depths(self, rows: Floats) -> Floats:
         """Turn rows (n, columns) into depths by the instrument's own calibration, mm."""
+        return self.depths_at(self.camera.columns_mm, rows)
+
+    def depths_at(self, x_mm: Floats, rows: Floats) -> Floats:
+        """Turn rows (n, m) into depths at places along the line (m,), mm."""
         if self.calibration is None:
             raise ValueError("the instrument has not been calibrated")
-        u = np.broadcast_to(2 * self.camera.columns_mm / self.camera.x_fov_mm, rows.shape)
+        u = np.broadcast_to(2 * x_mm / self.camera.x_fov_mm, rows.shape)
         v = 2 * rows / self.camera.rows - 1
         z = np.polynomial.legendre.legval2d(u, np.nan_to_num(v), self.calibration)
         return np.where(np.isfinite(rows), self.distance_mm + z, np.nan)

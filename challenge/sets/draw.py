@@ -3,10 +3,14 @@
 import secrets
 from collections.abc import Sequence
 
+import numpy as np
+
+from challenge.cases import imitation
 from challenge.cases.case import SWITCHES, Secret
 from challenge.cases.parts import SHAPES
 from challenge.cases.seeds import child
 from challenge.cases.switches import DECOY, SINGLE, UNKNOWN
+from challenge.second import imitation as second_imitation
 from challenge.second import switches as second
 from challenge.second.meshes import MARK
 
@@ -15,7 +19,7 @@ FULL = {"null": 60, "one": 60, "two": 12, "unknown": 12, "decoy": 8, "undecidabl
 LEAST = 12
 """Cases of the smallest set that has every kind."""
 
-# One recording cannot tell these apart; the right answer is the set.
+# Which answers are right where one recording cannot tell them apart: the set of both.
 UNDECIDABLE: dict[str, tuple[str, ...]] = {
     "line_bow": ("line_bow", "form_error"),
     "warped_part": ("line_bow", "form_error"),
@@ -23,7 +27,11 @@ UNDECIDABLE: dict[str, tuple[str, ...]] = {
     "lens_distortion": ("lens_distortion", "form_error"),
     **second.UNDECIDABLE,
 }
-FIRST_UNDECIDABLE = tuple(name for name in UNDECIDABLE if name not in second.UNDECIDABLE)
+# What is drawn: a perfect observer is checked not to tell them (told_apart). Former sets have lens
+# errors and long exposures as well: steps tell a lens from a bend, and of a long exposure on
+# terraces the oracle told every line of 1.4 to 4 times the width at more than 60 sigma.
+FIRST_UNDECIDABLE = tuple(imitation.IMITATES)
+SECOND_UNDECIDABLE = tuple(second_imitation.IMITATES)
 MESHED = 1 / 3
 """Share of a set's cases on meshes from files, of those whose faults show on any part."""
 
@@ -86,11 +94,13 @@ def draw(
             Secret(
                 kind=kind,
                 switches=switches,
-                # what nobody can see cannot be flagged: strangers are medium or strong
-                strength=int(rng.choice([1, 2] if kind == "unknown" else [0, 1, 1, 2])),
+                strength=_strength(kind, rng),
                 shape=str(rng.choice(sorted(shapes))),
                 recordings=1 if kind == "undecidable" else 3,
                 seed=int(rng.integers(2**62)),
+                # the instrument's plates would tell: they are flat; so would a bend at an angle
+                plates=0 if kind == "undecidable" else 2,
+                aligned=kind == "undecidable",
             )
         )
     return [cases[k] for k in rng.permutation(len(cases))]
@@ -109,7 +119,7 @@ def _draw_second(master: int, counts: dict[str, int], meshes: Sequence[str]) -> 
         if _shapes(pair) and not first & other and not _same_screw(*pair):
             wanted.append(("two", pair))
     for kind, group in (("unknown", second.UNKNOWN), ("decoy", second.DECOY),
-                        ("undecidable", second.UNDECIDABLE)):  # fmt: skip
+                        ("undecidable", SECOND_UNDECIDABLE)):  # fmt: skip
         pool = [str(n) for n in rng.permutation(list(group))]
         wanted += [(kind, (pool[k % len(pool)],)) for k in range(counts[kind])]
     cases = []
@@ -121,13 +131,18 @@ def _draw_second(master: int, counts: dict[str, int], meshes: Sequence[str]) -> 
         single = kind == "undecidable"
         cases.append(
             Secret(
-                kind=kind, switches=switches, shape=shape, family="second",
-                strength=int(rng.choice([1, 2] if kind == "unknown" else [0, 1, 1, 2])),
+                kind=kind, switches=switches, shape=shape, family="second", aligned=single,
+                strength=_strength(kind, rng),
                 recordings=1 if single else 3, seed=int(rng.integers(2**62)),
                 plates=int(rng.choice([0, 2])), baselines=0 if single else int(rng.choice([0, 2])),
             )
         )  # fmt: skip
     return [cases[k] for k in rng.permutation(len(cases))]
+
+
+def _strength(kind: str, rng: np.random.Generator) -> int:
+    """Draw one; what nobody can see can't be flagged or offered: these are medium or strong."""
+    return int(rng.choice([1, 2] if kind in ("unknown", "undecidable") else [0, 1, 1, 2]))
 
 
 def _shapes(switches: tuple[str, ...]) -> set[str]:

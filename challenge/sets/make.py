@@ -12,12 +12,14 @@ from typing import Any
 import numpy as np
 
 from challenge.cases.case import Secret, stage, write
+from challenge.cases.imitation import IMITATES, TOLD, told_apart
 from challenge.cases.nulls import check_null
 from challenge.cases.parts import SHAPES
 from challenge.cases.seeds import child
 from challenge.cases.truth import Facts, facts
 from challenge.judging.score import ORACLE_SEES, moves_readings
 from challenge.second import case as second
+from challenge.second import imitation as second_imitation
 from challenge.second.meshes import files as mesh_files
 from challenge.second.nulls import LEAST_BLOCKS
 from challenge.second.nulls import check_null as check_second_null
@@ -144,17 +146,23 @@ def _make_one(root: str, name: str, secret: Secret) -> None:
         except ValueError:  # the part's booleans failed, or no pose avoids looking along walls
             secret = replace(secret, seed=int(again.integers(2**62)))
             continue
-        if secret.kind != "null":
-            break
-        check = check_null(staged, secret)
-        known = {**asdict(check), "redrawn": attempt}
-        if check.holds:
-            break
+        if secret.kind == "null":
+            check = check_null(staged, secret)
+            known = {**asdict(check), "redrawn": attempt}
+            if check.holds:
+                break
+        else:
+            seen = facts(staged, secret)
+            rival = secret.kind == "undecidable" and secret.switches[0] in IMITATES
+            told = told_apart(staged, secret.switches[0], 1e-3 * seen.noise_um) if rival else 0.0
+            known = {"told_apart_z": told, "redrawn": attempt} if rival else {}
+            if told <= TOLD:
+                break
         secret = replace(secret, seed=int(again.integers(2**62)))
     else:
         raise RuntimeError(f"{name}: {_TRIES} draws in a row were no valid case")
     if secret.kind != "null":
-        known = _with_maps(out, name, facts(staged, secret))
+        known |= _with_maps(out, name, seen)
     known["stated"] = {"effects": staged.effects, "noise_law": asdict(staged.noise_law)}
     world = staged.on
     known["switched"] = {
@@ -189,31 +197,54 @@ def _make_second(out: Path, name: str, secret: Secret) -> None:
             shutil.rmtree(aside)
             secret = replace(secret, seed=int(again.integers(2**62)))
             continue
-        if secret.kind != "null":
-            break
-        check = check_second_null(secret, staged, aside)
-        known = {"null": asdict(check), "redrawn": attempt}
-        if check.holds:
-            break
+        if secret.kind == "null":
+            check = check_second_null(secret, staged, aside)
+            known = {"null": asdict(check), "redrawn": attempt}
+            if check.holds:
+                break
+            # a mesh without places off edges is no null on any draw
+            few = check.blocks < LEAST_BLOCKS
+            shape = str(again.choice(list(SHAPES))) if few else secret.shape
+            secret = replace(secret, shape=shape)
+        else:
+            secret, staged, seen = _seen_second(out, secret, staged, aside)
+            told = _told_second(secret, staged, seen)
+            known = {"told_apart_z": told, "redrawn": attempt} if told > 0 else {}
+            if told <= TOLD:
+                break
         shutil.rmtree(aside)
-        # a mesh without places off edges is no null on any draw
-        shape = str(again.choice(list(SHAPES))) if check.blocks < LEAST_BLOCKS else secret.shape
-        secret = replace(secret, seed=int(again.integers(2**62)), shape=shape)
+        secret = replace(secret, seed=int(again.integers(2**62)), doubled=0)
     else:
         raise RuntimeError(f"{name}: {_TRIES} draws in a row were no valid case")
     if secret.kind != "null":
-        seen = second_facts(staged, secret)
-        # what nobody can see can't be named; noise and dropouts have no such measure
-        while hidden_from_all(secret, seen.oracle_z) and secret.doubled < MOST_DOUBLED:
-            secret = replace(secret, doubled=secret.doubled + 1)
-            staged = second.stage(secret, out / MESHES)
-            shutil.rmtree(aside)
-            second.write(secret, staged, aside)
-            seen = second_facts(staged, secret)
-        known = _with_maps(out, name, seen)
+        known |= _with_maps(out, name, seen)
     second.withhold(secret, aside)
     aside.replace(folder)
     _seal(out, name, secret, {**known, **second.known_of(secret, staged)})
+
+
+def _seen_second(
+    out: Path, secret: Secret, staged: second.Staged, aside: Path
+) -> tuple[Secret, second.Staged, Facts]:
+    """Look at a fault of the second family; one that nobody can see is made larger."""
+    seen = second_facts(staged, secret)
+    # what nobody can see can't be named; noise and dropouts have no such measure
+    while hidden_from_all(secret, seen.oracle_z) and secret.doubled < MOST_DOUBLED:
+        secret = replace(secret, doubled=secret.doubled + 1)
+        staged = second.stage(secret, out / MESHES)
+        shutil.rmtree(aside)
+        second.write(secret, staged, aside)
+        seen = second_facts(staged, secret)
+    return secret, staged, seen
+
+
+def _told_second(secret: Secret, staged: second.Staged, seen: Facts) -> float:
+    """Tell how far a perfect observer tells an undecidable fault from its rival; 0 for others."""
+    if secret.kind != "undecidable" or secret.switches[0] not in second_imitation.IMITATES:
+        return 0.0
+    return second_imitation.told_apart(
+        staged, secret.switches[0], secret.recordings - 1, 1e-3 * seen.noise_um
+    )
 
 
 def hidden_from_all(secret: Secret, oracle_z: float) -> bool:

@@ -35,7 +35,7 @@ from diagnosis.settings import SETTINGS
 from sensors.effects.anisotropic_lay import AnisotropicLay
 
 ANGLES_RAD = SETTINGS.claims.lay_angles_rad()
-LAY = "lay of the noise"
+LAY = "spectrum: lay"
 """Name of the sizes of the lay that the noise of good instruments seems to have."""
 SHARES = SETTINGS.mean_sizes()
 """Sizes of a lay, over the variance."""

@@ -1,13 +1,13 @@
 """The noise on the part against a plate's: compared where the part is hit squarely."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from diagnosis.data.patch import Patch
-from diagnosis.evidence.noise_level import LevelChange, level_unsure
+from diagnosis.evidence.noise_level import LevelChange, level_unsure, nats_since
 from diagnosis.fields import Field, Mask
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
@@ -19,14 +19,62 @@ from sensors.effects.motion_blur import MotionBlur
 from sensors.effects.pixel_locking import PixelLocking
 from sensors.view.view import View
 
+WAYS = ("whitened", "scatter")
+"""How the size of noise is measured."""
+
 
 def level_change(ws: Workspace, model: Model, nominal_sd_mm: float) -> LevelChange:
     """Measure the part's noise over a nominal one.
 
-    Measured where the part is bright and hit squarely, in each recording, by the readings' scatter
-    and by what neighbours leave of it: a wrong mean adds to the one, a wrong spectrum to the
-    other. A finish is the same throughout, so the least change counts: of the recordings, and of
-    the parts of what other causes of noise follow, whose laws may be off elsewhere.
+    A finish is the same throughout, so the least change counts: of the recordings, of the ways to
+    measure it, and of the parts of what other causes of noise follow, whose laws may be off
+    elsewhere.
+    """
+    changes = [c for each in levels(ws, model, nominal_sd_mm).values() for c in each]
+    logs = [c.log for c in changes]
+    if not logs or min(logs) <= 0 <= max(logs):
+        return LevelChange(log=0.0, unsure=level_unsure(ws.noise))
+    return min(changes, key=lambda c: abs(c.log))
+
+
+def change_since(
+    ws: Workspace, model: Model, baseline: Workspace, usual: Mapping[str, Field], doubt: float
+) -> tuple[LevelChange, float]:
+    """Measure the part's noise over that of baselines; and its log Bayes factor.
+
+    The way to measure it and the part of what other causes follow that are the least evidence.
+
+    Parameters
+    ----------
+    ws, baseline : with the same noise
+    usual, doubt : as for `nats_since`
+    """
+    size_mm = ws.noise.sd_mm
+    before = levels(baseline, Model(), size_mm)
+    least = LevelChange(log=0.0, unsure=level_unsure(ws.noise)), -math.inf
+    found = []
+    for (way, *_), seen in levels(ws, model, size_mm).items():
+        good = before.get((way, "", 0), [])
+        if good:
+            log = float(np.mean([c.log for c in seen]) - np.mean([c.log for c in good]))
+            change = LevelChange(log=log, unsure=float(np.mean([c.unsure for c in seen])))
+            found.append((change, nats_since(seen, good, usual, doubt)))
+    if not found or min(c.log for c, _ in found) <= 0 <= max(c.log for c, _ in found):
+        return least
+    return min(found, key=lambda f: f[1])
+
+
+def levels(
+    ws: Workspace, model: Model, nominal_sd_mm: float
+) -> dict[tuple[str, str, int], list[LevelChange]]:
+    """Measure the noise of each recording over a nominal one.
+
+    Where the part is bright and hit squarely, by the readings' scatter and by what neighbours leave
+    of it: a wrong mean adds to the one, a wrong spectrum to the other.
+
+    Returns
+    -------
+    by way to measure it, effect on the noise and part of what that follows: of each recording
     """
     predictions, plain = ws.predict(model), ws.predict(Model())
     noisy = [e for e in model.effects if "variance" in e.channels]
@@ -55,18 +103,19 @@ def level_change(ws: Workspace, model: Model, nominal_sd_mm: float) -> LevelChan
             found.setdefault((patch.recording, name, part), []).append(
                 (state.innovations[mask] * size_mm, state.residual_mm[mask])
             )
-    changes = []
-    for values in found.values():
-        for kind in zip(*values, strict=True):
+    changes: dict[tuple[str, str, int], list[LevelChange]] = {}
+    for (_, name, part), values in found.items():
+        for way, kind in zip(WAYS, zip(*values, strict=True), strict=True):
             each = np.concatenate(kind)
             if each.size > least:
                 log = math.log(max(_scatter_mm(each), 1e-9) / nominal_sd_mm)
-                unsure = level_unsure(replace(ws.noise, readings=each.size))
-                changes.append(LevelChange(log=log, unsure=unsure))
-    logs = [c.log for c in changes]
-    if not logs or min(logs) <= 0 <= max(logs):
-        return LevelChange(log=0.0, unsure=level_unsure(ws.noise))
-    return min(changes, key=lambda c: abs(c.log))
+                unsure = level_unsure(
+                    replace(ws.noise, readings=each.size), whitened=way == WAYS[0]
+                )
+                changes.setdefault((way, name, part), []).append(
+                    LevelChange(log=log, unsure=unsure)
+                )
+    return changes
 
 
 def levels_of_each(patches: Sequence[Patch], nominal: NoiseModel) -> list[LevelChange]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from diagnosis.claims.firmware import filtered_instead
 from diagnosis.claims.lay import LAY, lay_of
-from diagnosis.claims.plate_noise import level_change, plates_doubt
+from diagnosis.claims.plate_noise import change_since, level_change, plates_doubt
 from diagnosis.data.patch import Patch
 from diagnosis.evidence.mean_causes import Scales
 from diagnosis.evidence.noise_level import claimed_sizes, level_nats, level_unsure
@@ -64,7 +64,7 @@ def texture(
     model, noise, nominal, surface = explanation.model, ready.noise, ready.nominal, ready.surface
     view = explanation.ws.patches[0].view
     claimed = nominal_sd_mm(nominal, surface, view)
-    level = _level(explanation, noise, nominal, claimed) if claimed > 0 else None
+    level = _level(explanation, noise, nominal, claimed, ready.baseline) if claimed > 0 else None
     if level is not None and surface is not None and nominal is None \
             and OnboardFilter.name not in withheld:
         level = replace(level, effect=filtered_instead(level.effect, noise, surface, view))
@@ -116,17 +116,23 @@ def joined(level: Claim | None, lay: Claim | None, *, bent: bool) -> list[Claim]
 
 
 def _level(
-    explanation: "Explanation", own: NoiseModel, nominal: NoiseModel | None, nominal_mm: float
-) -> Claim | None:
+    explanation: "Explanation", own: NoiseModel, nominal: NoiseModel | None, nominal_mm: float,
+    baseline: Sequence[Patch],
+) -> Claim | None:  # fmt: skip
     """Return the change of the noise's size and of its peaks; None where there is none."""
     ws, model = explanation.ws, explanation.model
     view = ws.patches[0].view
-    change = level_change(ws, model, nominal_mm)
-    unsure = math.hypot(
-        change.unsure, plates_doubt(model, view), 0.0 if nominal is None else level_unsure(nominal)
-    )
-    usual = claimed_sizes() if nominal is None else explanation.scales
-    nats = level_nats(replace(change, unsure=unsure), usual)
+    doubt = plates_doubt(model, view)
+    if baseline:
+        every = Workspace.build(_every(explanation), own)
+        before = Workspace.build(baseline, own)
+        change, nats = change_since(every, model, before, explanation.scales, doubt)
+    else:
+        change = level_change(ws, model, nominal_mm)
+        plate = 0.0 if nominal is None else level_unsure(nominal)
+        usual = claimed_sizes() if nominal is None else explanation.scales
+        unsure = math.hypot(change.unsure, doubt, plate)
+        nats = level_nats(replace(change, unsure=unsure), usual)
     if nats + SETTINGS.log_odds(RoughnessLevel.name) <= 0:
         return None
     white, size = sigma_mm(view.datasheet), nominal_mm * math.exp(change.log)
@@ -150,8 +156,6 @@ def _lay(
     Held-out recordings say in which frame it lies, too: noise that is drawn out in one orientation
     is no prediction of another's.
     """
-    every = [replace(p, fit=p.fit | p.scored) for p in explanation.patches]
-
     scales = Scales(sizes=SETTINGS.mean_sizes(), weights=explanation.scales)
 
     def found_on(patches: Sequence[Patch]) -> tuple[AnisotropicLay, float] | None:
@@ -159,12 +163,17 @@ def _lay(
         found = lay_of(ws, explanation.model, nominal, baseline)
         return None if found is None else (found[0], scales.nats(LAY, found[1]))
 
-    found = found_on(every)
+    found = found_on(_every(explanation))
     if found is None or found[1] + SETTINGS.log_odds(AnisotropicLay.name) <= 0:
         return None
     fitted = found_on(explanation.patches)
     heldout = found[1] - (0.0 if fitted is None else fitted[1])
     return Claim(effect=found[0], nats=found[1], heldout=heldout)
+
+
+def _every(explanation: "Explanation") -> list[Patch]:
+    """Return all recordings as fitted ones: held-out ones show the surface, too."""
+    return [replace(p, fit=p.fit | p.scored) for p in explanation.patches]
 
 
 def _stands_out(effect: Effect) -> bool:

@@ -11,6 +11,7 @@ from diagnosis.fields import Mask
 from diagnosis.noise.noise_model import LAG_PART
 from diagnosis.predict.prediction import law_of
 from diagnosis.register.sample import check_meets
+from diagnosis.settings import SETTINGS
 from files.errors import RecipeError
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
@@ -179,9 +180,10 @@ def laser_of(datasheet: Datasheet, recording: Recording) -> Laser:
 
 
 def lateral_mm(recording: Recording) -> float:
-    """How far edges may be off sideways: a twentieth of the profile pitch, at least 15 µm."""
+    """How far edges may be off sideways: a share of the profiles' pitch, within bounds."""
     step = np.linalg.norm(np.diff(recording.poses[:, :3, 3], axis=0), axis=1)
-    return float(np.clip(0.05 * np.median(step), 0.015, 0.05))
+    share = SETTINGS.data.lateral_pitches * np.median(step)
+    return float(np.clip(share, SETTINGS.data.least_lateral_mm, SETTINGS.data.most_lateral_mm))
 
 
 def tiles(profiles: int, points: int) -> Mask:

@@ -6,6 +6,7 @@ import numpy as np
 
 from diagnosis.data.patch import in_range
 from diagnosis.fields import Field
+from diagnosis.settings import SETTINGS
 from files.errors import RecipeError
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
@@ -45,7 +46,7 @@ def plate_residual(recording: Recording, datasheet: Datasheet) -> Plate:
     local = laser.points_mm(depth)
     points = np.einsum("nij,nmj->nmi", poses[:, :3, :3], local) + poses[:, None, :3, 3]
     known = np.isfinite(depth)
-    if known.sum() < 100:
+    if known.sum() < SETTINGS.data.plate_readings:
         raise RecipeError("a reference plate needs readings", where=recording.name)
     cloud = points[known]
     weight = np.ones(len(cloud))
@@ -59,8 +60,8 @@ def plate_residual(recording: Recording, datasheet: Datasheet) -> Plate:
         normal = axes[2]
         away = (cloud - centre) @ normal
         scale = max(1.4826 * float(np.median(np.abs(away))), 1e-6)
-        weight = (np.abs(away) < 4 * scale) * 1.0 + 1e-9
-    if scale > 0.5:
+        weight = (np.abs(away) < SETTINGS.clip * scale) * 1.0 + 1e-9
+    if scale > SETTINGS.data.plate_flat_mm:
         raise RecipeError(
             "a reference should be a flat plate", where=recording.name, value=f"{scale:.2g} mm off"
         )
@@ -68,7 +69,7 @@ def plate_residual(recording: Recording, datasheet: Datasheet) -> Plate:
     origin = poses[:, None, :3, 3] + laser.x_mm[None, :, None] * poses[:, None, :3, 0]
     expected = ((centre - origin) @ normal) / (axis @ normal)
     residual = depth - expected
-    on_plate = known & (np.abs(residual) < 30 * scale)
+    on_plate = known & (np.abs(residual) < SETTINGS.data.plate_sd * scale)
     rows, columns = np.nonzero(on_plate)
     box = (slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1))
     step = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)

@@ -18,7 +18,7 @@ from diagnosis.evidence.noise_and_loss_baselines import beside_baselines
 from diagnosis.evidence.noise_and_loss_causes import in_turn
 from diagnosis.evidence.noise_and_loss_channels import Channel
 from diagnosis.evidence.posterior import Posterior, Term
-from diagnosis.evidence.seen import Seen, worlds_of
+from diagnosis.evidence.seen import RATES, Seen, worlds_of
 from diagnosis.settings import SETTINGS
 from sensors.datasheet import Datasheet
 
@@ -207,4 +207,5 @@ def rectified(usual: Mapping[str, Floats], sheet: Datasheet) -> dict[str, Floats
 
 def _sizes(name: str) -> Floats:
     """Grid of a component's sizes."""
-    return SETTINGS.rate_sizes() if ": " in name else SETTINGS.mean_sizes()
+    rates = name.partition(": ")[0] in RATES
+    return SETTINGS.rate_sizes() if rates else SETTINGS.mean_sizes()

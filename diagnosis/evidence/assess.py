@@ -53,7 +53,43 @@ def assessed_mean(
     refuted : effects whose laws were fitted and do nothing here: no candidates any more
     explained : whitened rms of what the model explains already
     """
-    search = CauseSearch(
+    search = _search(found, scales, baseline, departures, withheld, refuted, explained)
+    effects = {c.name: "" if c.effect in withheld else c.effect for c in found.candidates}
+    return Assessment(mean=tuple(search.search()), rates=(), effects={"mean": effects})
+
+
+def weighed_again(
+    members: Sequence[Member],
+    found: Seen,
+    scales: Mapping[str, Floats],
+    baseline: Seen | None = None,
+    *,
+    departures: Mapping[str, Floats] | None = None,
+    withheld: frozenset[str] = frozenset(),
+) -> list[Member]:
+    """Weigh a set of causes in the equations of other recordings; see `assessed_mean`."""
+    search = _search(found, scales, baseline, departures, withheld)
+    candidates = {c.name: c for c in search.candidates}
+    known = [
+        (candidates[m.candidate.name], m.variant, m.size)
+        for m in members
+        if m.candidate.name in candidates
+        and m.variant < len(candidates[m.candidate.name].shapes)
+    ]
+    return search.weighed(known)
+
+
+def _search(
+    found: Seen,
+    scales: Mapping[str, Floats],
+    baseline: Seen | None,
+    departures: Mapping[str, Floats] | None,
+    withheld: frozenset[str],
+    refuted: Collection[str] = (),
+    explained: float = 0.0,
+) -> CauseSearch:
+    """Set up the search over causes in the equations of recordings and of their baselines."""
+    return CauseSearch(
         worlds_of(found, baseline),
         [
             c.unclaimed() if c.effect in withheld else c
@@ -64,8 +100,6 @@ def assessed_mean(
         Scales(sizes=SETTINGS.mean_sizes(), weights=scales if departures is None else departures),
         explained=explained,
     )  # fmt: skip
-    effects = {c.name: "" if c.effect in withheld else c.effect for c in found.candidates}
-    return Assessment(mean=tuple(search.search()), rates=(), effects={"mean": effects})
 
 
 def assessed_rates(

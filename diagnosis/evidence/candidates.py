@@ -14,11 +14,12 @@ from scipy.linalg import block_diag
 from scipy.special import logsumexp
 
 from diagnosis.components.component import Component
-from diagnosis.components.smooth import total_orders
+from diagnosis.components.smooth import products
 from diagnosis.evidence.gram import Block, Gram
 from diagnosis.evidence.posterior import Cavity, Term
 from diagnosis.settings import SETTINGS
 from sensors.effects.base import Effect
+from sensors.view.covariates import COVARIATES
 
 Floats = NDArray[np.float64]
 
@@ -134,21 +135,31 @@ def _slower(
 ) -> tuple[Floats, ...]:
     """Combine a component's columns to slower curves, where it has such.
 
-    Most laws are nearly straight or nearly a parabola; a column's neighbours mostly go with it.
+    Most laws are nearly straight or nearly a parabola; a column's neighbours mostly go with it; a
+    part mostly bends about one of its sides, both ends alike.
     """
     relaxed = component.relaxed
+    inner = gram.matrix[np.ix_(at, at)]
     if relaxed.each == "column":
         place = (np.arange(len(at)) + 0.5) / len(at)
         orders = np.arange(min(SETTINGS.column_waves, len(at)))
-        shape = np.cos(np.pi * orders * place[:, None]) / (1.0 + orders)
+        shapes = [np.cos(np.pi * orders * place[:, None]) / (1.0 + orders)]
     elif relaxed.along:
         size = blocks[0].columns.stop - blocks[0].columns.start
-        orders = total_orders(min(len(relaxed.along), 2), even=relaxed.even)
-        orders = np.concatenate([np.zeros(size - len(orders), dtype=np.int64), orders])
-        shape = np.diag(np.tile((1.0 + orders) ** -SETTINGS.further_decay, len(blocks)))
+        picked = np.array(products(min(len(relaxed.along), 2), even=relaxed.even))
+        orders = np.zeros((size, picked.shape[1]), dtype=np.int64)
+        orders[size - len(picked) :] = picked
+        falling = (1.0 + orders.sum(axis=1)) ** -SETTINGS.further_decay
+        kept = [np.ones(size, dtype=bool)]
+        if COVARIATES[relaxed.along[0]].frame == "part" and orders.shape[1] > 1:
+            kept += [
+                (orders[:, k] == orders.sum(axis=1)) & (orders[:, k] % 2 == 0)
+                for k in range(orders.shape[1])
+            ]
+        shapes = [np.diag(np.tile(np.where(k, falling, 0.0), len(blocks))) for k in kept]
     else:
         return ()
-    return (_scaled(shape, gram.matrix[np.ix_(at, at)], gram.readings),)
+    return tuple(_scaled(s, inner, gram.readings) for s in shapes)
 
 
 def _scaled(shape: Floats, inner: Floats, readings: int) -> Floats:

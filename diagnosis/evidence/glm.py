@@ -23,6 +23,7 @@ Floats = NDArray[np.float64]
 Owners = NDArray[np.int64]
 STEPS = 40
 SETTLED = 1e-5
+LEAST_STEP = 1e-3
 SPARSE = 0.1
 """Share of entries that aren't zero below which columns are kept as a sparse matrix."""
 
@@ -101,7 +102,7 @@ def mode(responses: Responses, columns: Floats, sd: Floats, start: Floats | None
         step = linalg.cho_solve(_factor(scaled, curve), scaled.T @ slope - u)
         step *= min(1.0, 2.0 / max(np.abs(scaled @ step).max(initial=0.0), 1e-12))
         size, before = 1.0, best
-        while size > 1e-3:
+        while size > LEAST_STEP:
             there = u + size * step
             value, slope, curve = responses.likelihood(scaled @ there)
             value -= 0.5 * float(there @ there)

@@ -217,7 +217,7 @@ class CauseSearch:
             if best[0].component.relaxed.spanned:
                 break  # a few points of its grid aren't its law: fit that before going on
             active = self._resized(active)
-        return self._weighed(active)
+        return self.weighed(active)
 
     def _best(self, active: list[Active], free: Sequence[Candidate]) -> Active | None:
         """Return the candidate of the largest odds beside a set; None where none has any.
@@ -242,7 +242,8 @@ class CauseSearch:
                 out[i] = (c, w.variant, w.size)
         return out
 
-    def _weighed(self, active: list[Active]) -> list[Member]:
+    def weighed(self, active: list[Active]) -> list[Member]:
+        """Weigh each member of a set against its absence and each other cause in its place."""
         members = []
         whole = self.posteriors(active) if active else {}
         for i, (c, v, s) in enumerate(active):

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import logsumexp
 
 from diagnosis.evidence.mean_causes import Scales
 from diagnosis.noise.noise_model import NoiseModel
@@ -73,21 +74,66 @@ def steady_level(changes: Sequence[LevelChange], usual: Floats) -> dict[str, Flo
     usual : probability of each size in good instruments that were seen; as likely it is unlike them
         and any size as probable as another
     """
-    log, unsure = (np.array([getattr(c, k) for c in changes]) for k in ("log", "unsure"))
-    weight = 1 / (np.square(unsure) + np.square(SETTINGS.rate_sizes())[:, None])
-    total = weight.sum(axis=1)
-    mean = (weight * log).sum(axis=1) / total
-    spread = (weight * np.square(log - mean[:, None])).sum(axis=1)
-    nats = 0.5 * (np.log(weight).sum(axis=1) - spread - np.log(total))
+    none = np.zeros(len(changes))
+    nats = np.array([_log_likelihood(changes, s, none) for s in SETTINGS.rate_sizes()])
     weights = np.exp(nats - nats.max()) * (usual + 1 / usual.size)
     return {AGAINST_PLATES: weights / weights.sum()}
 
 
-def level_unsure(noise: NoiseModel) -> float:
+def nats_since(
+    seen: Sequence[LevelChange], good: Sequence[LevelChange], usual: Mapping[str, Floats],
+    doubt: float = 0.0,
+) -> float:  # fmt: skip
+    """Log Bayes factor that the level changed since baselines were recorded.
+
+    Recordings and baselines scatter by the same s about a mean that may be any; recordings may have
+    changed by c together.
+
+    Parameters
+    ----------
+    seen, good : of recordings and of baselines, against the same noise
+    usual : probability of each size s, given the baselines
+    doubt : standard deviation by which recordings differ together for another reason
+    """
+    scales = Scales(sizes=SETTINGS.rate_sizes(), weights=usual)
+    every = [*seen, *good]
+    now = (np.arange(len(every)) < len(seen)).astype(float)
+    quiet, found = [], []
+    for s, weight in zip(scales.sizes, scales.of(AGAINST_PLATES), strict=True):
+        known = math.log(max(weight, 1e-300)) - _log_likelihood(good, s, np.zeros(len(good)))
+        quiet.append(known + _log_likelihood(every, s, doubt * now))
+        for c, share in zip(scales.sizes, scales.changed(AGAINST_PLATES), strict=True):
+            both = math.hypot(c, doubt)
+            found.append(known + math.log(share) + _log_likelihood(every, s, both * now))
+    return float(logsumexp(found) - logsumexp(quiet))
+
+
+def _log_likelihood(changes: Sequence[LevelChange], scatter: float, shared: Floats) -> float:
+    """Log likelihood of changes about a mean that may be any, but for a constant.
+
+    Parameters
+    ----------
+    scatter : standard deviation of each, beside what readings leave open
+    shared : (R,) deviation that all have together
+    """
+    log, unsure = (np.array([getattr(c, k) for c in changes]) for k in ("log", "unsure"))
+    covariance = np.diag(np.square(unsure) + scatter**2) + np.outer(shared, shared)
+    inverse = np.linalg.inv(covariance)
+    total = inverse.sum(axis=0)
+    inverse -= np.outer(total, total) / total.sum()
+    volume = np.linalg.slogdet(covariance)[1] + math.log(total.sum())
+    return -0.5 * float(volume + log @ inverse @ log)
+
+
+def level_unsure(noise: NoiseModel, *, whitened: bool = False) -> float:
     """Return the standard deviation of the logarithm of a measured noise's size.
 
     The mean square of a stationary Gaussian field has the relative variance 2 Σρ² / N, ρ its
     autocorrelation (Priestley, Spectral Analysis, 1981, § 5.3).
+
+    Parameters
+    ----------
+    whitened : whether the size was measured on whitened readings, which have none
     """
-    together = float(np.square(noise.acf).sum())
+    together = 1.0 if whitened else float(np.square(noise.acf).sum())
     return 0.5 * math.sqrt(2.0 * together / max(noise.readings, 1))

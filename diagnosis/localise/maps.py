@@ -268,10 +268,10 @@ def taken_up(change: Field, columns: Field) -> Field:
 
 
 def _one(before: Prediction, alone: Prediction) -> Mask:
-    moved = np.abs(np.nan_to_num(alone.mean_mm - before.mean_mm)) > 0.1 * before.sd_mm
-    return np.asarray(
-        moved | (alone.p_missing - before.p_missing > 0.002) | (alone.sd_mm > 1.1 * before.sd_mm)
-    )
+    least, least_lost = SETTINGS.localise.alone_sd, SETTINGS.localise.alone_lost
+    moved = np.abs(np.nan_to_num(alone.mean_mm - before.mean_mm)) > least * before.sd_mm
+    noisier = alone.sd_mm > (1 + least) * before.sd_mm
+    return np.asarray(moved | (alone.p_missing - before.p_missing > least_lost) | noisier)
 
 
 def _random_losses(model: Model, wrong: Mask) -> Mask:

@@ -73,14 +73,15 @@ def departure_mask(
     size = np.abs(uniform_filter(np.nan_to_num(departure_mm / sd_mm), NEIGHBOURS))
     mask = size > SETTINGS.localise.marked_sd
     if not mask.any() and size.any():
-        mask = size > max(0.4 * float(np.quantile(size[size > 0], 0.98)), 0.02)
+        most = float(np.quantile(size[size > 0], 0.98))
+        mask = size > max(SETTINGS.localise.faint_share * most, SETTINGS.localise.faint_sd)
     lost = uniform_filter(np.nan_to_num(missing_change), NEIGHBOURS)
     return np.asarray(mask | (np.abs(lost) > SETTINGS.localise.marked_lost))
 
 
 def free_mask(score: Single, wrong: Mask) -> Mask:
     """Where residuals without explanation stand out, and points whose absence is unexplained."""
-    strong = binary_opening(np.abs(score) > 3.5, iterations=1)
+    strong = binary_opening(np.abs(score) > SETTINGS.localise.free_score, iterations=1)
     lost = binary_closing(wrong, iterations=2)
     return np.asarray(strong | lost)
 
@@ -97,7 +98,7 @@ def regions_of(
     boxes = find_objects(marks)
     found: list[Region] = []
     for k in np.argsort(areas)[::-1][:MOST_REGIONS]:
-        if areas[k] < 4 and found:
+        if areas[k] < SETTINGS.localise.least_points and found:
             break
         box = boxes[k]
         here = marks[box] == k + 1

@@ -41,12 +41,12 @@ def calibrated_noise(
         if mask.any():
             fields.append((patch.depth_mm - patch.plain_mm) / plain_gain(patch.view))
             masks.append(mask)
-    if not masks or sum(int(m.sum()) for m in masks) < 100:
+    if not masks or sum(int(m.sum()) for m in masks) < SETTINGS.noise.off_edges:
         fields = [p.depth_mm - p.plain_mm for p in patches]
         masks = [p.observed & np.isfinite(p.plain_mm) & p.fit for p in patches]
     pitch = _pitch(patches[0])
     own = calibrate(fields, masks, pitch_mm=pitch, missing_share=0.0, from_reference=False)
-    own = replace(own, tail_share=0.0, tail_sd_mm=8 * own.sd_mm)
+    own = replace(own, tail_share=0.0, tail_sd_mm=SETTINGS.noise.tail_sd * own.sd_mm)
     if not plates:
         return own, None
     reference = calibrate(
@@ -65,7 +65,7 @@ def calibrated_noise(
     own = replace(
         own,
         tail_share=min(reference.tail_share, usual),
-        tail_sd_mm=max(reference.tail_sd_mm, 8 * own.sd_mm),
+        tail_sd_mm=max(reference.tail_sd_mm, SETTINGS.noise.tail_sd * own.sd_mm),
         missing_share=min(reference.missing_share, usual),
         from_reference=True,
     )

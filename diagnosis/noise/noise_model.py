@@ -18,8 +18,9 @@ from diagnosis.settings import SETTINGS
 MAX_LAG = 24
 LAG_PART = 4
 """Lags reach over a quarter of a field: a recording of fewer profiles than 4 has none at all."""
-M_BEND, M_SHARE, M_STEPS, M_VALUES = 1.5476, 0.5, 50, 100_000
-"""Of the M-estimator of scale: bend, mean of ρ, iterations, and values that are looked at."""
+M_BEND, M_SHARE, M_STEPS, M_SETTLED, M_VALUES = 1.5476, 0.5, 50, 1e-4, 100_000
+"""Of the M-estimator of scale: bend, mean of ρ, most iterations, change of the scale's square that
+ends them, and values that are looked at."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False, weakref_slot=True)
@@ -79,9 +80,9 @@ class NoiseModel:
         return replace(self, sd_mm=float(np.sqrt(power)), acf=acf / power)
 
     def at_pitch(self, pitch_x_mm: float, pitch_y_mm: float) -> "NoiseModel":
-        """Rescale the lags to another pitch; within 10 % it is left alone."""
+        """Rescale the lags to another pitch; about the same one is left alone."""
         ratio_x, ratio_y = pitch_x_mm / self.pitch_x_mm, pitch_y_mm / self.pitch_y_mm
-        if abs(np.log(ratio_x)) < 0.1 and abs(np.log(ratio_y)) < 0.1:
+        if max(abs(np.log(ratio_x)), abs(np.log(ratio_y))) < SETTINGS.noise.same_pitch:
             return self
 
         ly, lx = self.lags
@@ -149,12 +150,12 @@ def calibrate(
         beyond.append(field[used & ~near])
     inside = np.concatenate(values)
     outside = np.concatenate(beyond)
-    if inside.size < 50:
+    if inside.size < SETTINGS.noise.least_readings:
         return NoiseModel(
             sd_mm=max(scale, 1e-4),
             acf=np.ones((1, 1)),
             tail_share=0.0,
-            tail_sd_mm=10 * max(scale, 1e-4),
+            tail_sd_mm=SETTINGS.noise.tail_sd * max(scale, 1e-4),
             missing_share=missing_share,
             pitch_x_mm=pitch_mm[0],
             pitch_y_mm=pitch_mm[1],
@@ -172,11 +173,12 @@ def calibrate(
     # tapered to zero at the ends
     taper = np.outer(_taper(ly), _taper(lx))
     acf = _nonnegative(acf * taper)
+    tail_mm = np.sqrt(np.mean(outside**2)) if outside.size else 0.0
     return NoiseModel(
         sd_mm=float(np.sqrt(variance)),
         acf=acf,
         tail_share=float(outside.size / max(outside.size + inside.size, 1)),
-        tail_sd_mm=float(max(np.sqrt(np.mean(outside**2)) if outside.size else 0.0, 6 * scale)),
+        tail_sd_mm=float(max(tail_mm, SETTINGS.noise.least_tail_sd * scale)),
         missing_share=missing_share,
         pitch_x_mm=pitch_mm[0],
         pitch_y_mm=pitch_mm[1],
@@ -263,7 +265,7 @@ def robust_sd(values: Field) -> float:
         inner = 1.0 - np.minimum(away / (M_BEND**2 * square), 1.0)
         ratio = float(1.0 - np.mean(inner**3)) / M_SHARE
         square *= ratio
-        if abs(ratio - 1.0) < 1e-4:
+        if abs(ratio - 1.0) < M_SETTLED:
             break
     return float(np.sqrt(square))
 

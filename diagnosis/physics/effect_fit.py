@@ -33,6 +33,8 @@ FINER = (0.65, 0.75, 0.87, 1.15, 1.33, 1.5)
 STRONGER = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Strengths from which a search goes on where the one found holds to the first order."""
 PEAKS = 4
+SMALL = 0.125
+"""Share of its typical size from which a size is searched by factors."""
 
 
 def fit_effect(
@@ -331,7 +333,7 @@ def _fit_searched(
     typical = np.array([abs(_typical(best, n)) for n in names])
     step = np.maximum(np.maximum(0.4 * np.abs(start), 0.05 * typical), 1e-4)
     # sizes may be wrong by a factor: threshold and matt part of a gloss lie along a valley
-    sizes = (start >= 0.125 * typical) & [best.parameter(n).low >= 0 for n in names] & (start > 0)
+    sizes = (start >= SMALL * typical) & [best.parameter(n).low >= 0 for n in names] & (start > 0)
     top = (gain, best)
 
     def cost(u: Field) -> float:

@@ -58,7 +58,7 @@ def edge_softness(
             bend = np.abs(side - middle - sign * linear)
             sd = np.fmax(sd, np.where(np.isfinite(bend), bend, 0.0))
             chance[np.isfinite(side) != np.isfinite(middle)] = SETTINGS.predict.outline_chance
-    chance[sd > 1.0] = 0.1
+    chance[sd > SETTINGS.predict.step_mm] = SETTINGS.predict.step_chance
     # the law's own correction may be wrong by all of itself
     own = np.where(edge, np.nan_to_num(np.abs(plain_mm - middle)), 0.0)
     seen = _with_border(view, np.isfinite(plain_mm))
@@ -87,7 +87,9 @@ def near_edges(view: View, plain_mm: Field) -> Mask:
         bent = np.zeros(view.shape, dtype=bool)
         inner = (slice(1, -1), slice(None)) if axis == 0 else (slice(None), slice(1, -1))
         with np.errstate(invalid="ignore"):
-            bent[inner] = second > max(SETTINGS.predict.crease * pitch, 6 * typical)
+            bent[inner] = second > max(
+                SETTINGS.predict.crease * pitch, SETTINGS.predict.crease_typical * typical
+            )
         rough |= bent
         around = (slice(None), slice(1, -1)) if axis == 0 else (slice(1, -1), slice(None))
         flip = np.diff(seen[around].astype(np.int8), axis=axis) != 0

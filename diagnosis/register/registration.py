@@ -22,11 +22,16 @@ from sensors.recording import Recording
 
 MOVE_LIMIT = np.array([1.0, 1.0, 1.0, 0.01, 0.01, 0.01, 1e-3, 5e-3, 5e-3])
 """Largest step of one iteration: mm, radians, share of the travel, its direction."""
-ROUNDS = 25
+ROUNDS, LEAST_ROUNDS, SETTLED = 25, 8, 2e-6
+"""Iterations at most and at least, and the step, over the largest, that ends them."""
+FIRST_ROUNDS = 3
+"""Iterations in which a placement that is off widens the scale."""
+FIRST_SD, NARROWER = 6.0, 0.8
+"""Deviations at which the first iteration's weights end, and the factor on them for the next."""
 
 
 def smooth_weight(depth_mm: Field, normal: Field, pitch_mm: float) -> Field:
-    """Weight 1 on smooth faces, 0 at depth edges, 0.2 by creases and corners; (n, m).
+    """Weight 1 on smooth faces, 0 at depth edges, less by creases and corners; (n, m).
 
     Works on a grid whose neighbours lie `pitch_mm` apart or more.
     """
@@ -35,15 +40,15 @@ def smooth_weight(depth_mm: Field, normal: Field, pitch_mm: float) -> Field:
     gap = ~minimum_filter(finite, size, mode="nearest")
     high = maximum_filter(np.where(finite, depth_mm, -np.inf), size, mode="nearest")
     low = minimum_filter(np.where(finite, depth_mm, np.inf), size, mode="nearest")
-    jump = np.where(finite, high - low, 0.0) > 6 * pitch_mm
+    jump = np.where(finite, high - low, 0.0) > SETTINGS.register.jump_pitches * pitch_mm
     turned = np.zeros(depth_mm.shape, dtype=bool)
     for axis in (0, 1):
         dot = np.einsum("nmk,nmk->nm", normal, np.roll(normal, 1, axis=axis))
-        bent = dot < np.cos(np.radians(12))
+        bent = dot < np.cos(np.radians(SETTINGS.register.crease_deg))
         bent[0 if axis == 0 else slice(None), 0 if axis == 1 else slice(None)] = False
         turned |= bent | np.roll(bent, -1, axis=axis)
     weight = np.ones(depth_mm.shape)
-    weight[binary_dilation(turned, iterations=2)] = 0.2
+    weight[binary_dilation(turned, iterations=2)] = SETTINGS.register.crease_weight
     weight[binary_dilation(gap | jump, iterations=1) | ~finite] = 0.0
     return weight
 
@@ -105,20 +110,20 @@ def _by_smooth_faces(
     shift = np.zeros(PRIOR_SD.size)
     inverse_prior = np.diag(PRIOR_SD**-2.0)
     covariance = np.diag(PRIOR_SD**2)
-    tune = 6.0
+    tune = FIRST_SD
     for step in range(ROUNDS):
         moved = move(poses, shift, centre)
         hits = scene.cast(rays, moved)
         normal = scene.normals[hits.triangle]
         weight = smooth_weight(hits.depth_mm, normal, pitch)
         use = (weight > 0) & np.isfinite(depth)
-        if use.sum() < 30:
+        if use.sum() < SETTINGS.register.least_readings:
             break
         residual = (depth - hits.depth_mm)[use] / sample.spread[use]
         scale = max(1.4826 * np.median(np.abs(residual - np.median(residual))), sd_mm, 1e-5)
-        if step < 3:
+        if step < FIRST_ROUNDS:
             scale = max(scale, 1.4826 * np.median(np.abs(residual)))
-        tune = max(3.5, tune * 0.8)
+        tune = max(SETTINGS.register.bisquare_sd, tune * NARROWER)
         robust = (1 - np.clip(residual / (tune * scale), -1, 1) ** 2) ** 2
         columns = pose_columns(
             moved, rays, hits.depth_mm, normal, centre, travel_columns(moved)
@@ -134,7 +139,7 @@ def _by_smooth_faces(
         covariance = np.linalg.inv(hessian)
         largest = np.max(np.abs(change) / MOVE_LIMIT)
         shift = shift + change / max(largest, 1.0)
-        if largest < 2e-6 and step > 6:
+        if largest < SETTLED and step + 1 >= LEAST_ROUNDS:
             break
     return shift, covariance
 

@@ -20,6 +20,9 @@ from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.linear_fit import phase_is_own, solve_linear
 from diagnosis.settings import SETTINGS
 
+ENDS = 0.6745, 1.6449
+"""Deviations that hold 50 % and 90 % of Gaussian values."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Judgement:
@@ -203,4 +206,5 @@ def _coverage(standard: Field) -> tuple[float, float]:
     if standard.size == 0:
         return 0.0, 0.0
     size = np.abs(standard)
-    return float(np.mean(size < 0.6745)), float(np.mean(size < 1.6449))
+    half, most = (float(np.mean(size < end)) for end in ENDS)
+    return half, most

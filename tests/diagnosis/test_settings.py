@@ -27,7 +27,7 @@ FORM = {
         "claims/lay:SHARES_BEFORE", "claims/noise_spectrum:WAVELENGTHS",
         "claims/noise_spectrum:WIDTHS",
         "data/brightness:SIDE", "model/log_density:LOG_ROOT_2PI", "physics/column_offsets:COMB",
-        "physics/curvature:TURN",
+        "physics/curvature:TURN", "validate/heldout:ENDS",
     ],
     "neighbours of a whitened reading, by reach and cost": ["noise/whitening:NEIGHBOURS"],
     "rounding": [
@@ -37,19 +37,21 @@ FORM = {
     "a cell's floor of a sum": ["evidence/glm:SPARSE", "model/log_density:LOG_STRAY"],
     "when an iteration ends": [
         "data/albedo:ROUNDS", "data/albedo:TURNS", "discrepancy/population:TURNS",
-        "evidence/glm:SETTLED", "evidence/glm:STEPS",
+        "evidence/glm:LEAST_STEP", "evidence/glm:SETTLED", "evidence/glm:STEPS",
         "physics/column_offsets:SEARCHED", "physics/linear_fit:ROUNDS",
         "physics/uncertainty:ROUNDS", "physics/uncertainty:WORTH",
+        "register/registration:FIRST_ROUNDS", "register/registration:LEAST_ROUNDS",
         "register/registration:MOVE_LIMIT", "register/registration:ROUNDS",
+        "register/registration:SETTLED",
     ],
     "where a search begins, and its steps": [
-        "claims/firmware:AMPLITUDES", "claims/firmware:MEANS_ACROSS",
-        "claims/firmware:MEANS_ALONG", "claims/firmware:MEDIANS", "claims/firmware:PEAKS",
-        "discrepancy/population:SPREADS", "physics/curvature:FARTHER",
-        "physics/curvature:FIRST_STEP", "physics/curvature:SHARES", "physics/effect_fit:FINER",
-        "physics/effect_fit:MAX_GRID", "physics/effect_fit:PEAKS", "physics/effect_fit:RADII_MM",
-        "physics/effect_fit:STRONGER", "register/silhouettes:REACHES",
-        "reregister/edge_placement:REACHES",
+        "claims/firmware:AMPLITUDES", "claims/firmware:MEANS_ACROSS", "claims/firmware:MEANS_ALONG",
+        "claims/firmware:MEDIANS", "claims/firmware:PEAKS", "discrepancy/population:SPREADS",
+        "physics/curvature:FARTHER", "physics/curvature:FIRST_STEP", "physics/curvature:SHARES",
+        "physics/effect_fit:FINER", "physics/effect_fit:MAX_GRID", "physics/effect_fit:PEAKS",
+        "physics/effect_fit:RADII_MM", "physics/effect_fit:SMALL", "physics/effect_fit:STRONGER",
+        "register/registration:FIRST_SD", "register/registration:NARROWER",
+        "register/silhouettes:REACHES", "reregister/edge_placement:REACHES",
     ],
     "time or memory: how much is looked at, or kept": [
         "claims/firmware:DRAWN_POINTS", "claims/firmware:FREQUENCIES",
@@ -70,8 +72,9 @@ FORM = {
         "localise/regions:NEIGHBOURS",
     ],
     "constants of a published estimator": [
-        "noise/noise_model:M_BEND", "noise/noise_model:M_SHARE", "noise/noise_model:M_STEPS",
-        "noise/noise_model:M_VALUES", "report/covariate_picture:HALF_NORMAL_MEDIAN",
+        "noise/noise_model:M_BEND", "noise/noise_model:M_SETTLED", "noise/noise_model:M_SHARE",
+        "noise/noise_model:M_STEPS", "noise/noise_model:M_VALUES",
+        "report/covariate_picture:HALF_NORMAL_MEDIAN",
         "report/covariate_picture:HALF_NORMAL_MEDIAN_ERROR",
     ],
     "the report's form": [
@@ -108,6 +111,41 @@ def test_a_number_outside_the_settings_has_a_reason(room: str) -> None:
     exempt = {entry for entry in EXEMPT if entry[0].startswith(f"{room}/")}
     assert there - exempt == set(), "belongs to settings.py"
     assert exempt - there == set(), "is there no more"
+
+
+ARITHMETIC = {0, 0.5, 1, 2, 3, 4, 1000}
+"""Numbers that a comparison may have without a name: signs, middles, small counts, mm to µm."""
+
+
+def nameless_thresholds(file: Path) -> list[str]:
+    """Comparisons with a number that has no name; those of indices and of rounding are left out."""
+    found = []
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.Compare):
+            continue
+        places = {id(n) for s in ast.walk(node) if isinstance(s, ast.Subscript)
+                  for n in ast.walk(s.slice)}  # fmt: skip
+        numbers = {
+            n.value for n in ast.walk(node)
+            if isinstance(n, ast.Constant) and isinstance(n.value, int | float)
+            and id(n) not in places and n.value > 1e-6
+        }  # fmt: skip
+        found += [ast.unparse(node)] if numbers - ARITHMETIC else []
+    return found
+
+
+COMPARING = sorted(f for f in ROOT.rglob("*.py") if f.parent.name != "report")
+"""The report's own comparisons are about its form."""
+
+
+@pytest.mark.parametrize("file", COMPARING, ids=lambda p: f"{p.parent.name}/{p.stem}")
+def test_nothing_is_compared_with_a_nameless_number(file: Path) -> None:
+    assert nameless_thresholds(file) == []
+
+
+@pytest.mark.parametrize("file", sorted(ROOT.glob("*.py")), ids=lambda p: p.stem)
+def test_stages_have_no_numbers(file: Path) -> None:
+    assert numbers_of(file) == set()
 
 
 FILES = sorted(file for room in NAMELESS for file in (ROOT / room).glob("*.py"))

@@ -17,6 +17,7 @@ from challenge.judging.judge import judge
 from challenge.judging.score import judge_case
 from challenge.runs.run import run
 from challenge.second import case as second
+from challenge.second.imitation import IMITATES
 from challenge.second.meshes import files as mesh_files
 from challenge.second.meshes import solid_of_file
 from challenge.second.switches import DECOY, FAULTS, SINGLE, UNDECIDABLE, UNKNOWN
@@ -60,7 +61,8 @@ def test_a_full_set_has_every_kind_on_parts_that_show_it():
     assert drawn["one"] == set(SINGLE)
     assert drawn["unknown"] == set(UNKNOWN)
     assert drawn["decoy"] == set(DECOY)
-    assert drawn["undecidable"] == set(UNDECIDABLE)
+    assert drawn["undecidable"] == set(IMITATES) <= set(UNDECIDABLE)
+    assert all(c.aligned == (c.kind == "undecidable") for c in cases)
     assert {(c.plates, c.baselines) for c in cases} >= {(0, 0), (0, 2), (2, 0), (2, 2)}
     assert all(c.recordings == (1 if c.kind == "undecidable" else 3) for c in cases)
     for case in cases:

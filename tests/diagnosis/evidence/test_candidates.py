@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from diagnosis.components.component import Component, components_of
+from diagnosis.components.smooth import products
 from diagnosis.evidence.candidates import Candidate, candidates_of
 from diagnosis.evidence.gram import Block, Gram
 from diagnosis.evidence.posterior import Cavity
@@ -128,3 +129,18 @@ def test_forms_that_show_nothing_are_paid_for() -> None:
     # one coefficient of information i and pull g: ln BF = (g² s² / (1 + i s²) - ln(1 + i s²)) / 2
     more = 1 + 400.0 * 0.5**2
     assert each[2, 0] == pytest.approx((200.0**2 * 0.5**2 / more - np.log(more)) / 2)
+
+
+def test_a_part_may_bend_about_one_of_its_sides_alone() -> None:
+    form = MEAN["form_error"]
+    orders = products(2)
+    warp = of(form, POINTS * np.eye(len(orders)))["form_error"]
+    assert warp.shapes[0] is None
+    assert len(warp.shapes) == 4
+    for axis, shape in enumerate(warp.shapes[2:]):
+        assert shape is not None
+        drawn = {orders[k] for k in np.flatnonzero(shape.any(axis=1))}
+        assert drawn == {o for o in orders if o[1 - axis] == 0 and o[axis] % 2 == 0}
+    # the sensor's frame knows no such sides
+    plain = of(MEAN["lens_distortion"], POINTS * np.eye(len(orders)))["lens_distortion"]
+    assert len(plain.shapes) == 2

@@ -13,6 +13,7 @@ from diagnosis.evidence.noise_level import (
     level_factors,
     level_nats,
     level_unsure,
+    nats_since,
     steady_level,
 )
 from diagnosis.fields import Field
@@ -77,3 +78,40 @@ def test_the_deviation_of_a_level_is_that_of_repeated_fields() -> None:
     assert level_unsure(replace(noise, readings=4 * noise.readings)) == pytest.approx(
         0.5 * told[-1]
     )
+
+
+def since(change: float, scatter: float, doubt: float = 0.0, seed: int = 0) -> float:
+    """Odds of a change since three baselines were recorded, by three recordings."""
+    rng = np.random.default_rng(seed)
+    seen, good = (
+        [LevelChange(log=0.3 + by + np.hypot(scatter, 0.005) * x, unsure=0.005)
+         for x in rng.standard_normal(3)]
+        for by in (change, 0.0)
+    )  # fmt: skip
+    usual = 0.5 ** np.arange(len(SETTINGS.rate_sizes()))
+    sizes = steady_level(good, usual / usual.sum())
+    return nats_since(seen, good, sizes, doubt) + SETTINGS.log_odds("roughness_level")
+
+
+def test_a_change_since_baselines_stands_out_of_their_scatter() -> None:
+    assert all(since(0.06, 0.0, seed=k) > 0 for k in range(10))
+    assert all(since(0.0, 0.0, seed=k) < 0 for k in range(10))
+    assert sum(since(0.0, 0.03, seed=k) > 0 for k in range(10)) == 0
+    # what the mean leaves of the noise may be as large
+    assert since(0.06, 0.0, doubt=0.1) < 0 < since(0.6, 0.0, doubt=0.1)
+
+
+def test_the_level_that_all_have_is_no_change() -> None:
+    seen, good = ([LevelChange(log=h, unsure=0.01) for h in (0.0, 0.01, 0.02)] for _ in range(2))
+    usual = {AGAINST_PLATES: np.full(len(SETTINGS.rate_sizes()), 0.1)}
+    lifted = ([replace(c, log=c.log + 1.0) for c in changes] for changes in (seen, good))
+    assert nats_since(*lifted, usual) == pytest.approx(nats_since(seen, good, usual))
+
+
+def test_whitened_readings_count_each_for_itself() -> None:
+    rng = np.random.default_rng(1)
+    noise = calibrate(
+        [rng.standard_normal((60, 60))], [np.ones((60, 60), dtype=bool)], pitch_mm=(1.0, 1.0),
+        missing_share=0.0, from_reference=False,
+    )  # fmt: skip
+    assert level_unsure(noise, whitened=True) == pytest.approx(1 / np.sqrt(2 * noise.readings))

@@ -1,0 +1,102 @@
+"""Causes that the fitted readings can't tell apart, weighed on the readings held out as well.
+
+Nothing is fitted to these. What they add to the evidence of a cause is how well it predicts them,
+given the fitted ones: its coefficients are integrated.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import logsumexp
+
+from diagnosis.evidence.assess import weighed_again
+from diagnosis.evidence.mean_causes import Member
+from diagnosis.evidence.reported_causes import Cause
+from diagnosis.evidence.seen import Seen, seen
+from diagnosis.explanation import Explanation, fitted_part
+from diagnosis.model.model import Model
+from diagnosis.physics.joint_fit import fit_laws
+from diagnosis.prepare import Prepared
+from diagnosis.reregister.reregistration import reregistered
+from diagnosis.settings import SETTINGS
+
+
+def weighed_on_all(
+    explanation: Explanation, ready: Prepared, withheld: frozenset[str]
+) -> Explanation:
+    """Weigh causes with alternatives on all readings; where another one is likelier, fit that."""
+    places = {c.name: m for c in explanation.causes for m in _places(c, explanation.members)}
+    if not places:
+        return explanation
+    everything = [
+        replace(p, fit=np.ones_like(p.fit), scored=np.zeros_like(p.scored)) for p in ready.patches
+    ]
+    now = seen(everything, ready.noise, Model())
+    before = seen(ready.baseline, ready.noise, Model(), like=now) if ready.baseline else None
+    members = weighed_again(
+        explanation.members, now, explanation.departures if before is None else explanation.scales,
+        before, departures=explanation.departures, withheld=withheld,
+    )  # fmt: skip
+    again = {m.candidate.name: m for m in members}
+    causes, model = [], explanation.model
+    for cause in explanation.causes:
+        place = places.get(cause.name)
+        anew = None if place is None else again.get(place.candidate.name)
+        causes.append(cause if anew is None else _shared_anew(cause, anew, members, now))
+    renamed = [c for was, c in zip(explanation.causes, causes, strict=True) if was.name != c.name]
+    if not renamed:
+        return replace(explanation, causes=tuple(causes))
+    names = {c.name for c in causes}
+    for was in explanation.causes:
+        if was.name not in names:
+            model = model.without(was.name)
+    model, fitted = fit_laws(renamed, explanation.ws, model)
+    by_name = {c.name: c for c in fitted}
+    patches, placed = reregistered(
+        model, ready.patches, explanation.recorded, ready.placed, ready.noise
+    )
+    return replace(
+        explanation, model=model, causes=tuple(by_name.get(c.name, c) for c in causes),
+        patches=tuple(patches), placed=placed, ws=fitted_part(patches, ready.noise),
+    )  # fmt: skip
+
+
+def _places(cause: Cause, members: Sequence[Member]) -> list[Member]:
+    """Return the member in whose place a cause and its alternatives were weighed, if free curves.
+
+    Laws of light at edges are compared as they are fitted.
+    """
+    names = {cause.name, *(n for n, _ in cause.alternatives)}
+    if len(names) == 1 or cause.channel != "mean":
+        return []
+    found = [m for m in members if m.candidate.effect in names]
+    return [m for m in found[:1] if not m.candidate.component.relaxed.spanned]
+
+
+def _shared_anew(cause: Cause, member: Member, members: Sequence[Member], now: Seen) -> Cause:
+    """Share the probability of a cause and its alternatives as all readings weigh them.
+
+    Others of the set keep their names.
+    """
+    taken = {m.candidate.effect for m in members if m is not member}
+    named = {n: p for n, p in [(cause.name, cause.probability), *cause.alternatives]
+             if n not in taken}  # fmt: skip
+    ways = {
+        n: {c: member.odds[c.name] for c in now.candidates
+            if c.effect == n and c.name in member.odds}
+        for n in named
+    }  # fmt: skip
+    odds = {n: float(logsumexp(list(own.values()))) for n, own in ways.items() if own}
+    if cause.name not in odds:
+        return cause
+    total, most = sum(named.values()), logsumexp(list(odds.values()))
+    shares = {n: total * float(np.exp(o - most)) for n, o in odds.items()}
+    order = sorted(shares, key=lambda n: -shares[n])
+    best = order[0]
+    likeliest = max(ways[best], key=lambda c: ways[best][c])
+    return replace(
+        cause, name=best, probability=shares[best],
+        component=cause.component if best == cause.name else likeliest.component,
+        alternatives=tuple((n, shares[n]) for n in order[1:] if shares[n] > SETTINGS.offered),
+    )  # fmt: skip

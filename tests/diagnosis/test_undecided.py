@@ -1,0 +1,24 @@
+"""Causes without alternatives stay; of several, the one that all readings need has the name."""
+
+from dataclasses import replace
+
+from diagnosis.discrepancy.population import population
+from diagnosis.explain import explain
+from diagnosis.undecided import weighed_on_all
+from tests.support.prepared_parts import ready
+
+
+def test_held_out_readings_give_the_name_to_the_likelier_of_two() -> None:
+    bent = ready([{"name": "line_bow", "sag_um": 40.0}], 7)
+    found = explain(bent, population(), notes=[], progress=lambda _: None)
+    assert [c.name for c in found.causes] == ["line_bow"]
+    sure = replace(found, causes=tuple(replace(c, alternatives=()) for c in found.causes))
+    assert weighed_on_all(sure, bent, frozenset()) is sure
+    cause = replace(
+        found.causes[0], name="form_error", probability=0.5, alternatives=(("line_bow", 0.4),)
+    )
+    undecided = replace(found, causes=(cause,), model=found.model.without("line_bow"))
+    decided = weighed_on_all(undecided, bent, frozenset())
+    assert [c.name for c in decided.causes] == ["line_bow"]
+    assert decided.model.names() == found.model.names()
+    assert 0.6 < decided.causes[0].probability <= 0.9
