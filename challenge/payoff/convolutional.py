@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from challenge.payoff.segmenter import smoothed
 
 CHANNELS = (8, 16, 32)
-STEPS, BATCH = 160, 4
+STEPS, BATCH, CROP = 120, 8, 64
+"""Steps of training, windows in each, and points along their sides."""
 RATE = 4e-3
 SCALE_MM = 0.03
 """Height that an input of one stands for."""
@@ -93,8 +94,7 @@ def train(scans: list[tuple[NDArray[np.float32], NDArray[np.int16]]], rng: np.ra
     plan = torch.optim.lr_scheduler.OneCycleLR(optimiser, max_lr=RATE, total_steps=STEPS)
     model.train()
     for _ in range(STEPS):
-        pick = rng.integers(len(scans), size=min(BATCH, len(scans)))
-        image, label = images[pick], labels[pick]
+        image, label = _windows(images, labels, rng)
         if rng.random() < 0.5:  # the line has no sense of direction, the travel has
             image, label = image.flip(-1), label.flip(-1)
         loss = torch.nn.functional.binary_cross_entropy_with_logits(
@@ -106,6 +106,24 @@ def train(scans: list[tuple[NDArray[np.float32], NDArray[np.int16]]], rng: np.ra
         optimiser.step()
         plan.step()
     return model.eval()
+
+
+def _windows(images: Any, labels: Any, rng: np.random.Generator) -> tuple[Any, Any]:
+    """Draw windows of a step out of the scans."""
+    torch = _torch()
+    sides = [min(CROP, size) for size in labels.shape[1:]]
+    cut = []
+    for _ in range(BATCH):
+        k = int(rng.integers(labels.shape[0]))
+        i, j = (
+            int(rng.integers(size - side + 1))
+            for size, side in zip(labels.shape[1:], sides, strict=True)
+        )
+        cut.append((k, slice(i, i + sides[0]), slice(j, j + sides[1])))
+    return (
+        torch.stack([images[k, :, rows, columns] for k, rows, columns in cut]),
+        torch.stack([labels[k, rows, columns] for k, rows, columns in cut]),
+    )
 
 
 def suspicion(model: Any, image: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -244,7 +244,7 @@ def _judge(arguments: argparse.Namespace) -> int:
 
 
 def _payoff(arguments: argparse.Namespace) -> int:
-    from challenge.payoff.page import conclusion, headline, write_page
+    from challenge.payoff.page import conclusions, headline, write_page
     from challenge.payoff.payoff import payoff
     from challenge.payoff.trial import Effort
 
@@ -254,7 +254,7 @@ def _payoff(arguments: argparse.Namespace) -> int:
         worlds=arguments.world, family=arguments.family,
         effort=Effort(**{k: v for k in sizes if (v := getattr(arguments, k)) is not None}),
     )  # fmt: skip
-    for line in (*headline(found), conclusion(found)):
+    for line in (*headline(found), *conclusions(found)):
         print(line)
     if arguments.write is not None:
         write_page(found, arguments.out, arguments.write)

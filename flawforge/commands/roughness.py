@@ -6,12 +6,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from sensors.datasheet import Datasheet
     from sensors.noise.noise_target import NoiseTarget
     from sensors.noise.speckle import Speckle
     from sensors.surface.roughness import Roughness
     from sensors.surface.surface import Surface
     from sensors.surface.topography import Topography
+
+    Floats = NDArray[np.float64]
 
 EPILOG = """\
 Writes surface.yaml (figures, and the noise whose simulated scans have the same figures, heights
@@ -185,7 +190,7 @@ def _measure(arguments: argparse.Namespace) -> int:
             repeatability_mm=wanted.repeatability_mm,
         )  # fmt: skip
         surface = replace(surface, measured=MeasuredNoise.of(field))
-        reached = simulated_figures(field, wanted)
+        reached = simulated_figures(field, wanted, readings - flat)
     else:
         solution = calibrate(wanted)
         field, reached = solution.field, solution.reached
@@ -205,7 +210,7 @@ def _measure(arguments: argparse.Namespace) -> int:
     if gain != 1.0:
         print(f"tilt: the sensor's file lists {gain:.3f} times the noise; divided by that")
     _print_table(wanted, reached)
-    _draw(surface, wanted, field, flat, out / "roughness.png")
+    _draw(surface, wanted, field, readings, flat, out / "roughness.png")
     print(f"wrote {out / 'surface.yaml'}, roughness.csv, roughness.png")
     return 0
 
@@ -253,8 +258,9 @@ def _print_table(wanted: "NoiseTarget", reached: "Roughness | None") -> None:
 
 
 def _draw(
-    surface: "Surface", wanted: "NoiseTarget", field: "Speckle | None", flat: object, path: Path
-) -> None:
+    surface: "Surface", wanted: "NoiseTarget", field: "Speckle | None", readings: "Floats",
+    flat: "Floats", path: Path,
+) -> None:  # fmt: skip
     import numpy as np
 
     from flawforge.roughness_picture import draw
@@ -264,7 +270,7 @@ def _draw(
     simulated = None
     if field is not None:
         rngs = np.random.default_rng([7, 0]), np.random.default_rng([7, 1])
-        simulated = remove_form(
-            simulate(field, wanted, *rngs), wanted.pitch_x_mm, wanted.cutoff_mm
-        )
-    draw(np.asarray(flat), simulated, wanted, surface.name, path)
+        # with the form of the recording, on which rounding depends
+        made = simulate(field, wanted, *rngs, depth_mm=readings - flat)
+        simulated = remove_form(made, wanted.pitch_x_mm, wanted.cutoff_mm)
+    draw(flat, simulated, wanted, surface.name, path)

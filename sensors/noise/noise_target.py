@@ -181,15 +181,21 @@ def simulate(
     return quantise(readings + rng_sensor.normal(0.0, sigma, readings.shape), wanted.resolution_mm)
 
 
-def simulated_figures(noise: Speckle, wanted: NoiseTarget, windows: int = 5) -> Roughness:
-    """Return the figures of simulated windows of a noise, averaged."""
+def simulated_figures(
+    noise: Speckle, wanted: NoiseTarget, form_mm: Floats, windows: int = 5
+) -> Roughness:
+    """Return the mean figures of simulated recordings of a plate.
+
+    Parameters
+    ----------
+    form_mm : (profiles, points) array
+        What was removed from the plate's readings, NaN where missing: rounding depends on it.
+    """
     rows = []
     for k in range(windows):
         rngs = np.random.default_rng([7, 2, k]), np.random.default_rng([7, 3, k])
-        # a part's depth falls anywhere between two multiples of the resolution
-        depth = np.random.default_rng([7, 4, k]).random((wanted.profiles, 1)) * wanted.resolution_mm
-        flat = simulate(noise, wanted, *rngs, depth_mm=depth)
-        flat = remove_form(flat - depth, wanted.pitch_x_mm, wanted.cutoff_mm)
+        readings = simulate(noise, wanted, *rngs, depth_mm=form_mm)
+        flat = remove_form(readings, wanted.pitch_x_mm, wanted.cutoff_mm)
         rows.append(roughness(flat, wanted.pitch_x_mm).values())
     means = np.mean(rows, axis=0)
     return Roughness(**{name: float(v) for name, v in zip(FIGURES, means, strict=True)})
