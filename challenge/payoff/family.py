@@ -1,6 +1,6 @@
 """What the payoff needs of a family of instruments: its worlds, scans, and a stranger's files."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any, Protocol
@@ -49,7 +49,7 @@ class Ready:
 class Family(Protocol):
     """A module of worlds."""
 
-    WORLDS: Mapping[str, World]
+    WORLDS: dict[str, World]
     BASELINES: tuple[str, ...]
 
     def ready(self, name: str, seed: int) -> Ready:

@@ -33,6 +33,7 @@ def draw_precision(
     import matplotlib
 
     matplotlib.use("Agg")
+    from matplotlib import patches
     from matplotlib import pyplot as plt
 
     names = [name for name in outcomes[KINDS[0]] if name != "all"]
@@ -59,7 +60,7 @@ def draw_precision(
     for axis in grid[-1]:
         axis.set_xticks(range(len(labels)), labels, rotation=90, fontsize=8)
     handles = [
-        plt.Rectangle((0, 0), 1, 1, color=COLOURS[name], alpha=0.7) for name in TRAINED_ON
+        patches.Rectangle((0, 0), 1, 1, color=COLOURS[name], alpha=0.7) for name in TRAINED_ON
     ]
     figure.legend(
         handles, [words[name] for name in TRAINED_ON], title="trained on", ncols=len(TRAINED_ON),

@@ -236,7 +236,7 @@ def run_world(family: str, name: str, seed: int, effort: Effort, out: Path) -> P
             with np.load(folder / "training" / f"{k:03d}.npz") as file:
                 assert np.array_equal(file["instance"], each.instance)
                 sets["instrument"].append(file["depth"])
-        models = {}
+        models: dict[tuple[str, str, int], Any] = {}
         for kind, method in SEGMENTERS.items():
             described = {
                 key: [

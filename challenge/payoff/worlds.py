@@ -106,7 +106,7 @@ def scan(world: Ready, purpose: str, k: int, made: Specimen) -> NDArray[np.float
         made.solid, surface, made.sight.path, child(seed, "payoff noise", purpose, str(k)),
         specimen=number(seed, "payoff surface", purpose, str(k)),
     )  # fmt: skip
-    return depth
+    return np.asarray(depth, np.float32)
 
 
 def columns(world: Ready) -> int:

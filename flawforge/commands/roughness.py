@@ -181,16 +181,17 @@ def _measure(arguments: argparse.Namespace) -> int:
         + (f", region {arguments.region}" if arguments.region else "")
         + (f", cut-off {arguments.cutoff_mm:g} mm" if arguments.cutoff_mm else ""),
     )
-    field, reached = None, None
+    field: Speckle | None = None
+    reached = None
     if arguments.no_noise:
         pass
     elif arguments.speckle == "measured":
-        field = measured_field(
+        found = measured_field(
             flat, scan.pitch_x_mm, scan.pitch_y_mm, resolution_mm=wanted.resolution_mm,
             repeatability_mm=wanted.repeatability_mm,
         )  # fmt: skip
-        surface = replace(surface, measured=MeasuredNoise.of(field))
-        reached = simulated_figures(field, wanted, readings - flat)
+        surface = replace(surface, measured=MeasuredNoise.of(found))
+        field, reached = found, simulated_figures(found, wanted, readings - flat)
     else:
         solution = calibrate(wanted)
         field, reached = solution.field, solution.reached
