@@ -103,9 +103,15 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _solve_for_figures(arguments: argparse.Namespace) -> int:
+    from files.errors import RecipeError
     from sensors.surface.surface import Surface
 
     surface = Surface.load(arguments.file)
+    if surface.measured is not None:
+        raise RecipeError(
+            "'measured' is the file's noise; none is solved for its figures", where=arguments.file,
+            allowed="a surface.yaml without 'measured'",
+        )  # fmt: skip
     resolution, repeatability = _uncertainty(arguments)
     ready = surface.ready(
         arguments.pitch_x_mm,

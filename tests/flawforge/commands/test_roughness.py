@@ -198,6 +198,8 @@ def test_a_measured_speckle_is_written_and_simulated_with_its_correlation(
     assert surface.calibration is None
     assert surface.is_calibrated  # nothing is solved for it
     assert surface.ready() == surface
+    assert main(["roughness", str(tmp_path / "out" / "surface.yaml")]) == 2
+    assert "'measured' is the file's noise" in capsys.readouterr().err
     rho = surface.field().correlation_at(np.zeros(1), 0.2 * np.arange(2))[:, 0]
     assert rho == pytest.approx([1.0, -0.6 / 1.36], abs=0.03)
 
