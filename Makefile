@@ -135,7 +135,10 @@ proof-small:
 PAYOFF ?= out/payoff
 
 payoff: $(DEV)
-	$(BIN)/flawforge challenge payoff --out $(PAYOFF) --jobs 2 --write docs/payoff.md
+	for family in first second; do \
+	  $(BIN)/flawforge challenge payoff --family $$family --out $(PAYOFF)/$$family --jobs 2 \
+	    --write docs/payoff.md || exit; \
+	done
 
 $(VENV)/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "flawforge needs Python 3.11 or newer; name one with make PYTHON=/path/to/python3")'

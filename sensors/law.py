@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.noise.perlin import PerlinField, grid_pitch
+from sensors.noise.perlin import grid_pitch
+from sensors.noise.speckle import Speckle
 from sensors.noise.uncertainty import quantise, sigma_mm
 from sensors.sampling import sample
 from sensors.surface.surface import Surface
@@ -34,7 +35,7 @@ class Law:
         Reason of a missing reading, see `Reason`.
     white_sd_mm
         Standard deviation of noise independent from point to point.
-    speckle : PerlinField or None
+    speckle : Speckle or None
         Correlated noise, in mm.
     speckle_gain
         Factor on the speckle at each point.
@@ -57,7 +58,7 @@ class Law:
     mean_mm: Floats
     reason: NDArray[np.uint8]
     white_sd_mm: Floats | float = 0.0
-    speckle: PerlinField | None = None
+    speckle: Speckle | None = None
     speckle_gain: Floats | float = 1.0
     lay_ratio: float = 1.0
     lay_angle_rad: float = 0.0
@@ -221,7 +222,7 @@ def _first_reason(laws: Sequence[Law], share: Floats) -> NDArray[np.uint8]:
     return np.where(share > 0, np.uint8(0), reason).astype(np.uint8)
 
 
-def geometric_law(view: View, surface: Surface | PerlinField | None) -> Law:
+def geometric_law(view: View, surface: Surface | Speckle | None) -> Law:
     """Law of the paper: geometry, Perlin speckle, equation 10; no effects.
 
     A surface that isn't calibrated yet is calibrated here, for each scan anew (seconds): have
@@ -236,8 +237,8 @@ def geometric_law(view: View, surface: Surface | PerlinField | None) -> Law:
     )
 
 
-def _speckle(view: View, surface: Surface | PerlinField | None) -> PerlinField | None:
-    if surface is None or isinstance(surface, PerlinField):
+def _speckle(view: View, surface: Surface | Speckle | None) -> Speckle | None:
+    if surface is None or isinstance(surface, Speckle):
         return surface
     sheet = view.datasheet
     ready = surface.ready(

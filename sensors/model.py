@@ -12,7 +12,7 @@ from sensors.effects.delivery import DeliveryEffect
 from sensors.effects.effect import Effect
 from sensors.law import Law, RngOf, geometric_law
 from sensors.line.beam import Beam
-from sensors.noise.perlin import PerlinField
+from sensors.noise.speckle import Speckle
 from sensors.surface.surface import Surface
 from sensors.view.view import View
 
@@ -54,7 +54,7 @@ class SensorModel:
         return cls(Datasheet.load(source))
 
     def scan(
-        self, view: View, surface: Surface | PerlinField | None, rng_of: RngOf | None = None
+        self, view: View, surface: Surface | Speckle | None, rng_of: RngOf | None = None
     ) -> tuple[View, Law]:
         """Return the view from where the sensor really is, and the law of its readings.
 
@@ -62,7 +62,7 @@ class SensorModel:
         ----------
         view : View
             The scan at its commanded poses, by this sensor.
-        surface : Surface, PerlinField or None
+        surface : Surface, Speckle or None
             Roughness, or the noise made of it; None without speckle.
         rng_of : function, optional
             Gives the generator from which an effect's recording parameters are drawn, by the
@@ -78,7 +78,7 @@ class SensorModel:
         return scan_with(view, surface, self.effects, rng_of)
 
     def law(
-        self, view: View, surface: Surface | PerlinField | None, rng_of: RngOf | None = None
+        self, view: View, surface: Surface | Speckle | None, rng_of: RngOf | None = None
     ) -> Law:
         """Return the law of the sensor's readings; see `scan`."""
         return self.scan(view, surface, rng_of)[1]
@@ -86,7 +86,7 @@ class SensorModel:
 
 def scan_with(
     view: View,
-    surface: Surface | PerlinField | None,
+    surface: Surface | Speckle | None,
     effects: Sequence[Effect],
     rng_of: RngOf | None = None,
 ) -> tuple[View, Law]:

@@ -18,7 +18,11 @@ from challenge.payoff.precision import (
 
 Floats = NDArray[np.float64]
 
-TRAINED_ON = ("plain", "diagnosed", "instrument")
+TRAINED_ON = ("plain", "noise", "diagnosed", "both", "instrument")
+KINDS = ("boosted", "convolutional")
+"""Segmenters."""
+AIMED = "both"
+"""The set whose share of the gap the aim is for."""
 DRAWS = 400
 
 
@@ -45,20 +49,18 @@ class Outcome:
     def gap(self, group: int | None = None) -> Estimate:
         """Instrument less plain, for one group or their mean."""
         value, draws = self._pick(group)
-        return estimate(value[2] - value[0], draws[:, 2] - draws[:, 0])
+        return estimate(value[-1] - value[0], draws[:, -1] - draws[:, 0])
 
-    def closed(self, group: int | None = None) -> Estimate | None:
-        """Share of the gap that is closed; None where the gap may be chance."""
+    def closed(self, name: str = AIMED, group: int | None = None) -> Estimate | None:
+        """Share of the gap that a set closes; None where the gap may be chance."""
         gap = self.gap(group)
         if not gap.low > 0:
             return None
         value, draws = self._pick(group)
-        return estimate(float(share_closed(*value)), share_closed(*draws.T))
-
-    def gain(self) -> Estimate:
-        """Diagnosed less plain, mean over groups."""
-        value, draws = self._pick(None)
-        return estimate(value[1] - value[0], draws[:, 1] - draws[:, 0])
+        three = [TRAINED_ON.index(each) for each in ("plain", name, "instrument")]
+        return estimate(
+            float(share_closed(*value[three])), share_closed(*draws[:, three].T)
+        )
 
     def _pick(self, group: int | None) -> tuple[Floats, Floats]:
         values, draws = self.groups.mean(1), self.drawn
@@ -74,14 +76,16 @@ def _over(groups: Floats) -> Floats:
     return np.asarray(total / np.maximum(some.sum(-1), 1), np.float64)
 
 
-def counted(file: Path, what: str) -> dict[str, NDArray[np.int32]]:
+def counted(file: Path, kind: str, what: str) -> dict[str, NDArray[np.int32]]:
     """Read a world's histograms: ``hits`` (sets, seeds, recordings, groups, bins) and so on."""
     with np.load(file) as kept:
-        seeds = sum(key.startswith(f"{what}/plain/") for key in kept) // 3
+        seeds = sum(key.startswith(f"{kind}/{what}/plain/") for key in kept) // 3
         return {
             field: np.stack(
                 [
-                    np.stack([kept[f"{what}/{name}/{turn}/{field}"] for turn in range(seeds)])
+                    np.stack(
+                        [kept[f"{kind}/{what}/{name}/{turn}/{field}"] for turn in range(seeds)]
+                    )
                     for name in TRAINED_ON
                 ]
             )
@@ -90,7 +94,7 @@ def counted(file: Path, what: str) -> dict[str, NDArray[np.int32]]:
 
 
 def outcome(tallies: dict[str, Any], seed: int, *, draws: int = DRAWS) -> Outcome:
-    """Score one world; the three sets share every resampled recording and seed."""
+    """Score one world; the sets share every resampled recording and seed."""
     hits, false, missed = tallies["hits"], tallies["false"], tallies["missed"]
     seeds, recordings = hits.shape[1:3]
 

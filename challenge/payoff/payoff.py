@@ -8,18 +8,18 @@ from pathlib import Path
 from typing import Any
 
 from challenge.cases.seeds import number
-from challenge.payoff.gap import Outcome, counted, outcome, pooled
-from challenge.payoff.trial import SMALL, Effort, render, run_world
-from challenge.payoff.worlds import WORLDS
+from challenge.payoff.family import CONTROL
+from challenge.payoff.gap import KINDS, Outcome, counted, outcome, pooled
+from challenge.payoff.trial import FAMILIES, SMALL, Effort, render, run_world
+from challenge.proof.record_of_tests import commit
 from challenge.sets.draw import entropy
 from challenge.sets.sealed import write_whole
 
-CONTROL = "nothing"
-
 
 def payoff(
-    out: Path, *, seed: int | None, jobs: int, small: bool = False, worlds: list[str] | None = None
-) -> dict[str, Any]:
+    out: Path, *, seed: int | None, jobs: int, small: bool = False,
+    worlds: list[str] | None = None, family: str = "first", effort: Effort | None = None,
+) -> dict[str, Any]:  # fmt: skip
     """Render and seal all worlds, then diagnose, simulate, train and score each.
 
     Parameters
@@ -29,7 +29,11 @@ def payoff(
     seed
         Master seed; by default the operating system's entropy.
     worlds
-        Names out of `WORLDS`; all by default.
+        Names out of the family's `WORLDS`; all by default.
+    family
+        A name of `FAMILIES`.
+    effort
+        How much is made, unless `small`.
 
     Returns
     -------
@@ -41,28 +45,33 @@ def payoff(
     ValueError
         Where the folder was made with another seed, effort or choice of worlds.
     """
-    names = worlds if worlds else list(WORLDS)
-    unknown = sorted(set(names) - set(WORLDS))
+    if family not in FAMILIES:
+        allowed = ", ".join(FAMILIES)
+        raise ValueError(f"--family: unknown, got {family}; allowed: {allowed}")
+    every = FAMILIES[family].WORLDS
+    names = worlds if worlds else list(every)
+    unknown = sorted(set(names) - set(every))
     if unknown:
-        allowed = ", ".join(WORLDS)
+        allowed = ", ".join(every)
         raise ValueError(f"--world: unknown, got {', '.join(unknown)}; allowed: {allowed}")
-    effort = SMALL if small else Effort()
+    effort = SMALL if small else effort or Effort()
     out.mkdir(parents=True, exist_ok=True)
     plan_file = out / "plan.json"
     if plan_file.exists():
         plan = json.loads(plan_file.read_text())
-        same = plan["effort"] == asdict(effort) and plan["worlds"] == names
+        same = (plan["effort"], plan["worlds"], plan["family"]) == (asdict(effort), names, family)
         if not same or seed not in (None, plan["seed"]):
             raise ValueError(f"{out} holds a run with another seed or plan; choose another folder")
     else:
         plan = {
             "seed": entropy() if seed is None else seed, "effort": asdict(effort), "worlds": names,
+            "family": family, "commit": commit(Path(__file__).parents[2]),
         }  # fmt: skip
         write_whole(plan_file, json.dumps(plan, indent=1).encode())
     master = {name: number(plan["seed"], "world", name) for name in names}
     # all tests are sealed before the first diagnosis
     for step in (render, run_world):
-        work = [(name, master[name], effort, out) for name in names]
+        work = [(family, name, master[name], effort, out) for name in names]
         if jobs == 1:
             done = [_call(step, *each) for each in work]
         else:
@@ -75,8 +84,8 @@ def payoff(
     return results(out)
 
 
-def _call(step: Any, name: str, seed: int, effort: Effort, out: Path) -> Any:
-    return step(name, seed, effort, out)
+def _call(step: Any, family: str, name: str, seed: int, effort: Effort, out: Path) -> Any:
+    return step(family, name, seed, effort, out)
 
 
 def results(out: Path) -> dict[str, Any]:
@@ -85,21 +94,24 @@ def results(out: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``plan``; ``answers``: world -> verdict and effects; ``points`` and ``flaws``: world ->
-        Outcome, with the mean of all but the control under ``all``.
+        ``plan``; ``answers``: world -> verdict and effects; ``outcomes``: segmenter, and points or
+        flaws -> world -> Outcome, with the mean of all but the control under ``all``.
     """
     plan = json.loads((out / "plan.json").read_text())
-    found: dict[str, Any] = {"plan": plan, "answers": {}}
+    found: dict[str, Any] = {"plan": plan, "answers": {}, "outcomes": {}}
     for name in plan["worlds"]:
         answer = out / name / "diagnose" / "answer.json"
         found["answers"][name] = json.loads(answer.read_text())
-    for what in ("points", "flaws"):
-        each: dict[str, Outcome] = {
-            name: outcome(counted(out / name / "tallies.npz", what), number(plan["seed"], name))
-            for name in plan["worlds"]
-        }
-        missing = [o for name, o in each.items() if name != CONTROL]
-        if missing:
-            each["all"] = pooled(missing)
-        found[what] = each
+    for kind in KINDS:
+        for what in ("points", "flaws"):
+            each: dict[str, Outcome] = {
+                name: outcome(
+                    counted(out / name / "tallies.npz", kind, what), number(plan["seed"], name)
+                )
+                for name in plan["worlds"]
+            }
+            missing = [o for name, o in each.items() if name != CONTROL]
+            if missing:
+                each["all"] = pooled(missing)
+            found["outcomes"][kind, what] = each
     return found

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -12,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from challenge.cases.files import write_yaml
-from challenge.instrument.optical_surface import OpticalSurface
 from challenge.payoff.specimens import Specimen, write_obj
 from challenge.sets.processes import ONE_CORE
+
+Brightness = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 _ART_MM = (40.0, 34.0)  # what a print's drawing covers of the part's x-y plane
 _ART_PIXEL_MM = 0.04
@@ -46,7 +48,7 @@ def write_parts(folder: FilePath, specimens: list[Specimen]) -> None:
         write_obj(folder / f"part-{k:03d}.obj", specimen.solid)
 
 
-def write_artwork(file: FilePath, surface: OpticalSurface) -> None:
+def write_artwork(file: FilePath, brightness: Brightness) -> None:
     """Write a print's drawing, which the maker of the part has, as a picture."""
     from matplotlib.image import imsave
 
@@ -54,34 +56,35 @@ def write_artwork(file: FilePath, surface: OpticalSurface) -> None:
     x = (np.arange(columns) + 0.5) * _ART_PIXEL_MM - _ART_MM[0] / 2
     y = _ART_MM[1] / 2 - (np.arange(rows) + 0.5) * _ART_PIXEL_MM
     plane = np.stack([*np.meshgrid(x, y), np.zeros((rows, columns))], -1)
-    imsave(file, surface.brightness(plane), cmap="gray", vmin=0.0, vmax=1.0)
+    imsave(file, brightness(plane), cmap="gray", vmin=0.0, vmax=1.0)
 
 
 def recipe(
-    specimens: list[Specimen], *, seed: int, sensor: str, parts: str, columns: int,
+    specimens: list[Specimen], *, seed: int, sensor: str, surface: str, parts: str, columns: int,
     artwork: str | None,
 ) -> dict[str, Any]:  # fmt: skip
     """Return a recipe that scans each specimen once, on its own path, and cuts no flaws."""
     entries = []
+    profiles = specimens[0].instance.shape[0]
     for k, specimen in enumerate(specimens):
-        path = specimen.path
-        begin = path.start[:3, 3]
+        start = specimen.sight.start
+        begin = start[:3, 3]
         # one pitch beyond the last profile, so that rounding can't cut it off
-        run = path.direction * path.pitch_mm * path.profiles
+        run = profiles * specimen.sight.run
         motion = {
-            "look": [float(v) for v in path.start[:3, 2]],
-            "travel": [float(v) for v in path.start[:3, 1]],
+            "look": [float(v) for v in start[:3, 2]],
+            "travel": [float(v) for v in start[:3, 1]],
             "path": {
                 "waypoints": [
                     {"at_mm": [float(v) for v in begin]},
-                    {"at_mm": [float(v) for v in begin + run * path.start[:3, 1]]},
+                    {"at_mm": [float(v) for v in begin + run]},
                 ]
             },
         }
         entries.append({"path": f"{parts}/part-{k:03d}.obj", "motion": motion})
     made: dict[str, Any] = {
-        "name": "payoff", "seed": seed, "sensor": sensor, "surface": "surface.yaml",
-        "profiles": specimens[0].path.profiles, "points": columns, "parts": entries,
+        "name": "payoff", "seed": seed, "sensor": sensor, "surface": surface,
+        "profiles": profiles, "points": columns, "parts": entries,
     }  # fmt: skip
     if artwork is not None:
         made["reflectance"] = {
@@ -96,14 +99,14 @@ def recipe(
 
 def generate(
     folder: FilePath, name: str, specimens: list[Specimen], *, seed: int, sensor: str,
-    columns: int, artwork: str | None,
+    surface: str, columns: int, artwork: str | None,
 ) -> list[NDArray[np.float32]]:  # fmt: skip
     """Simulate the scans of all specimens.
 
     Parameters
     ----------
     folder
-        Holds ``parts/``, ``surface.yaml`` and the sensor's file.
+        Holds ``parts/`` and the files of sensor and surface.
     name
         Of the dataset, a folder beside them.
 
@@ -113,8 +116,8 @@ def generate(
         Readings in mm, NaN where missing, in the order of the specimens.
     """
     if not (folder / name / "dataset.json").exists():
-        made = recipe(specimens, seed=seed, sensor=sensor, parts="parts", columns=columns,
-                      artwork=artwork)  # fmt: skip
+        made = recipe(specimens, seed=seed, sensor=sensor, surface=surface, parts="parts",
+                      columns=columns, artwork=artwork)  # fmt: skip
         write_yaml(folder / f"recipe-{name}.yaml", made)
         flawforge(["generate", f"recipe-{name}.yaml", "--out", name], folder)
     return read_depths(folder / name, len(specimens))

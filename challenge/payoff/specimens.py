@@ -10,15 +10,13 @@ import manifold3d
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, distance_transform_edt, zoom
+from scipy.ndimage import binary_dilation, distance_transform_edt
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from challenge.cases.parts import solid_of
-from challenge.instrument.camera import Camera
 from challenge.instrument.instrument import Path, Solid
 from challenge.instrument.rays import Tree, nearest, plant
-from challenge.instrument.stripes import first_hits
 from challenge.payoff.flaws import (
     KINDS,
     RANGES,
@@ -29,6 +27,7 @@ from challenge.payoff.flaws import (
     patch_of,
     solid_from,
 )
+from challenge.payoff.sights import Sight, moved
 
 Floats = NDArray[np.float64]
 
@@ -48,7 +47,7 @@ class Specimen:
     ----------
     solid
         Part frame, as its file has it.
-    path
+    sight
         Commanded scan; the part lies where it says.
     flaws
         Those that were cut; number k + 1 in `instance`.
@@ -58,7 +57,7 @@ class Specimen:
     """
 
     solid: Solid
-    path: Path
+    sight: Sight
     flaws: tuple[Flaw, ...]
     instance: NDArray[np.int16]
 
@@ -98,8 +97,8 @@ def draw_path(
     return replace(like, start=start, direction=direction)
 
 
-def _smooth(tree: Tree, camera: Camera, low: Floats, high: Floats) -> NDArray[np.bool_]:
-    """Cells of a grid across the view that are smooth, not steep, and seen by the camera."""
+def _smooth(tree: Tree, sight: Sight, low: Floats, high: Floats) -> NDArray[np.bool_]:
+    """Cells of a grid across the view that are smooth, not steep, lit and seen."""
     x = np.arange(low[0], high[0], _CELL_MM)
     y = np.arange(low[1], high[1], _CELL_MM)
     z = plumb(tree, np.stack(np.meshgrid(x, y, indexing="ij"), -1))
@@ -109,19 +108,14 @@ def _smooth(tree: Tree, camera: Camera, low: Floats, high: Floats) -> NDArray[np
         with np.errstate(invalid="ignore"):
             bad |= ~(np.abs(ahead + behind - 2 * z) < _STEP_MM)
             bad |= ~(np.abs(ahead - behind) < _STEEP * 4 * _CELL_MM)
-    _, _, visible = first_hits(tree, y, camera)
-    bad |= zoom(~visible.T, np.array(bad.shape) / visible.T.shape, order=0)
+    bad |= ~sight.seen(tree, x, y, z)
     bad = binary_dilation(bad, iterations=2)
     bad[:3], bad[-3:], bad[:, :3], bad[:, -3:] = True, True, True, True
     return np.asarray(~bad)
 
 
-def _moved(solid: Solid, pose: NDArray[np.floating]) -> Floats:
-    return np.asarray(solid.vertices_mm @ pose[:3, :3].T + pose[:3, 3])
-
-
 def make_specimen(
-    clean: Solid, path: Path, camera: Camera, rng: np.random.Generator, *, each: int = 2
+    clean: Solid, sight: Sight, rng: np.random.Generator, *, each: int = 2
 ) -> Specimen:
     """Cut flaws of every kind and size into a part, where a scan sees it.
 
@@ -132,13 +126,10 @@ def make_specimen(
     each
         Flaws tried of each kind and size; those without room are left out.
     """
-    to_sensor = np.linalg.inv(path.start)
-    vertices = _moved(clean, to_sensor)
+    vertices = moved(clean, np.linalg.inv(sight.frame))
     tree = plant(vertices, clean.faces)
-    half_x = camera.working_distance_mm * np.tan(camera.fov_rad / 2) - 0.5
-    ends = np.sort([0.0, path.direction * path.pitch_mm * (path.profiles - 1)])
-    low, high = np.array([-half_x, ends[0]]), np.array([half_x, ends[1]])
-    free = _smooth(tree, camera, low, high)
+    low, high = sight.ends_mm
+    free = _smooth(tree, sight, low, high)
     cut: list[Flaw] = []
     places: list[Floats] = []
     cutters: list[manifold3d.Manifold] = []
@@ -176,9 +167,9 @@ def make_specimen(
             break
     part = solid_from(vertices, clean.faces)
     tools = manifold3d.Manifold.batch_boolean(cutters, manifold3d.OpType.Add)
-    found = solid_of((part - tools).transform(np.asarray(path.start[:3], np.float64)))
-    instance = _label(clean, found, path, camera, cut, places)
-    return Specimen(solid=found, path=path, flaws=tuple(cut), instance=instance)
+    found = solid_of((part - tools).transform(np.asarray(sight.frame[:3], np.float64)))
+    instance = _label(clean, found, sight, cut, places)
+    return Specimen(solid=found, sight=sight, flaws=tuple(cut), instance=instance)
 
 
 def _rim_mm(flaw: Flaw) -> float:
@@ -197,29 +188,17 @@ def _filled(flaw: Flaw) -> Floats:
     return np.stack([np.interp(at, each, flaw.track_mm[:, k]) for k in (0, 1)], 1)
 
 
-def geometry(solid: Solid, path: Path, camera: Camera) -> tuple[Floats, NDArray[np.bool_]]:
-    """Depth by rays alone, and whether the camera sees it; (profiles, columns)."""
-    tree = plant(_moved(solid, np.linalg.inv(path.start)), solid.faces)
-    y = path.direction * path.pitch_mm * np.arange(path.profiles, dtype=np.float64)
-    depth, _, visible = first_hits(tree, y, camera)
-    return depth, visible
-
-
 def _label(
-    clean: Solid, found: Solid, path: Path, camera: Camera,
-    cut: list[Flaw], places: list[Floats],
-) -> NDArray[np.int16]:  # fmt: skip
-    before, _ = geometry(clean, path, camera)
-    after, _ = geometry(found, path, camera)
+    clean: Solid, found: Solid, sight: Sight, cut: list[Flaw], places: list[Floats]
+) -> NDArray[np.int16]:
+    before, after = sight.depth(clean), sight.depth(found)
     with np.errstate(invalid="ignore"):
         deviation = after - before
     label = np.where(np.isfinite(before), 0, -1).astype(np.int16)
     label[deviation > 0.001] = -1  # a faint rim counts neither way
     deep = deviation > LABEL_MM
     if deep.any() and cut:
-        y = path.direction * path.pitch_mm * np.arange(path.profiles)
-        x = before * np.tan(camera.angles_rad())
-        points = np.stack([x, np.broadcast_to(y[:, None], x.shape)], -1)[deep]
+        points = sight.places(before)[deep]
         away = [
             cKDTree(place).query(points)[0] - _rim_mm(flaw)
             for flaw, place in zip(cut, places, strict=True)

@@ -1,10 +1,11 @@
-"""The worlds: one physical switch of the instrument or the surface each, and what is scanned there.
+"""The worlds of the first family: one physical switch of the instrument or the surface each.
 
 A world is one part, one instrument and its setting. A stranger gets recordings of the clean part
 and what was written when the instrument was accepted: its file and two scans of a plate.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -16,32 +17,15 @@ from challenge.cases.parts import plate
 from challenge.cases.seeds import child, number
 from challenge.instrument.instrument import Path
 from challenge.instrument.optical_surface import OpticalSurface
+from challenge.payoff.family import STRONG, Ready, World, first_solid
+from challenge.payoff.sights import UprightLaser
 from challenge.payoff.specimens import Specimen, draw_path, make_specimen
 
 PROFILES = 120
-_TRIES = 5
+BASELINES: tuple[str, ...] = ()
+"""This family keeps no recordings of the part from before."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class World:
-    """The effect that the nominal simulation lacks in one world.
-
-    Attributes
-    ----------
-    switch
-        A name of `challenge.cases.switches`; empty where nothing is missing.
-    words
-        For the page.
-    shape
-        Of the part.
-    """
-
-    switch: str
-    words: str
-    shape: str = "waves"
-
-
-STRONG = 2
 WORLDS: dict[str, World] = {
     "nothing": World(switch="", words="nothing is missing (control)"),
     "shaking": World(switch="stage_vibration", words="the stage vibrates"),
@@ -52,42 +36,25 @@ WORLDS: dict[str, World] = {
 }
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Ready:
-    """A world ready to be scanned: the staged case, and its seed."""
-
-    name: str
-    secret: Secret
-    staged: Staged
-
-
 def ready(name: str, seed: int) -> Ready:
-    """Draw a world's part and instrument and calibrate it.
-
-    Raises
-    ------
-    RuntimeError
-        Where several parts in a row were no solids.
-    """
+    """Draw a world's part and instrument and calibrate it."""
     world = WORLDS[name]
-    for attempt in range(_TRIES):
-        secret = Secret(
+
+    def secret_of(own: int) -> Secret:
+        return Secret(
             kind="one" if world.switch else "null",
             switches=(world.switch,) if world.switch else (),
-            strength=STRONG, shape=world.shape, recordings=3,
-            seed=number(seed, "payoff", name, str(attempt)),
+            strength=STRONG, shape=world.shape, recordings=3, seed=own,
         )  # fmt: skip
-        try:
-            staged = stage(secret)
-        except ValueError:
-            continue
-        scans = staged.on.scans
-        short = replace(scans, paths=tuple(_shortened(path) for path in scans.paths))
-        staged = replace(
-            staged, on=replace(staged.on, scans=short), off=replace(staged.off, scans=short)
-        )
-        return Ready(name=name, secret=secret, staged=staged)
-    raise RuntimeError(f"{name}: {_TRIES} parts in a row were no solids")
+
+    return first_solid(name, seed, secret_of, _staged)
+
+
+def _staged(secret: Secret) -> Staged:
+    staged = stage(secret)
+    scans = staged.on.scans
+    short = replace(scans, paths=tuple(_shortened(path) for path in scans.paths))
+    return replace(staged, on=replace(staged.on, scans=short), off=replace(staged.off, scans=short))
 
 
 def _shortened(path: Path) -> Path:
@@ -125,7 +92,7 @@ def specimen(world: Ready, purpose: str, k: int) -> Specimen:
     rng = child(world.secret.seed, "payoff", purpose, str(k))
     like = world.staged.on.scans.paths[0]
     path = draw_path(rng, like, device.camera.working_distance_mm, top)
-    return make_specimen(clean, path, device.camera, rng)
+    return make_specimen(clean, UprightLaser(path=path, camera=device.camera), rng)
 
 
 def scan(world: Ready, purpose: str, k: int, made: Specimen) -> NDArray[np.float32]:
@@ -134,8 +101,20 @@ def scan(world: Ready, purpose: str, k: int, made: Specimen) -> NDArray[np.float
     surface = on.surface
     if surface.relief_mm > 0:
         surface = replace(surface, relief_seed=number(seed, "relief", purpose, str(k)))
+    assert isinstance(made.sight, UprightLaser)
     depth, _ = on.device.scan(
-        made.solid, surface, made.path, child(seed, "payoff noise", purpose, str(k)),
+        made.solid, surface, made.sight.path, child(seed, "payoff noise", purpose, str(k)),
         specimen=number(seed, "payoff surface", purpose, str(k)),
     )  # fmt: skip
-    return depth
+    return np.asarray(depth, np.float32)
+
+
+def columns(world: Ready) -> int:
+    """Count the readings of a profile."""
+    return int(world.staged.on.device.camera.columns)
+
+
+def pattern(world: Ready) -> Callable[[NDArray[np.float64]], NDArray[np.float64]] | None:
+    """Brightness of the part's print at points of it; None without one."""
+    surface: OpticalSurface = world.staged.on.surface
+    return surface.brightness if surface.albedo_ratio != 1.0 else None

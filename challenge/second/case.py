@@ -72,7 +72,7 @@ def draw_device(rng: np.random.Generator, *, slow: bool) -> Device:
     )  # fmt: skip
 
 
-def _travel(
+def travel_over(
     rng: np.random.Generator, device: Device, turn_deg: float, pitch: float, rate: float,
     profiles: int, clock: float, aim: NDArray[np.float64], lean_deg: float,
 ) -> Travel:  # fmt: skip
@@ -124,11 +124,11 @@ def stage(secret: Secret, meshes: Path | None = None) -> Staged:
         angle = float(turn + rng.uniform(-12, 12))
         if secret.aligned:
             angle = 180.0 * round(angle / 180.0)
-        travels.append(_travel(rng, device, angle, pitch, rate, profiles, clock, aim, 6.0))
+        travels.append(travel_over(rng, device, angle, pitch, rate, profiles, clock, aim, 6.0))
         clock += profiles / rate + float(rng.uniform(20, 120))
     misplaced = [drawn_place(rng) for _ in travels]
     plates = tuple(
-        _travel(rng, device, 90.0 * k, pitch, rate, profiles, 3000.0 + 500 * k,
+        travel_over(rng, device, 90.0 * k, pitch, rate, profiles, 3000.0 + 500 * k,
                 np.array([2.0 * k, 0.0, 0.0]), 2.0)
         for k in range(len(PLATES))
     )  # fmt: skip

@@ -19,7 +19,7 @@ from sensors.effects.base import Effect
 from sensors.effects.onboard_filter import OnboardFilter
 from sensors.effects.roughness_level import RoughnessLevel
 from sensors.law import geometric_law
-from sensors.noise.perlin import PerlinField
+from sensors.noise.speckle import Speckle
 from sensors.noise.uncertainty import quantise, sigma_mm
 from sensors.surface.surface import Surface
 from sensors.view.view import View
@@ -41,7 +41,7 @@ PEAKS = (0.3, 0.5, 0.7, 1.0, 1.4, 2.0)
 class _Claimed:
     """What a surface's file claims of the noise, on a recording's grid."""
 
-    speckle: PerlinField
+    speckle: Speckle
     white_mm: float
     step_mm: float
     pitch_mm: tuple[float, float]

@@ -88,6 +88,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_judge(at["judge"])
     payoff = at["payoff"]
     payoff.add_argument("--small", action="store_true", help="few specimens: a try, no result")
+    for name, words in (
+        ("training", "specimens to train on in each world (default 16)"),
+        ("test", "sealed specimens of each world (default 10)"),
+        ("seeds", "segmenters trained on each set, each on half of its specimens (default 4)"),
+    ):
+        payoff.add_argument(f"--{name}", type=int, metavar="N", help=words)
+    payoff.add_argument(
+        "--family", default="first", metavar="NAME",
+        help="family of instruments: first or second (default first)",
+    )  # fmt: skip
     payoff.add_argument(
         "--world", action="append", metavar="NAME", help="a world; may be repeated (default: all)"
     )
@@ -234,14 +244,17 @@ def _judge(arguments: argparse.Namespace) -> int:
 
 
 def _payoff(arguments: argparse.Namespace) -> int:
-    from challenge.payoff.page import conclusion, headline, write_page
+    from challenge.payoff.page import conclusions, headline, write_page
     from challenge.payoff.payoff import payoff
+    from challenge.payoff.trial import Effort
 
+    sizes = ("training", "test", "seeds")
     found = payoff(
         arguments.out, seed=arguments.seed, jobs=arguments.jobs, small=arguments.small,
-        worlds=arguments.world,
+        worlds=arguments.world, family=arguments.family,
+        effort=Effort(**{k: v for k in sizes if (v := getattr(arguments, k)) is not None}),
     )  # fmt: skip
-    for line in (*headline(found), conclusion(found)):
+    for line in (*headline(found), *conclusions(found)):
         print(line)
     if arguments.write is not None:
         write_page(found, arguments.out, arguments.write)

@@ -1,13 +1,22 @@
 """`flawforge roughness`: measure a surface's roughness and write its surface.yaml."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from sensors.noise.calibration import Solution
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from sensors.datasheet import Datasheet
     from sensors.noise.noise_target import NoiseTarget
+    from sensors.noise.speckle import Speckle
+    from sensors.surface.roughness import Roughness
     from sensors.surface.surface import Surface
+    from sensors.surface.topography import Topography
+
+    Floats = NDArray[np.float64]
 
 EPILOG = """\
 Writes surface.yaml (figures, and the noise whose simulated scans have the same figures, heights
@@ -15,12 +24,17 @@ and spectra), roughness.csv (figures of each profile) and roughness.png (profile
 spectra). The sign of the readings is kept: a peak of depths lies farther from the sensor.
 Repeated profiles are dropped.
 
+`--speckle measured` stores the autocorrelation and heights of the plate's noise, in place of
+solving Perlin noise: neighbouring profiles that share their speckle may be correlated negatively,
+which Perlin noise can't be. Without a cut-off, waviness of the plate counts as noise.
+
 For a surface.yaml, the command solves the noise that has the stated figures.
 
 examples:
   flawforge roughness plate.h5 --region 0:200,100:900 --cutoff-mm 2.5 --out plate
   flawforge roughness heights.npy --unit um --pitch-x-mm 0.045 --pitch-y-mm 0.2
   flawforge roughness profile.csv              two columns, x_mm,z_um in the first line
+  flawforge roughness plate.h5 --speckle measured --out plate
   flawforge roughness mysteel.yaml             rpm_mm, rvm_mm, pc_per_mm and a pitch suffice
 """
 
@@ -60,6 +74,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="sensor.yaml or preset, for resolution and the pitch of a fan",
     )
     parser.add_argument("--name", help="name of the surface (default: the file's)")
+    parser.add_argument(
+        "--speckle",
+        choices=("perlin", "measured"),
+        default="perlin",
+        help="noise of the surface.yaml: Perlin noise with the recording's figures (perlin), or a "
+        "field with its autocorrelation (measured; default perlin)",
+    )
     parser.add_argument("--no-noise", action="store_true", help="write figures and pictures only")
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="folder for the results (default: NAME-roughness)"
@@ -82,9 +103,15 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _solve_for_figures(arguments: argparse.Namespace) -> int:
+    from files.errors import RecipeError
     from sensors.surface.surface import Surface
 
     surface = Surface.load(arguments.file)
+    if surface.measured is not None:
+        raise RecipeError(
+            "'measured' is the file's noise; none is solved for its figures", where=arguments.file,
+            allowed="a surface.yaml without 'measured'",
+        )  # fmt: skip
     resolution, repeatability = _uncertainty(arguments)
     ready = surface.ready(
         arguments.pitch_x_mm,
@@ -106,11 +133,12 @@ def _measure(arguments: argparse.Namespace) -> int:
     from files.errors import RecipeError
     from flawforge.region import parse_ranges
     from sensors.datasheet import Datasheet
+    from sensors.noise.autocorrelation import measured_field
     from sensors.noise.calibration import calibrate
-    from sensors.noise.noise_target import measure
+    from sensors.noise.noise_target import measure, simulated_figures
     from sensors.surface.form import remove_form
     from sensors.surface.roughness import FIGURES, profile_roughness
-    from sensors.surface.surface import Surface
+    from sensors.surface.surface import MeasuredNoise, Surface
     from sensors.surface.topography import load_topography, resolution_of
 
     sensor = Datasheet.load(arguments.sensor) if arguments.sensor else None
@@ -125,13 +153,16 @@ def _measure(arguments: argparse.Namespace) -> int:
     resolution_um, repeatability_um = _uncertainty(arguments)
     if resolution_um is None:
         resolution_um = float(f"{1000.0 * resolution_of(readings):.4g}")
+    gain = _listed_gain(scan, sensor)
+    readings = readings / gain
     try:
         wanted = measure(
             readings,
             scan.pitch_x_mm,
             scan.pitch_y_mm,
-            resolution_mm=resolution_um / 1000.0,
-            repeatability_mm=repeatability_um / 1000.0,
+            # what the tilt makes louder isn't the sensor's own uncertainty
+            resolution_mm=resolution_um / 1000.0 / gain,
+            repeatability_mm=repeatability_um / 1000.0 / gain,
             cutoff_mm=arguments.cutoff_mm,
             form=arguments.form,
         )
@@ -156,9 +187,20 @@ def _measure(arguments: argparse.Namespace) -> int:
         + (f", region {arguments.region}" if arguments.region else "")
         + (f", cut-off {arguments.cutoff_mm:g} mm" if arguments.cutoff_mm else ""),
     )
-    solution = None
-    if not arguments.no_noise:
+    field: Speckle | None = None
+    reached = None
+    if arguments.no_noise:
+        pass
+    elif arguments.speckle == "measured":
+        found = measured_field(
+            flat, scan.pitch_x_mm, scan.pitch_y_mm, resolution_mm=wanted.resolution_mm,
+            repeatability_mm=wanted.repeatability_mm,
+        )  # fmt: skip
+        surface = replace(surface, measured=MeasuredNoise.of(found))
+        field, reached = found, simulated_figures(found, wanted, readings - flat)
+    else:
         solution = calibrate(wanted)
+        field, reached = solution.field, solution.reached
         surface = surface.with_solution(
             solution, resolution_um, repeatability_um, arguments.cutoff_mm
         )
@@ -172,8 +214,10 @@ def _measure(arguments: argparse.Namespace) -> int:
         f"{wanted.profiles} profiles × {wanted.points} points{dropped}, "
         f"pitch {scan.pitch_x_mm:g} × {scan.pitch_y_mm:g} mm, resolution {resolution_um:g} µm"
     )
-    _print_table(wanted, solution)
-    _draw(surface, wanted, solution, flat, out / "roughness.png")
+    if gain != 1.0:
+        print(f"tilt: the sensor's file lists {gain:.3f} times the noise; divided by that")
+    _print_table(wanted, reached)
+    _draw(surface, wanted, field, readings, flat, out / "roughness.png")
     print(f"wrote {out / 'surface.yaml'}, roughness.csv, roughness.png")
     return 0
 
@@ -187,27 +231,43 @@ def _uncertainty(arguments: argparse.Namespace) -> tuple[float | None, float]:
     return sensor.z_resolution_um, sensor.repeatability_um or 0.0
 
 
+def _listed_gain(scan: "Topography", sensor: "Datasheet | None") -> float:
+    """How much louder than square to the laser a sensor's file has the noise of a tilted plate."""
+    from sensors.effects.incidence_noise import IncidenceNoise
+    from sensors.model import SensorModel
+
+    if sensor is None:
+        return 1.0
+    cosine = (1.0 + scan.slope_x**2 + scan.slope_y**2) ** -0.5
+    gain = 1.0
+    for effect in SensorModel(sensor).effects:
+        if isinstance(effect, IncidenceNoise):
+            gain *= float(effect.gain(cosine, scan.slope_y))
+    return round(gain, 3)
+
+
 def _folder(arguments: argparse.Namespace) -> Path:
     out: Path = arguments.out or Path(f"{arguments.file.stem}-roughness")
     out.mkdir(parents=True, exist_ok=True)
     return out
 
 
-def _print_table(wanted: "NoiseTarget", solution: "Solution | None") -> None:
+def _print_table(wanted: "NoiseTarget", reached: "Roughness | None") -> None:
     figures = wanted.figures()
     header = f"{'figure':<12}{'measured':>12}"
-    print(header + (f"{'simulated':>12}{'error %':>10}" if solution else ""))
+    print(header + (f"{'simulated':>12}{'error %':>10}" if reached else ""))
     for name, value in figures.items():
         line = f"{name:<12}{value:>12.5g}"
-        if solution is not None:
-            reached = getattr(solution.reached, name)
-            line += f"{reached:>12.5g}{100 * (reached / value - 1):>10.1f}"
+        if reached is not None:
+            found = getattr(reached, name)
+            line += f"{found:>12.5g}{100 * (found / value - 1):>10.1f}"
         print(line)
 
 
 def _draw(
-    surface: "Surface", wanted: "NoiseTarget", solution: "Solution | None", flat: object, path: Path
-) -> None:
+    surface: "Surface", wanted: "NoiseTarget", field: "Speckle | None", readings: "Floats",
+    flat: "Floats", path: Path,
+) -> None:  # fmt: skip
     import numpy as np
 
     from flawforge.roughness_picture import draw
@@ -215,9 +275,9 @@ def _draw(
     from sensors.surface.form import remove_form
 
     simulated = None
-    if solution is not None:
+    if field is not None:
         rngs = np.random.default_rng([7, 0]), np.random.default_rng([7, 1])
-        simulated = remove_form(
-            simulate(solution.field, wanted, *rngs), wanted.pitch_x_mm, wanted.cutoff_mm
-        )
-    draw(np.asarray(flat), simulated, wanted, surface.name, path)
+        # with the form of the recording, on which rounding depends
+        made = simulate(field, wanted, *rngs, depth_mm=readings - flat)
+        simulated = remove_form(made, wanted.pitch_x_mm, wanted.cutoff_mm)
+    draw(flat, simulated, wanted, surface.name, path)

@@ -5,12 +5,15 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sensors.effects.effect import Effect
 from sensors.effects.parameter import parameter
 from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.view.view import View
+
+Floats = NDArray[np.float64]
 
 STEEPEST_DEG = 80.0
 """Incidence beyond which the standard deviation is held constant."""
@@ -61,8 +64,12 @@ class IncidenceNoise(Effect):
 
     def changed(self, law: Law, view: View) -> Law:
         """Multiply the speckle's gain."""
-        cosine = np.maximum(view.cos_incidence, math.cos(math.radians(STEEPEST_DEG)))
-        slope = np.clip(view.slope_y, -1.0, 1.0)
-        gain = cosine**-self.exponent * np.exp(self.lean * slope)
+        gain = self.gain(view.cos_incidence, view.slope_y)
         gain = np.where(view.in_range, gain, 1.0)
         return replace(law, speckle_gain=np.asarray(law.speckle_gain * gain))
+
+    def gain(self, cos_incidence: Floats | float, slope_y: Floats | float) -> Floats:
+        """Factor on the speckle of a surface at an incidence, with a slope dz/dy."""
+        cosine = np.maximum(cos_incidence, math.cos(math.radians(STEEPEST_DEG)))
+        slope = np.clip(slope_y, -1.0, 1.0)
+        return np.asarray(cosine**-self.exponent * np.exp(self.lean * slope))

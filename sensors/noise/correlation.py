@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sensors.noise.lay import sample_lay
+from sensors.noise.measured_field import MeasuredField
 from sensors.noise.perlin import OCTAVE_SD, PerlinField, smoothstep
+from sensors.noise.speckle import Speckle
 
 Floats = NDArray[np.float64]
 
@@ -26,7 +28,7 @@ NODES = 2001  # of the table of B and R over 0 to 2 cells; linear between, error
 
 
 def speckle_kernel(
-    field: PerlinField,
+    field: Speckle,
     pitch_x_mm: float,
     pitch_y_mm: float,
     *,
@@ -53,6 +55,14 @@ def speckle_kernel(
     (2a + 1, 2b + 1) array
         1 in the middle; rows are lags along the travel.
     """
+    if isinstance(field, MeasuredField):
+        reach = max(field.reach_mm) * max(lay_ratio, 1 / lay_ratio) ** 0.5
+        if lay_ratio == 1.0:
+            lags = [_lags(r, p) for r, p in zip(field.reach_mm, (pitch_x_mm, pitch_y_mm),
+                                                strict=True)]  # fmt: skip
+        else:
+            lags = [_lags(reach, pitch) for pitch in (pitch_x_mm, pitch_y_mm)]
+        return field.correlation_at(*lags, lay_ratio=lay_ratio, lay_angle_rad=lay_angle_rad)
     if field.heights is None:
         return _closed_form(field, pitch_x_mm, pitch_y_mm, lay_ratio, lay_angle_rad)
     return _measured(field, _rounded(pitch_x_mm), _rounded(pitch_y_mm), lay_ratio, lay_angle_rad)

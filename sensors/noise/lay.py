@@ -11,14 +11,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from sensors.noise.perlin import PerlinField, grid_pitch
+from sensors.noise.measured_field import MeasuredField
+from sensors.noise.perlin import grid_pitch
+from sensors.noise.speckle import Speckle
 from sensors.noise.splitmix64 import mixed
 
 Floats = NDArray[np.float64]
 
 
 def sample_lay(
-    field: PerlinField,
+    field: Speckle,
     x_mm: Floats,
     y_mm: Floats,
     ratio: float,
@@ -29,7 +31,7 @@ def sample_lay(
 
     Parameters
     ----------
-    field : PerlinField
+    field : Speckle
         The noise without lay; with equal cells the result's spectrum is an ellipse.
     x_mm : (m,) array
         Columns, mm.
@@ -46,6 +48,8 @@ def sample_lay(
     (n, m) array
         Heights in mm.
     """
+    if isinstance(field, MeasuredField):
+        return field.sample(x_mm, y_mm, rng, lay_ratio=ratio, lay_angle_rad=angle_rad)
     stretch = math.sqrt(ratio)
     drawn = dataclasses.replace(
         field, cell_x_mm=field.cell_x_mm * stretch, cell_y_mm=field.cell_y_mm / stretch

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sensors.noise.perlin import PerlinField
+from sensors.noise.speckle import Speckle
 from sensors.noise.spectrum import band_edges, band_power, power_spectrum
 from sensors.noise.uncertainty import gaussian_sd_mm, quantise
 from sensors.surface.form import remove_form
-from sensors.surface.roughness import FIGURES, roughness
+from sensors.surface.roughness import FIGURES, Roughness, roughness
 
 Floats = NDArray[np.float64]
 
@@ -152,23 +152,23 @@ def distribution(wanted: NoiseTarget, flat: Floats) -> tuple[Floats, Floats, Flo
 
 
 def simulate(
-    noise: PerlinField,
+    noise: Speckle,
     wanted: NoiseTarget,
     rng_field: np.random.Generator,
     rng_sensor: np.random.Generator,
-    depth_mm: float = 0.0,
+    depth_mm: Floats | float = 0.0,
 ) -> Floats:
     """Draw one window as the sensor would deliver it of a flat part: noise, equation 10, rounding.
 
     Parameters
     ----------
-    noise : PerlinField
+    noise : Speckle
         The surface's speckle.
     wanted : NoiseTarget
         Window, pitch and sensor.
     rng_field, rng_sensor : Generator
         Sources of the speckle and of the sensor's own uncertainty.
-    depth_mm : float
+    depth_mm : float or array that broadcasts to (profiles, points)
         Depth of the part.
 
     Returns
@@ -179,3 +179,23 @@ def simulate(
     readings = noise.sample(*wanted.grid(), rng_field) + depth_mm
     sigma = gaussian_sd_mm(wanted.resolution_mm, wanted.repeatability_mm)
     return quantise(readings + rng_sensor.normal(0.0, sigma, readings.shape), wanted.resolution_mm)
+
+
+def simulated_figures(
+    noise: Speckle, wanted: NoiseTarget, form_mm: Floats, windows: int = 5
+) -> Roughness:
+    """Return the mean figures of simulated recordings of a plate.
+
+    Parameters
+    ----------
+    form_mm : (profiles, points) array
+        What was removed from the plate's readings, NaN where missing: rounding depends on it.
+    """
+    rows = []
+    for k in range(windows):
+        rngs = np.random.default_rng([7, 2, k]), np.random.default_rng([7, 3, k])
+        readings = simulate(noise, wanted, *rngs, depth_mm=form_mm)
+        flat = remove_form(readings, wanted.pitch_x_mm, wanted.cutoff_mm)
+        rows.append(roughness(flat, wanted.pitch_x_mm).values())
+    means = np.mean(rows, axis=0)
+    return Roughness(**{name: float(v) for name, v in zip(FIGURES, means, strict=True)})

@@ -15,8 +15,10 @@ from quantity import quantity
 from sensors.datasheet import preset_path
 from sensors.noise.calibration import METHOD, Solution, calibrate
 from sensors.noise.heights import HeightMap
+from sensors.noise.measured_field import MeasuredField
 from sensors.noise.noise_target import NoiseTarget
 from sensors.noise.perlin import PerlinField
+from sensors.noise.speckle import Speckle
 from sensors.surface.roughness import FIGURES
 
 
@@ -62,12 +64,52 @@ class Calibration:
 
 
 @record
+class MeasuredNoise:
+    """Autocorrelation and heights of a recorded plate's noise (`measured`).
+
+    `correlation` holds at lags of whole steps; rows are lags along the travel, 1 is in the middle.
+    """
+
+    step_x_mm: float = quantity(
+        "step of the correlation's lags along the laser line", unit="mm", low=0, above=True
+    )
+    step_y_mm: float = quantity(
+        "step of the correlation's lags along the travel", unit="mm", low=0, above=True
+    )
+    correlation: tuple[tuple[float, ...], ...]
+    knots: tuple[float, ...]
+    heights_mm: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        self.field()
+
+    @classmethod
+    def of(cls, field: MeasuredField) -> "MeasuredNoise":
+        """Keep a field, rounded as files hold it."""
+        assert field.heights is not None
+        return cls(
+            step_x_mm=float(f"{field.cell_x_mm:.6g}"), step_y_mm=float(f"{field.cell_y_mm:.6g}"),
+            correlation=field.correlation, knots=field.heights.knots,
+            heights_mm=field.heights.values,
+        )  # fmt: skip
+
+    def field(self) -> MeasuredField:
+        """Return the noise in mm."""
+        return MeasuredField(
+            amplitude_mm=1.0, cell_x_mm=self.step_x_mm, cell_y_mm=self.step_y_mm,
+            correlation=self.correlation,
+            heights=HeightMap(knots=self.knots, values=self.heights_mm),
+        )  # fmt: skip
+
+
+@record
 class Surface:
     """Roughness figures of a surface, profile by profile and averaged (surface.yaml).
 
     The three that the paper's model needs are required. Figures hold at the pitch given (without
     one, at that of the scan) and in windows of `profiles` by `points_per_profile` (the paper's,
-    100 by 501, where none is given).
+    100 by 501, where none is given). Where a plate's noise was `measured`, the speckle has its
+    autocorrelation and heights, and the figures only describe it.
     """
 
     name: str
@@ -102,6 +144,7 @@ class Surface:
     )
     source: str | None = None
     calibration: Calibration | None = None
+    measured: MeasuredNoise | None = None
 
     @classmethod
     def load(cls, source: str | Path) -> "Surface":
@@ -120,7 +163,9 @@ class Surface:
 
     @property
     def is_calibrated(self) -> bool:
-        """Whether the stored calibration was solved for these figures."""
+        """Whether the noise is a measured one, or its calibration was solved for these figures."""
+        if self.measured is not None:
+            return True
         return self.calibration is not None and self.calibration.inputs == self._inputs()
 
     def ready(
@@ -204,8 +249,8 @@ class Surface:
         text = json.dumps([METHOD, rounded, window], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
-    def field(self, *, verbatim: bool = False, normalised: bool = False) -> PerlinField:
-        """Return the speckle noise of this surface, calibrated unless `verbatim`.
+    def field(self, *, verbatim: bool = False, normalised: bool = False) -> Speckle:
+        """Return the speckle noise of this surface: measured, or calibrated unless `verbatim`.
 
         Without a stored calibration the method solves one, which takes seconds: call `ready` once
         before generating many scans.
@@ -228,6 +273,8 @@ class Surface:
                 persistence=0.5,
                 aligned=True,
             )
+        if self.measured is not None:
+            return self.measured.field()
         calibration = self.ready().calibration
         assert calibration is not None
         return calibration.field()

@@ -20,7 +20,8 @@ KINDS = ", ".join([".h5", *READERS])
 class Topography:
     """Readings in mm, one row a profile, NaN where missing, and their pitch.
 
-    `repeated` counts profiles that repeated the one before and were dropped.
+    `repeated` counts profiles that repeated the one before and were dropped; `slope_x` and
+    `slope_y` are those of a recording's best plane in the sensor's frame, 0 without poses.
     """
 
     name: str
@@ -28,6 +29,8 @@ class Topography:
     pitch_x_mm: float
     pitch_y_mm: float
     repeated: int = 0
+    slope_x: float = 0.0
+    slope_y: float = 0.0
 
 
 def load_topography(
@@ -63,9 +66,11 @@ def load_topography(
     if not path.is_file():
         raise RecipeError("no such file", where=path)
     held: tuple[float | None, float | None] = (None, None)
+    slopes = 0.0, 0.0
     if kind in (".h5", ".hdf5"):
         recording = Recording.load(path)
         readings, held = recording.depth_mm, _recording_pitch(recording, sensor)
+        slopes = _slopes(recording, held[0])
     elif kind in READERS:
         heights = read_height_map(path, unit)
         readings = heights.readings_mm
@@ -94,6 +99,8 @@ def load_topography(
         pitch_x_mm=float(pitch_x),
         pitch_y_mm=float(pitch_y_mm or held[1] or pitch_x),
         repeated=int(repeated.sum()),
+        slope_x=slopes[0],
+        slope_y=slopes[1],
     )
 
 
@@ -134,6 +141,21 @@ def _recording_pitch(
     steps = np.linalg.norm(np.diff(recording.poses[:, :3, 3], axis=0), axis=1)
     pitch_y = float(np.median(steps)) if steps.size else 0.0
     return pitch_x, pitch_y if pitch_y > 0.0 else None
+
+
+def _slopes(recording: Recording, pitch_x_mm: float | None) -> tuple[float, float]:
+    """Depth slopes dz/dx and dz/dy of a straight recording's best plane, sensor frame."""
+    depth, poses = np.asarray(recording.depth_mm, np.float64), recording.poses
+    way = (poses[:, :3, 3] - poses[0, :3, 3]) @ poses[0, :3, :3]
+    along = np.median(np.diff(way, axis=0), axis=0) if len(way) > 1 else np.zeros(3)
+    seen = np.isfinite(depth)
+    if pitch_x_mm is None or not abs(along[1]) > 0.0 or seen.sum() < 100:
+        return 0.0, 0.0
+    row, column = np.nonzero(seen)
+    y, z = way[row, 1], depth[seen] + way[row, 2]
+    design = np.stack([np.ones(row.size), column * pitch_x_mm, y], 1)
+    found = np.linalg.lstsq(design, z, rcond=None)[0]
+    return float(found[1]), float(found[2])
 
 
 def _even_pitch(places_mm: Floats | None, path: Path) -> float | None:

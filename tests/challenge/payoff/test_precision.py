@@ -92,8 +92,8 @@ def test_share_closed_at_its_ends():
 def tallies(levels, recordings=6, seeds=2):
     """Give hits of one bin each, above or below the false ones by the level of each set."""
     rng = np.random.default_rng(0)
-    hits = np.zeros((3, seeds, recordings, len(GROUPS), BINS), np.int32)
-    false = np.zeros((3, seeds, recordings, BINS), np.int32)
+    hits = np.zeros((len(levels), seeds, recordings, len(GROUPS), BINS), np.int32)
+    false = np.zeros((len(levels), seeds, recordings, BINS), np.int32)
     for k, level in enumerate(levels):
         for r in range(recordings):
             good = rng.random(200) < level
@@ -104,23 +104,25 @@ def tallies(levels, recordings=6, seeds=2):
 
 
 def test_a_gap_of_nothing_has_no_share():
-    same = tallies([0.5, 0.5, 0.5])
+    same = tallies([0.5] * 5)
     for field in same.values():
-        field[2] = field[0]
+        field[-1] = field[0]
     assert outcome(same, 1, draws=50).closed() is None
 
 
 def test_the_share_lies_in_its_interval_and_pooling_keeps_it():
-    one = outcome(tallies([0.2, 0.5, 0.6]), 1, draws=100)
+    one = outcome(tallies([0.2, 0.2, 0.3, 0.5, 0.6]), 1, draws=100)
     closed = one.closed()
     assert closed.low < closed.value < closed.high
     assert 0.6 < closed.value < 0.9
     assert one.gap().low > 0
+    # of the sets between, each has its own share
+    assert one.closed("noise").value < one.closed("diagnosed").value < closed.value
     twice = pooled([one, one])
     assert isinstance(twice, Outcome)
     assert twice.closed().value == pytest.approx(closed.value)
 
 
 def test_the_bootstrap_is_the_seed_s():
-    made = tallies([0.2, 0.5, 0.6])
+    made = tallies([0.2, 0.2, 0.3, 0.5, 0.6])
     assert outcome(made, 3, draws=20).gap() == outcome(made, 3, draws=20).gap()

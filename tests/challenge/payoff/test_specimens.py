@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from challenge.cases.files import datasheet, write_yaml
+from challenge.cases.nominal import NoiseLaw
 from challenge.cases.parts import plate, solid_of, waves
 from challenge.instrument.calibration import CalibrationPlan
 from challenge.instrument.camera import Camera
@@ -18,8 +19,11 @@ from challenge.instrument.peaks import PeakFinder
 from challenge.instrument.sheet import LaserSheet
 from challenge.payoff.flaws import KINDS, RANGES, SIZES, cutter, draw_flaw, patch_of
 from challenge.payoff.segmenter import FEATURES, features
+from challenge.payoff.sights import UprightCamera, UprightLaser
 from challenge.payoff.simulate import flawforge, read_depths, recipe, write_parts
-from challenge.payoff.specimens import LABEL_MM, draw_path, geometry, make_specimen
+from challenge.payoff.specimens import LABEL_MM, draw_path, make_specimen
+from challenge.second.case import datasheet as second_datasheet
+from challenge.second.case import draw_device, travel_over
 
 DISTANCE = 150.0
 CAMERA = Camera(
@@ -31,6 +35,10 @@ LIKE = Path(
 )
 
 
+def upright(path):
+    return UprightLaser(path=path, camera=CAMERA)
+
+
 @pytest.fixture(scope="module")
 def part():
     return solid_of(waves(np.random.default_rng(3)))
@@ -39,7 +47,7 @@ def part():
 @pytest.fixture(scope="module")
 def specimen(part):
     rng = np.random.default_rng(5)
-    return make_specimen(part, draw_path(rng, LIKE, DISTANCE, 0.5), CAMERA, rng)
+    return make_specimen(part, upright(draw_path(rng, LIKE, DISTANCE, 0.5)), rng)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -78,11 +86,9 @@ def test_the_label_is_where_the_surface_lies_deeper(direction):
     start = np.diag([1.0, -1.0, -1.0, 1.0])
     start[:3, 3] = (0, direction * 5.5, DISTANCE)
     path = replace(path, start=start)
-    made = make_specimen(flat, path, CAMERA, rng)
+    made = make_specimen(flat, upright(path), rng)
     assert len(made.flaws) > 6
-    before, _ = geometry(flat, path, CAMERA)
-    after, _ = geometry(made.solid, path, CAMERA)
-    deviation = after - before
+    deviation = made.sight.depth(made.solid) - made.sight.depth(flat)
     assert ((made.instance > 0) == (deviation > LABEL_MM)).all()
     for k, flaw in enumerate(made.flaws):
         deepest = deviation[made.instance == k + 1].max()
@@ -101,30 +107,79 @@ def test_flaws_of_all_kinds_find_room_on_a_bent_part(part, specimen):
 
 def test_a_specimen_is_its_seed_s(part, specimen):
     rng = np.random.default_rng(5)
-    again = make_specimen(part, draw_path(rng, LIKE, DISTANCE, 0.5), CAMERA, rng)
+    again = make_specimen(part, upright(draw_path(rng, LIKE, DISTANCE, 0.5)), rng)
     assert np.array_equal(again.instance, specimen.instance)
     assert np.array_equal(again.solid.vertices_mm, specimen.solid.vertices_mm)
 
 
 def test_the_simulation_scans_the_same_solids_on_the_same_paths(tmp_path, specimen):
     """The recipe's noise-free depth is the challenge's own geometry, and it cuts no flaw."""
-    made = recipe([specimen], seed=1, sensor="sensor.yaml", parts="parts", columns=160,
-                  artwork=None)  # fmt: skip
+    made = recipe([specimen], seed=1, sensor="sensor.yaml", surface="surface.yaml", parts="parts",
+                  columns=160, artwork=None)  # fmt: skip
     assert "flaws" not in made
     write_parts(tmp_path / "parts", [specimen])
     device = _device()
-    write_yaml(tmp_path / "sensor.yaml", datasheet(device, specimen.path, [], 0.0))
+    write_yaml(tmp_path / "sensor.yaml", datasheet(device, specimen.sight.path, [], 0.0))
     del made["surface"]
     write_yaml(tmp_path / "recipe.yaml", made)
     flawforge(["generate", "recipe.yaml", "--out", "made"], tmp_path)
     (depth,) = read_depths(tmp_path / "made", 1)
-    truth, _ = geometry(specimen.solid, specimen.path, CAMERA)
+    truth = specimen.sight.depth(specimen.solid)
     both = np.isfinite(depth) & np.isfinite(truth)
     assert both.mean() > 0.9
     # rounded to 1 µm, with a noise of that size; rays beside a wall may fall on either side of it
     assert np.quantile(np.abs(depth - truth)[both], 0.999) < 0.002
     with h5py.File(next((tmp_path / "made").glob("shard-*.h5"))) as shard:
         assert not shard["mask"][:].any()
+
+
+@pytest.fixture(scope="module")
+def inclined(part):
+    """Return a specimen under an inclined sheet, its upright camera telecentric."""
+    rng = np.random.default_rng(6)
+    device = draw_device(rng, slow=False)
+    travel = travel_over(rng, device, 33.0, 0.1, 200.0, 110, 0.0, np.array([0, 0, 0.25]), 5.0)
+    return make_specimen(part, UprightCamera(travel=travel, device=device), rng)
+
+
+def test_under_an_inclined_sheet_flaws_are_cut_along_the_camera_s_axis(part, inclined):
+    sight = inclined.sight
+    assert {flaw.kind for flaw in inclined.flaws} == set(KINDS)
+    assert sight.frame[:3, 2] == pytest.approx(sight.start[:3, :3] @ -sight.device.to_camera)
+    assert sight.run / 0.1 == pytest.approx(sight.frame[:3, 1])
+    before, after = sight.depth(part), sight.depth(inclined.solid)
+    deviation = after - before
+    assert ((inclined.instance > 0) == (deviation > LABEL_MM)).all()
+    # a sheet at an angle to the cut goes deeper along itself, and up a steep wall
+    cosine = np.cos(sight.device.camera.theta_rad)
+    for k, flaw in enumerate(inclined.flaws):
+        if flaw.kind == "dent" and (inclined.instance == k + 1).any():
+            deepest = deviation[inclined.instance == k + 1].max()
+            assert 0.9 * flaw.depth_mm < deepest < 1.25 * flaw.depth_mm / cosine
+    # where rays hit lies in the field in which flaws are cut
+    places, (low, high) = sight.places(before), sight.ends_mm
+    near = np.isfinite(before)
+    assert (np.abs(places[near, 0]) < high[0] + 0.6).all()
+    assert np.median(places[near, 1]) == pytest.approx((low[1] + high[1]) / 2, abs=1.0)
+
+
+def test_the_simulation_scans_under_an_inclined_sheet_too(tmp_path, inclined):
+    sight = inclined.sight
+    columns = sight.device.camera.columns
+    made = recipe([inclined], seed=1, sensor="sensor.yaml", surface="none", parts="parts",
+                  columns=columns, artwork=None)  # fmt: skip
+    del made["surface"]
+    write_parts(tmp_path / "parts", [inclined])
+    stated = second_datasheet(sight.device, sight.travel, NoiseLaw(exponent=0, lean=0, worst=0))
+    write_yaml(tmp_path / "sensor.yaml", stated | {"effects": [], "repeatability_um": 0.0})
+    write_yaml(tmp_path / "recipe.yaml", made)
+    flawforge(["generate", "recipe.yaml", "--out", "made"], tmp_path)
+    (depth,) = read_depths(tmp_path / "made", 1)
+    truth = sight.depth(inclined.solid)
+    both = np.isfinite(depth) & np.isfinite(truth)
+    assert both.mean() > 0.9
+    step = sight.device.firmware.step_mm
+    assert np.quantile(np.abs(depth - truth)[both], 0.999) < 2 * step + 0.001
 
 
 def _device():

@@ -182,3 +182,49 @@ def test_resolution_of_what_is_not_rounded_is_zero() -> None:
     assert resolution_of(np.random.default_rng(3).normal(size=(50, 50))) == 0.0
     coarse = np.rint(np.random.default_rng(4).normal(size=(50, 50)) / 0.1) * 0.1
     assert resolution_of(coarse + 400.0) == pytest.approx(0.1, rel=1e-6)
+
+
+def test_a_measured_speckle_is_written_and_simulated_with_its_correlation(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng = np.random.default_rng(3)
+    white = rng.normal(0.0, 0.02, (121, 200))
+    readings = np.rint((white[1:] - 0.6 * white[:-1]) / 0.001) * 0.001
+    np.save(tmp_path / "plate.npy", readings)
+    words = ["roughness", str(tmp_path / "plate.npy"), *PITCH, "--speckle", "measured"]
+    assert main([*words, "--out", str(tmp_path / "out")]) == 0
+    assert "error %" in capsys.readouterr().out
+    surface = Surface.load(tmp_path / "out" / "surface.yaml")
+    assert surface.calibration is None
+    assert surface.is_calibrated  # nothing is solved for it
+    assert surface.ready() == surface
+    assert main(["roughness", str(tmp_path / "out" / "surface.yaml")]) == 2
+    assert "'measured' is the file's noise" in capsys.readouterr().err
+    rho = surface.field().correlation_at(np.zeros(1), 0.2 * np.arange(2))[:, 0]
+    assert rho == pytest.approx([1.0, -0.6 / 1.36], abs=0.03)
+
+
+@pytest.mark.parametrize("slope", [-0.5, 0.5])
+def test_the_noise_of_a_tilted_plate_is_divided_by_what_the_file_lists(
+    tmp_path: Path, slope: float
+) -> None:
+    exponent, lean, n = 0.5, 0.4, 60
+    y = 0.2 * np.arange(n)
+    gain = (1 + slope**2) ** (exponent / 2) * np.exp(lean * slope)
+    noise = gain * np.random.default_rng(5).normal(0.0, 0.02, (n, 200))
+    poses = np.repeat(np.eye(4)[None], n, axis=0)
+    poses[:, 1, 3] = y
+    Recording(
+        name="plate", depth_mm=100.0 + slope * y[:, None] + noise, poses=poses,
+        time_s=np.arange(n) / 100.0, x_mm=np.linspace(-10, 10, 200),
+    ).save(tmp_path / "plate.h5")  # fmt: skip
+    (tmp_path / "sensor.yaml").write_text(
+        "name: s\nworking_distance_mm: 100\nz_range_mm: 40\nx_fov_mm: 20\n"
+        "points_per_profile: 200\nz_resolution_um: 1\nprofile_rate_hz: 100\n"
+        "travel_speed_mm_s: 20\n"
+        f"effects: [{{name: incidence_noise, exponent: {exponent}, lean: {lean}}}]\n"
+    )
+    words = ["roughness", str(tmp_path / "plate.h5"), "--sensor", str(tmp_path / "sensor.yaml")]
+    assert main([*words, "--no-noise", "--out", str(tmp_path / "out")]) == 0
+    rq = Surface.load(tmp_path / "out" / "surface.yaml").rq_mm
+    assert rq == pytest.approx(0.02, rel=0.02)
