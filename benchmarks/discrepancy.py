@@ -1,7 +1,7 @@
 r"""What good instruments depart by: learn it from the calibration population and keep it.
 
     flawforge challenge calibrate --out out/calibration --each 0
-    python -m benchmarks.discrepancy out/calibration --simulated 15 \
+    python -m benchmarks.discrepancy out/calibration --simulated 70 \
         --write diagnosis/discrepancy/discrepancy.json
 
 Only good instruments are used: folders whose truth hides nothing. Each gives, for each component
