@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.data.patch import Patch
-from diagnosis.evidence.noise_level import LevelChange, level_unsure, nats_since
+from diagnosis.evidence.noise_level import LevelChange, level_unsure, nats_since, scatter_of
 from diagnosis.fields import Field, Mask
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
@@ -28,9 +28,13 @@ def level_change(ws: Workspace, model: Model, nominal_sd_mm: float) -> LevelChan
 
     A finish is the same throughout, so the least change counts: of the recordings, of the ways to
     measure it, and of the parts of what other causes of noise follow, whose laws may be off
-    elsewhere.
+    elsewhere. Recordings that differ by more than their readings leave open say by how much a
+    recording is unlike the finish for another reason.
     """
-    changes = [c for each in levels(ws, model, nominal_sd_mm).values() for c in each]
+    measured = levels(ws, model, nominal_sd_mm).values()
+    changes = [
+        replace(c, unsure=math.hypot(c.unsure, scatter_of(each))) for each in measured for c in each
+    ]
     logs = [c.log for c in changes]
     if not logs or min(logs) <= 0 <= max(logs):
         return LevelChange(log=0.0, unsure=level_unsure(ws.noise))

@@ -60,11 +60,12 @@ class Scales:
         return np.asarray(weights / weights.sum())
 
     def nats(self, name: str, factors: Floats) -> float:
-        """Log Bayes factor of a change, from those of its sizes (S,), against a good instrument."""
-        quiet = np.log(np.maximum(self.of(name), 1e-300))
-        return float(
-            logsumexp(factors + np.log(self.changed(name))) - logsumexp(factors + quiet)
-        )
+        """Log Bayes factor of a change, from those of its sizes (S,), against a good instrument.
+
+        A good instrument has what most good ones have, or nothing.
+        """
+        quiet = logsumexp(factors + np.log(np.maximum(self.of(name), 1e-300)))
+        return float(logsumexp(factors + np.log(self.changed(name))) - max(0.0, quiet))
 
     def typical(self, name: str) -> float:
         """Return the size that most good instruments stay below."""

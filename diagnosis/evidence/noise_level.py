@@ -125,6 +125,22 @@ def _log_likelihood(changes: Sequence[LevelChange], scatter: float, shared: Floa
     return -0.5 * float(volume + log @ inverse @ log)
 
 
+def scatter_of(changes: Sequence[LevelChange]) -> float:
+    """Estimate the standard deviation of changes beside what their readings leave open.
+
+    By moments (DerSimonian & Laird, Control. Clin. Trials 7 (1986) 177): with weights w = 1 / σ²,
+
+        s² = (Σ w (h - h̄)² - (n - 1)) / (Σ w - Σ w² / Σ w)    at least 0
+    """
+    if len(changes) < 2:
+        return 0.0
+    log, unsure = (np.array([getattr(c, k) for c in changes]) for k in ("log", "unsure"))
+    weight = unsure**-2
+    spread = float((weight * np.square(log - np.average(log, weights=weight))).sum())
+    free = float(weight.sum() - np.square(weight).sum() / weight.sum())
+    return math.sqrt(max(spread - (len(changes) - 1), 0.0) / free)
+
+
 def level_unsure(noise: NoiseModel, *, whitened: bool = False) -> float:
     """Return the standard deviation of the logarithm of a measured noise's size.
 

@@ -60,6 +60,13 @@ def test_usual_departures_are_no_causes() -> None:
     assert [len(s.search()) for s in searches] == [1, 0]
 
 
+def test_what_no_size_explains_is_no_change() -> None:
+    sizes = SETTINGS.mean_sizes()
+    scales = Scales(sizes=sizes, weights={})
+    assert scales.nats("any", np.full(sizes.size, -100.0)) == pytest.approx(-100.0)
+    assert scales.nats("any", np.where(sizes > 0.1, 20.0, 0.0)) > 15
+
+
 def test_a_change_is_held_against_what_changes_in_good_instruments() -> None:
     """One that departs by 0.1, as its baselines do, and then by another 0.1."""
     before = LinearReadings.drawn({"line_bow": 0.1}, seed=4)

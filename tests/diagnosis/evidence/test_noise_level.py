@@ -14,6 +14,7 @@ from diagnosis.evidence.noise_level import (
     level_nats,
     level_unsure,
     nats_since,
+    scatter_of,
     steady_level,
 )
 from diagnosis.fields import Field
@@ -115,3 +116,14 @@ def test_whitened_readings_count_each_for_itself() -> None:
         missing_share=0.0, from_reference=False,
     )  # fmt: skip
     assert level_unsure(noise, whitened=True) == pytest.approx(1 / np.sqrt(2 * noise.readings))
+
+
+def test_what_recordings_differ_by_is_their_scatter() -> None:
+    rng = np.random.default_rng(0)
+    found = [
+        scatter_of([LevelChange(log=float(x), unsure=0.03) for x in own])
+        for own in 0.1 + np.hypot(0.03, 0.2) * rng.standard_normal((200, 8))
+    ]
+    assert np.sqrt(np.mean(np.square(found))) == pytest.approx(0.2, rel=0.1)
+    assert scatter_of([LevelChange(log=0.3, unsure=0.03)] * 4) == 0.0
+    assert scatter_of([LevelChange(log=0.3, unsure=0.03)]) == 0.0
