@@ -146,15 +146,16 @@ def _slower(
         shapes = [np.cos(np.pi * orders * place[:, None]) / (1.0 + orders)]
     elif relaxed.along:
         size = blocks[0].columns.stop - blocks[0].columns.start
-        picked = np.array(products(min(len(relaxed.along), 2), even=relaxed.even))
-        orders = np.zeros((size, picked.shape[1]), dtype=np.int64)
+        sides = min(len(relaxed.along), 2)
+        picked = products(sides, even=relaxed.even)
+        orders = np.zeros((size, sides), dtype=np.int64)
         orders[size - len(picked) :] = picked
         falling = (1.0 + orders.sum(axis=1)) ** -SETTINGS.further_decay
         kept = [np.ones(size, dtype=bool)]
-        if COVARIATES[relaxed.along[0]].frame == "part" and orders.shape[1] > 1:
+        if COVARIATES[relaxed.along[0]].frame == "part" and sides > 1:
             kept += [
                 (orders[:, k] == orders.sum(axis=1)) & (orders[:, k] % 2 == 0)
-                for k in range(orders.shape[1])
+                for k in range(sides)
             ]
         shapes = [np.diag(np.tile(np.where(k, falling, 0.0), len(blocks))) for k in kept]
     else:
