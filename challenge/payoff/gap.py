@@ -95,16 +95,20 @@ def counted(file: Path, kind: str, what: str) -> dict[str, NDArray[np.int32]]:
 
 def outcome(tallies: dict[str, Any], seed: int, *, draws: int = DRAWS) -> Outcome:
     """Score one world; the sets share every resampled recording and seed."""
-    hits, false, missed = tallies["hits"], tallies["false"], tallies["missed"]
-    seeds, recordings = hits.shape[1:3]
+    # recordings first: a resampling is a product of its weights with histograms
+    first = {
+        field: np.ascontiguousarray(np.moveaxis(tallies[field], 2, 0), np.float64)
+        for field in ("hits", "false", "missed")
+    }
+    recordings, _, seeds = first["hits"].shape[:3]
 
     def precision(weight: Floats) -> Floats:
         # recordings add up before anything is divided
-        return average_precision(
-            np.einsum("r,strgb->stgb", weight, hits),
-            np.einsum("r,strb->stb", weight, false)[:, :, None],
-            np.einsum("r,strg->stg", weight, missed),
+        hits, false, missed = (
+            (weight @ first[field].reshape(recordings, -1)).reshape(first[field].shape[1:])
+            for field in ("hits", "false", "missed")
         )
+        return average_precision(hits, false[:, :, None], missed)
 
     rng = child(seed, "bootstrap")
     drawn = np.empty((draws, len(TRAINED_ON), len(GROUPS)))

@@ -169,7 +169,8 @@ def section(found: dict[str, Any], out: Path, pictures: Path) -> str:
     before = FAMILIES[family].BASELINES
     text = _pages().get_template("family.md.j2").render(
         family=family, plan=plan, effort=plan["effort"], conclusions=conclusions(found),
-        headline=headline(found), answers=found["answers"], worlds=FAMILIES[family].WORLDS,
+        headline=headline(found), answers=found["answers"], unfinished=found["unfinished"],
+        worlds=FAMILIES[family].WORLDS,
         control=CONTROL, kinds=KINDS, sets=TRAINED_ON, words=WORDS, groups=GROUPS, seen=seen,
         pooled_of=pooled_of,
         kept=f"The diagnosis gets {len(before)} recordings of the part from the acceptance, too."

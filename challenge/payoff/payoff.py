@@ -89,16 +89,20 @@ def _call(step: Any, family: str, name: str, seed: int, effort: Effort, out: Pat
 
 
 def results(out: Path) -> dict[str, Any]:
-    """Read a finished run.
+    """Read a run; worlds that have no tallies yet are left out.
 
     Returns
     -------
     dict
-        ``plan``; ``answers``: world -> verdict and effects; ``outcomes``: segmenter, and points or
+        ``plan``, with the finished worlds; ``unfinished``: the others; ``answers``: world ->
+        verdict and effects; ``outcomes``: segmenter, and points or
         flaws -> world -> Outcome, with the mean of all but the control under ``all``.
     """
     plan = json.loads((out / "plan.json").read_text())
-    found: dict[str, Any] = {"plan": plan, "answers": {}, "outcomes": {}}
+    done = [name for name in plan["worlds"] if (out / name / "tallies.npz").exists()]
+    left = [name for name in plan["worlds"] if name not in done]
+    plan["worlds"] = done
+    found: dict[str, Any] = {"plan": plan, "unfinished": left, "answers": {}, "outcomes": {}}
     for name in plan["worlds"]:
         answer = out / name / "diagnose" / "answer.json"
         found["answers"][name] = json.loads(answer.read_text())

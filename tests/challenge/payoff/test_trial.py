@@ -198,6 +198,7 @@ def test_the_page_says_what_the_tallies_say(tmp_path, monkeypatch):
     write_page(found, tmp_path / "1", page)
     assert "gap not sure" not in page.read_text()
     assert "Not run yet." in page.read_text()
+    assert "Not finished" not in page.read_text()
     before = sections_of(page)["first"]
 
     alarm = {"verdict": "explained", "effects": ["reflectance_edge"]}
@@ -210,6 +211,9 @@ def test_the_page_says_what_the_tallies_say(tmp_path, monkeypatch):
     assert "the second commit" in text
     assert "the first commit" in text
     assert "Not run yet." not in text
+    (tmp_path / "2" / "print" / "tallies.npz").unlink()
+    write_page(steps.results(tmp_path / "2"), tmp_path / "2", page)
+    assert "Not finished: the worlds print." in page.read_text()
     for family in FAMILIES:
         assert (tmp_path / "docs" / "pictures" / f"payoff-{family}-examples.png").exists()
         assert f"pictures/payoff-{family}-precision.png" in text
