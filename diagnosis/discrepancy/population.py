@@ -23,8 +23,12 @@ from scipy.special import logsumexp
 from diagnosis.components.component import components_of
 
 Floats = NDArray[np.float64]
-SPREADS = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0)
+SPREADS = (0.35, 0.5, 0.7, 1.0)
 """Standard deviations of the logarithm of the size among good instruments that are weighed."""
+SPREADS_OF_NOISE = (*SPREADS, 1.4, 2.0)
+"""The same of what the noise goes with: how it grows on slopes differs between good instruments by
+more than tenfold. Wider ones of the mean would let one component's rare departure stand for any
+other's, since the likeliest of all stands for a good instrument."""
 TURNS = 300
 """Steps to the likeliest shares of the spreads; each makes them likelier."""
 
@@ -127,8 +131,9 @@ def learnt(kinds: Sequence[Sequence[Mapping[str, Floats]]]) -> list[dict[str, Fl
     Sizes are lognormal among the instruments of a kind. Median and spread are averaged over their
     posterior. Before any instrument a median is the less probable the larger it is, as its inverse:
     what no recording of the population could show isn't taken for usual. How probable a spread is
-    before, all components of a kind tell together (empirical Bayes; Efron & Morris, J. Am. Stat.
-    Assoc. 68 (1973) 117): most are alike in all instruments, and in a few these differ widely.
+    before, components of a kind tell together, those of the noise by themselves (empirical Bayes;
+    Efron & Morris, J. Am. Stat. Assoc. 68 (1973) 117): most are alike in all instruments, and in a
+    few these differ widely.
 
     Parameters
     ----------
@@ -140,10 +145,22 @@ def learnt(kinds: Sequence[Sequence[Mapping[str, Floats]]]) -> list[dict[str, Fl
         for factors in instruments:
             for name, own in factors.items():
                 found.setdefault(name, []).append(own)
-        fits = {name: _fits(np.stack(own)) for name, own in found.items()}
-        shares = _shares(np.stack([logsumexp(nats, axis=1) for nats, _ in fits.values()]))
-        out.append({name: _mixed(*fit, shares) for name, fit in fits.items()})
+        noisy = {name for name in found if name.partition(": ")[0] == "scale"}
+        weights = _together({n: own for n, own in found.items() if n not in noisy}, SPREADS)
+        weights |= _together({n: found[n] for n in noisy}, SPREADS_OF_NOISE)
+        out.append({name: weights[name] for name in found})
     return out
+
+
+def _together(
+    found: Mapping[str, Sequence[Floats]], spreads: Sequence[float]
+) -> dict[str, Floats]:
+    """Probability of each size of components whose spreads are told together."""
+    if not found:
+        return {}
+    fits = {name: _fits(np.stack(own), spreads) for name, own in sorted(found.items())}
+    shares = _shares(np.stack([logsumexp(nats, axis=1) for nats, _ in fits.values()]))
+    return {name: _mixed(*fit, shares) for name, fit in fits.items()}
 
 
 def _shares(nats: Floats) -> Floats:
@@ -161,7 +178,7 @@ def _mixed(nats: Floats, weights: Floats, shares: Floats) -> Floats:
     return np.asarray(np.einsum("sm,smk->k", np.exp(posterior - logsumexp(posterior)), weights))
 
 
-def _fits(log: Floats) -> tuple[Floats, Floats]:
+def _fits(log: Floats, spreads: Sequence[float]) -> tuple[Floats, Floats]:
     """Log evidence (spreads, medians) and sizes (spreads, medians, sizes) of lognormal ones.
 
     Parameters
@@ -171,7 +188,7 @@ def _fits(log: Floats) -> tuple[Floats, Floats]:
     steps = np.arange(log.shape[1], dtype=np.float64)
     middles = np.arange(-2.0, log.shape[1], 0.5)
     nats, weights = [], []
-    for spread in SPREADS:
+    for spread in spreads:
         w = np.exp(-0.5 * np.square((steps - middles[:, None]) * np.log(2.0) / spread))
         w = np.maximum(w / np.maximum(w.sum(axis=1, keepdims=True), 1e-300), 1e-300)
         w /= w.sum(axis=1, keepdims=True)

@@ -34,15 +34,15 @@ def test_sizes_are_those_that_the_instruments_show() -> None:
 def test_spreads_are_those_that_components_have_together() -> None:
     """Of thirty components alike in all instruments and one that differs widely, that one does."""
     rng = np.random.default_rng(1)
-    alike = {f"c{k}": [seen_as(0.03 * 1.01 ** rng.standard_normal()) for _ in range(20)]
+    alike = {f"scale: c{k}": [seen_as(0.03 * 1.01 ** rng.standard_normal()) for _ in range(20)]
              for k in range(30)}  # fmt: skip
     wide = [seen_as(float(s)) for s in 0.01 * np.exp(2.0 * rng.standard_normal(20))]
-    instruments = [{n: own[k] for n, own in {**alike, "wide": wide}.items()} for k in range(20)]
-    (weights,) = learnt([instruments])
-    assert weights["wide"][SIZES > 0.1].sum() > 0.05
-    assert weights["c0"][SIZES > 0.1].sum() < 0.01
-    alone = learnt([[{"c0": one["c0"]} for one in instruments]])[0]["c0"]
-    assert weights["c0"][SIZES > 0.1].sum() <= alone[SIZES > 0.1].sum() + 1e-12
+    every = {**alike, "scale: wide": wide, "wide": wide}
+    (weights,) = learnt([[{n: own[k] for n, own in every.items()} for k in range(20)]])
+    assert weights["scale: wide"][SIZES > 0.1].sum() > 0.05
+    assert weights["scale: c0"][SIZES > 0.1].sum() < 0.01
+    # what the noise goes with may differ by more than what the mean does
+    assert weights["wide"][SIZES > 1.0].sum() < weights["scale: wide"][SIZES > 1.0].sum()
 
 
 def test_good_instruments_without_a_departure_have_none() -> None:
