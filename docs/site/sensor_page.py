@@ -57,6 +57,7 @@ OTHERS = {
     "effects": "list of effects, each a mapping with `name` and parameters",
     "source": "where the figures come from",
     "calibration": "noise that was solved for these figures; written by flawforge",
+    "measured": "autocorrelation and heights of a plate's noise; written by flawforge",
 }
 
 
