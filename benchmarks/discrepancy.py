@@ -21,6 +21,7 @@ import numpy as np
 
 from diagnosis.claims.lay import LAY, lay_of
 from diagnosis.claims.plate_noise import level_change
+from diagnosis.data.patch import all_fitted
 from diagnosis.discrepancy.good_instrument import (
     change_factors,
     informed,
@@ -88,8 +89,7 @@ def lay_factors(ready: Prepared) -> Factors:
     """Likelihood of each size of the lay that the noise seems to have, where that can be seen."""
     if ready.nominal is None:
         return {}
-    every = [replace(p, fit=p.fit | p.scored) for p in ready.patches]
-    ws = Workspace.build(every, ready.noise)
+    ws = Workspace.build(all_fitted(ready.patches), ready.noise)
     lay = lay_of(ws, Model(), ready.nominal, ready.baseline)
     return {} if lay is None else {LAY: lay[1]}
 

@@ -76,9 +76,14 @@ class Family(Protocol):
 
 
 def first_solid(
-    name: str, seed: int, secret_of: Callable[[int], Secret], stage: Callable[[Secret], Any]
+    name: str, seed: int, world: World, stage: Callable[[Secret], Any], **more: Any
 ) -> Ready:
     """Stage a world, with another part where one was no solid.
+
+    Parameters
+    ----------
+    more
+        Of the secret, what a family has beside the other.
 
     Raises
     ------
@@ -86,7 +91,12 @@ def first_solid(
         Where several parts in a row were no solids.
     """
     for attempt in range(_TRIES):
-        secret = secret_of(number(seed, "payoff", name, str(attempt)))
+        secret = Secret(
+            kind="one" if world.switch else "null",
+            switches=(world.switch,) if world.switch else (),
+            strength=STRONG, shape=world.shape, recordings=3,
+            seed=number(seed, "payoff", name, str(attempt)), **more,
+        )  # fmt: skip
         try:
             return Ready(name=name, secret=secret, staged=stage(secret))
         except ValueError:

@@ -10,9 +10,8 @@ from pathlib import Path as FilePath
 import numpy as np
 from numpy.typing import NDArray
 
-from challenge.cases.case import Secret
 from challenge.cases.seeds import child, number
-from challenge.payoff.family import STRONG, Ready, World, first_solid
+from challenge.payoff.family import Ready, World, first_solid
 from challenge.payoff.sights import UprightCamera
 from challenge.payoff.specimens import Specimen, make_specimen
 from challenge.second import case
@@ -37,16 +36,10 @@ WORLDS: dict[str, World] = {
 def ready(name: str, seed: int) -> Ready:
     """Draw a world's part and instrument and calibrate it."""
     world = WORLDS[name]
-
-    def secret_of(own: int) -> Secret:
-        return Secret(
-            kind="one" if world.switch else "null",
-            switches=(world.switch,) if world.switch else (),
-            strength=STRONG, shape=world.shape, recordings=3, seed=own, family="second",
-            baselines=len(BASELINES), doubled=DOUBLED if world.switch else 0,
-        )  # fmt: skip
-
-    return first_solid(name, seed, secret_of, stage)
+    return first_solid(
+        name, seed, world, stage,
+        family="second", baselines=len(BASELINES), doubled=DOUBLED if world.switch else 0,
+    )  # fmt: skip
 
 
 def write_stranger(world: Ready, folder: FilePath) -> None:

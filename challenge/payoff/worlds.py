@@ -17,7 +17,7 @@ from challenge.cases.parts import plate
 from challenge.cases.seeds import child, number
 from challenge.instrument.instrument import Path
 from challenge.instrument.optical_surface import OpticalSurface
-from challenge.payoff.family import STRONG, Ready, World, first_solid
+from challenge.payoff.family import Ready, World, first_solid
 from challenge.payoff.sights import UprightLaser
 from challenge.payoff.specimens import Specimen, draw_path, make_specimen
 
@@ -38,16 +38,7 @@ WORLDS: dict[str, World] = {
 
 def ready(name: str, seed: int) -> Ready:
     """Draw a world's part and instrument and calibrate it."""
-    world = WORLDS[name]
-
-    def secret_of(own: int) -> Secret:
-        return Secret(
-            kind="one" if world.switch else "null",
-            switches=(world.switch,) if world.switch else (),
-            strength=STRONG, shape=world.shape, recordings=3, seed=own,
-        )  # fmt: skip
-
-    return first_solid(name, seed, secret_of, _staged)
+    return first_solid(name, seed, WORLDS[name], _staged)
 
 
 def _staged(secret: Secret) -> Staged:

@@ -15,7 +15,7 @@ import numpy as np
 from diagnosis.claims.firmware import filtered_instead
 from diagnosis.claims.lay import LAY, lay_of
 from diagnosis.claims.plate_noise import change_since, level_change, plates_doubt
-from diagnosis.data.patch import Patch
+from diagnosis.data.patch import Patch, all_fitted
 from diagnosis.evidence.mean_causes import Scales
 from diagnosis.evidence.noise_level import claimed_sizes, level_nats, level_unsure
 from diagnosis.model.workspace import Workspace
@@ -124,7 +124,7 @@ def _level(
     view = ws.patches[0].view
     doubt = plates_doubt(model, view)
     if baseline:
-        every = Workspace.build(_every(explanation), own)
+        every = Workspace.build(all_fitted(explanation.patches), own)
         before = Workspace.build(baseline, own)
         change, nats = change_since(every, model, before, explanation.scales, doubt)
     else:
@@ -163,17 +163,12 @@ def _lay(
         found = lay_of(ws, explanation.model, nominal, baseline)
         return None if found is None else (found[0], scales.nats(LAY, found[1]))
 
-    found = found_on(_every(explanation))
+    found = found_on(all_fitted(explanation.patches))
     if found is None or found[1] + SETTINGS.log_odds(AnisotropicLay.name) <= 0:
         return None
     fitted = found_on(explanation.patches)
     heldout = found[1] - (0.0 if fitted is None else fitted[1])
     return Claim(effect=found[0], nats=found[1], heldout=heldout)
-
-
-def _every(explanation: "Explanation") -> list[Patch]:
-    """Return all recordings as fitted ones: held-out ones show the surface, too."""
-    return [replace(p, fit=p.fit | p.scored) for p in explanation.patches]
 
 
 def _stands_out(effect: Effect) -> bool:

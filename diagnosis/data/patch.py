@@ -201,6 +201,11 @@ def strips(profiles: int, points: int) -> list[slice]:
     return [slice(int(s), int(s) + rows) for s in starts]
 
 
+def all_fitted(patches: Sequence[Patch]) -> list[Patch]:
+    """Take the readings that are held out for fitted ones: they show the surface, too."""
+    return [replace(p, fit=p.fit | p.scored) for p in patches]
+
+
 def in_range(depth_mm: Field, datasheet: Datasheet) -> Field:
     """Keep readings within the working range; others count as missing."""
     inside = (depth_mm >= datasheet.depth_min_mm) & (depth_mm <= datasheet.depth_max_mm)

@@ -189,16 +189,14 @@ def _measure(arguments: argparse.Namespace) -> int:
     )
     field: Speckle | None = None
     reached = None
-    if arguments.no_noise:
-        pass
-    elif arguments.speckle == "measured":
+    if arguments.speckle == "measured" and not arguments.no_noise:
         found = measured_field(
             flat, scan.pitch_x_mm, scan.pitch_y_mm, resolution_mm=wanted.resolution_mm,
             repeatability_mm=wanted.repeatability_mm,
         )  # fmt: skip
         surface = replace(surface, measured=MeasuredNoise.of(found))
         field, reached = found, simulated_figures(found, wanted, readings - flat)
-    else:
+    elif not arguments.no_noise:
         solution = calibrate(wanted)
         field, reached = solution.field, solution.reached
         surface = surface.with_solution(

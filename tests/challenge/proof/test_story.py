@@ -44,7 +44,7 @@ def test_a_found_fault_has_six_panels(judged, bowed, scored, tmp_path):
     assert [t.split(":")[0] for t in titles(story)] == [
         "the scan", "hidden", "found", "before", "after", "the paper's checks",
     ]  # fmt: skip
-    # the held-out recording without the bow has the same speckle: what is left is the bow
+    # made again without the bow, the recording has the same speckle: they differ by the bow alone
     change = 1e3 * (story.held.depth_mm - story.without_mm)
     smooth = change - np.nanmedian(change, axis=0)
     assert np.nanmedian(np.abs(smooth)) < 0.2 * np.nanmedian(np.abs(change))
