@@ -1,7 +1,7 @@
 r"""What good instruments depart by: learn it from the calibration population and keep it.
 
     flawforge challenge calibrate --out out/calibration --each 0
-    python -m benchmarks.discrepancy out/calibration --simulated 70 \
+    python -m benchmarks.discrepancy out/calibration --simulated 70 --tolerances 70 \
         --write diagnosis/discrepancy/discrepancy.json
 
 Only good instruments are used: folders whose truth hides nothing. Each gives, for each component
@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.other_formulas.tolerances import good_instrument
 from diagnosis.claims.lay import LAY, lay_of
 from diagnosis.claims.plate_noise import level_change
 from diagnosis.data.patch import all_fitted
@@ -133,6 +134,10 @@ def main() -> None:
     parser.add_argument(
         "--simulated", type=int, default=0, metavar="N", help="and N of the plain simulator"
     )
+    parser.add_argument(
+        "--tolerances", type=int, default=0, metavar="N",
+        help="and N whose light is as uneven as makers allow",
+    )  # fmt: skip
     parser.add_argument("--write", type=Path, required=True, metavar="FILE.json")
     args = parser.parse_args()
     kinds: dict[str, list[Callable[[], Inputs]]] = {}
@@ -144,6 +149,10 @@ def main() -> None:
     if args.simulated:
         kinds[f"simulated: {args.simulated} calibration instruments"] = [
             partial(simulated, seed) for seed in range(args.simulated)
+        ]
+    if args.tolerances:
+        kinds[f"tolerances: {args.tolerances} calibration instruments"] = [
+            partial(good_instrument, seed) for seed in range(args.tolerances)
         ]
     departing = learnt([[departures(make()) for make in one] for one in kinds.values()])
     known = Population(

@@ -11,7 +11,8 @@ from diagnosis.claims.stuck_bit import stuck_bit
 from diagnosis.claims.surface_texture import texture
 from diagnosis.claims.translucency import averaged_grain, sunken
 from diagnosis.diagnosis import Diagnosis
-from diagnosis.discrepancy.population import population
+from diagnosis.discrepancy.population import Population, population
+from diagnosis.evidence.long_waves import power_of_long_waves
 from diagnosis.evidence.next_scan import next_scans
 from diagnosis.evidence.reported_causes import Cause
 from diagnosis.explain import explain
@@ -71,7 +72,7 @@ def diagnose(
     if stuck is not None:
         # the noise is folded and the mean a saw: what goes with them has no other cause
         withheld |= CATALOGUE.keys()
-    explanation = explain(ready, known, withheld=withheld, notes=notes, progress=progress)
+    ready, explanation = _explained(ready, known, withheld, notes, progress)
     if not inputs.holdout:
         explanation = weighed_on_all(explanation, ready, withheld)
     if stuck is not None:
@@ -114,6 +115,42 @@ def diagnose(
         notes=tuple(notes),
         seed=seed,
     )
+
+
+def _explained(
+    ready: Prepared,
+    known: Population,
+    withheld: frozenset[str],
+    notes: list[str],
+    progress: Progress,
+) -> tuple[Prepared, Explanation]:
+    """Explain recordings; once more where their noise has more power in long waves than modelled.
+
+    What is left tells, once the causes found are taken away: before, they would pass for noise.
+
+    Returns
+    -------
+    the recordings with that noise, and their explanation
+    """
+    said: list[str] = []
+    found = explain(ready, known, withheld=withheld, notes=said, progress=progress)
+    of_mean = any(
+        channel == "mean"
+        for channel in [*(c.channel for c in found.causes), *(u.channel for u in found.unexplained)]
+    )
+    power = power_of_long_waves(found.ws, found.model) if of_mean else 1.0
+    if power > 1:
+        said = [LOUDER.format(power)]
+        ready = replace(ready, noise=replace(ready.noise, long_waves=power))
+        found = explain(ready, known, withheld=withheld, notes=said, progress=progress)
+    notes += said
+    return ready, found
+
+
+LOUDER = (
+    "long waves of the noise have {:.1f} times the power that neighbouring readings tell: for a "
+    "mismatch of the mean, readings count as so many fewer"
+)
 
 
 def _standing(

@@ -741,6 +741,17 @@ class Settings:
         default=4.0, unit="σ", low=0.0,
         source="Huber: 0.006 % of Gaussian readings",
     )  # fmt: skip
+    long_waves: tuple[float, ...] = quantity(
+        "from how many to how many waves a patch has where the noise is asked for power that "
+        "whitening leaves",
+        default=(2.0, 5.0), unit="cycles", low=0.0,
+        source="those of a smooth component of order 5, but for the longest: a law's remainder",
+    )  # fmt: skip
+    least_waves: int = quantity(
+        "waves of that length below which nothing is told of their power",
+        default=20, unit="", low=1, whole=True,
+        source="chosen; the median of so many is known to a third",
+    )  # fmt: skip
     claimed_level: float = quantity(
         "change of the noise's logarithm by which a claimed surface is usually off",
         default=0.05, unit="1", low=0.0,

@@ -97,7 +97,8 @@ def _where(component: str) -> tuple[str, ...]:
 
     Sizes of losses and outliers are ratios to what is expected of each, and laws of light at edges
     act on as many readings as the part has edges: no two are alike. Nor are values that are free
-    for each profile or column and curves, where the noise follows them.
+    for each profile or column and curves, where the noise follows them, nor noise along the line,
+    of the sensor's light, and noise on slopes, of the surface.
     """
     channel, _, name = component.rpartition(": ")
     plain = name.removesuffix(" (listed)")
@@ -105,8 +106,10 @@ def _where(component: str) -> tuple[str, ...]:
     relaxed = known.get(plain.partition(" at ")[0])
     if channel in ("missing", "outliers") or (relaxed is not None and relaxed.spanned):
         return channel, name
-    free = relaxed.each if channel and relaxed is not None else ""
-    return channel, free, name[len(plain) :]
+    if not channel or relaxed is None:
+        return channel, "", "", name[len(plain) :]
+    follows = relaxed.along[0] if relaxed.along else ""
+    return channel, relaxed.each, follows, name[len(plain) :]
 
 
 @cache

@@ -99,6 +99,8 @@ def grams_of(
 ) -> tuple[Gram, Gram]:
     """Sum the normal equations of all components over recordings.
 
+    Where noise has more power in long waves than is modelled, readings count as by so many fewer.
+
     Returns
     -------
     of the readings off edges; of all readings
@@ -132,8 +134,9 @@ def grams_of(
             totals[which][0][np.ix_(places, places)] += g
             totals[which][1][places] += r
             counts[which] += count
+    louder = noise.long_waves
     bulk, whole = (
-        Gram(blocks=tuple(blocks), matrix=g, right=r, readings=n)
+        Gram(blocks=tuple(blocks), matrix=g / louder, right=r / louder, readings=n)
         for (g, r), n in zip(totals, counts, strict=True)
     )
     return bulk, whole

@@ -135,25 +135,29 @@ class RateSearch:
     def weigh(
         self, responses: Responses, candidates: Sequence[RateCandidate]
     ) -> dict[str, _Weighed]:
-        """Weigh candidates, each against a good instrument, by name."""
+        """Weigh candidates, each against a good instrument, by name.
+
+        No law is exact: what follows nearly the same curve as the best is as good. That holds for
+        what a good instrument has as well as for a cause.
+        """
+        made = {c.name: self.sizes(responses, c) for c in candidates}
+        if not made:
+            return {}
+        best = max(made.values(), key=lambda one: float(one.factors.max()))
+        alike = responses.information() * (SETTINGS.doubt_of_rates * best.size) ** 2 / 2
         found: dict[str, _Weighed] = {}
         nothing = 0.0
         for c in candidates:
-            one = self.sizes(responses, c)
+            one = made[c.name]
+            less = float(best.factors.max() - one.factors.max())
+            factors = one.factors + min(alike, less)
             quiet = np.log(np.maximum(self.scales.of(c.key), 1e-300))
-            nothing = max(nothing, float(logsumexp(one.factors + quiet)))
+            nothing = max(nothing, float(logsumexp(factors + quiet)))
             found[c.name] = _Weighed(
-                nats=float(logsumexp(one.factors + np.log(self.scales.changed(c.key)))),
+                nats=float(logsumexp(factors + np.log(self.scales.changed(c.key)))),
                 gain=one.gain, variant=one.variant, size=one.size, change=one.change,
             )  # fmt: skip
-        best = max(found.values(), key=lambda w: w.nats, default=None)
-        if best is None:
-            return {}
-        # what follows nearly the same curve is as good: no law is exact
-        alike = responses.information() * (SETTINGS.doubt_of_rates * best.size) ** 2 / 2
-        return {
-            n: replace(w, nats=min(w.nats + alike, best.nats) - nothing) for n, w in found.items()
-        }
+        return {n: replace(w, nats=w.nats - nothing) for n, w in found.items()}
 
     def search(self) -> list[RateMember]:
         """Find causes until none has odds above one."""

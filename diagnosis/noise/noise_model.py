@@ -46,6 +46,8 @@ class NoiseModel:
         True where plates gave it, False where the recordings' own residuals did.
     innovation_sd : float
         Measured size of the whitened readings over the predicted one.
+    long_waves : float
+        Power that the long waves of whitened readings have, 1 or more.
     """
 
     sd_mm: float
@@ -58,6 +60,7 @@ class NoiseModel:
     readings: int
     from_reference: bool
     innovation_sd: float = 1.0
+    long_waves: float = 1.0
 
     @property
     def lags(self) -> tuple[int, int]:

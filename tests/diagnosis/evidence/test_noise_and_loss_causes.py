@@ -1,5 +1,7 @@
 """Causes of noise and losses: found with their size and sign, or not there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from diagnosis.evidence.mean_causes import Scales
 from diagnosis.evidence.noise_and_loss_causes import RateMember, RateSearch
 from diagnosis.evidence.noise_and_loss_channels import Channel
 from diagnosis.settings import SETTINGS
-from tests.support.cell_readings import CELLS, LINEAR, channel_with
+from tests.support.cell_readings import CELLS, LINEAR, U, channel_with, component
 
 
 def found_in(channel: Channel, withheld: frozenset[str] = frozenset()) -> list[RateMember]:
@@ -50,3 +52,23 @@ def test_what_is_withheld_is_found_without_a_name() -> None:
     channel = channel_with(0.3, "scale", "incidence_noise", LINEAR[:, None], seed=1)
     (member,) = found_in(channel, frozenset({"incidence_noise"}))
     assert member.candidate.component.effect == ""
+
+
+def test_what_a_good_instrument_has_explains_a_curve_that_is_nearly_its_own() -> None:
+    """No law is exact: a cause that is a little nearer isn't there for what is usual."""
+    bent = LINEAR + 0.1 * (U**2 - np.mean(U**2)) / np.std(U**2)
+    channel = channel_with(0.04, "scale", "incidence_noise", LINEAR[:, None], seed=4, count=200_000)
+    (usual,) = channel.candidates
+    near = replace(usual.variants[0], columns=(bent / np.sqrt(np.mean(bent**2)))[:, None])
+    rare = replace(usual, component=component("scale", "light_falloff"))
+    usual = replace(usual, variants=(near,))
+    none = np.eye(SETTINGS.rate_sizes().size)[0]
+    often = np.full(none.size, 1 / none.size)
+    for weights, names in ((often, []), (none, ["light_falloff"])):
+        known = {usual.key: weights, rare.key: none}
+        search = RateSearch(
+            replace(channel, candidates=(usual, rare)),
+            Scales(sizes=SETTINGS.rate_sizes(), weights=known),
+        )
+        found = [m.candidate.component.effect for m in search.search()]
+        assert bool(found) is bool(names)

@@ -1,0 +1,49 @@
+"""How much more noise there is in long waves than whitening leaves.
+
+A reading is whitened given a few neighbours. What the relief of a ground or milled surface is
+correlated over reaches farther, and a smooth component takes its long waves for a signal: readings
+count as too many. Beyond the causes that were found, whitened readings have the power 1 at every
+frequency (white noise of unit variance); each frequency's is distributed exponentially, so that
+its median is ln 2 (Priestley, Spectral Analysis, 1981, § 6.2). The median leaves alone what
+oscillates at one frequency, and whole profiles and columns are left out. By that power the
+equations of the mean are divided (quasi-likelihood: Wedderburn, Biometrika 61 (1974) 439).
+"""
+
+import math
+
+import numpy as np
+
+from diagnosis.data.patch import Patch
+from diagnosis.fields import Field
+from diagnosis.model.log_density import Whitened
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
+from diagnosis.settings import SETTINGS
+
+
+def power_of_long_waves(ws: Workspace, model: Model) -> float:
+    """Return the power that the long waves of whitened readings have, 1 or more."""
+    states = ws.states(ws.predict(model))
+    power = np.concatenate([
+        _power(p, s) for p, s in zip(ws.patches, states, strict=True)
+    ] or [np.zeros(0)])
+    if power.size < SETTINGS.least_waves:
+        return 1.0
+    return max(float(np.median(power)) / math.log(2), 1.0)
+
+
+def _power(patch: Patch, state: Whitened) -> Field:
+    """Power of each wave of a few to a patch, off edges, (F,)."""
+    use = state.used & ~patch.edge
+    if not use.any():
+        return np.zeros(0)
+    clip = SETTINGS.clip
+    values = np.where(use, np.clip(state.innovations, -clip, clip), 0.0)
+    values = np.where(use, values - values[use].mean(), 0.0)
+    n, m = values.shape
+    power = np.square(np.abs(np.fft.fft2(values))) / use.sum()
+    down, right = np.fft.fftfreq(n, 1 / n)[:, None], np.fft.fftfreq(m, 1 / m)[None]
+    far = np.hypot(down, right)
+    low, high = SETTINGS.long_waves
+    once = (down > 0) & (right != 0)
+    return np.asarray(power[once & (far >= low) & (far < high)])

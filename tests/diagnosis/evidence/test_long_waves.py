@@ -1,0 +1,58 @@
+"""Long waves of the noise: none beyond whitening, or as much as relief puts there."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.evidence.long_waves import power_of_long_waves
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
+from tests.support.effect_case import bench_workspace
+
+
+def waves(shape: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
+    """White noise that is left of the longest twelve waves along each side; unit variance."""
+    power = np.fft.fft2(rng.standard_normal(shape))
+    down, right = (np.abs(np.fft.fftfreq(k, 1 / k)) for k in shape)
+    field = np.fft.ifft2(power * (np.hypot(down[:, None], right) < 12)).real
+    return np.asarray(field / field.std())
+
+
+def with_noise(ws: Workspace, relief: float, seed: int = 1) -> Workspace:
+    """Exact depths with white noise and, of so many deviations, relief of long waves."""
+    rng, patches = np.random.default_rng(seed), []
+    noise = replace(ws.noise, acf=np.zeros_like(ws.noise.acf))
+    noise.acf[noise.lags] = 1.0
+    for p in ws.patches:
+        field = rng.standard_normal(p.shape) + relief * waves(p.shape, rng)
+        patches.append(replace(p, depth_mm=p.plain_mm + noise.sd_mm * field))
+    return Workspace.build(patches, noise)
+
+
+def test_white_noise_has_no_more_power_in_long_waves() -> None:
+    ws = bench_workspace("domes")
+    found = [power_of_long_waves(with_noise(ws, 0.0, seed=k), Model()) for k in range(4)]
+    assert max(found) < 1.5
+    assert np.mean(found) < 1.25
+
+
+def test_relief_has_the_power_that_it_was_made_with() -> None:
+    ws = bench_workspace("domes")
+    n, m = ws.patches[0].shape
+    # all its variance is in π 12² of n m waves
+    wanted = 1 + 0.25**2 * n * m / (np.pi * 12**2)
+    found = [power_of_long_waves(with_noise(ws, 0.25, seed=k), Model()) for k in range(4)]
+    assert np.mean(found) == pytest.approx(wanted, rel=0.3)
+
+
+def test_what_whole_profiles_and_columns_do_is_no_noise_of_long_waves() -> None:
+    ws, moved = with_noise(bench_workspace("domes"), 0.0), []
+    for p in ws.patches:
+        n, m = p.shape
+        along = np.sin(2 * np.pi * 4 * np.arange(n) / n)[:, None]
+        across = np.cos(2 * np.pi * 3 * np.arange(m) / m)[None]
+        moved.append(replace(p, depth_mm=p.depth_mm + 0.3 * ws.noise.sd_mm * (along + across)))
+    # each of the two waves has the power of 160 others
+    still = power_of_long_waves(ws, Model())
+    assert power_of_long_waves(Workspace.build(moved, ws.noise), Model()) < 1.2 * still
