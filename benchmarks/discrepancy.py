@@ -12,7 +12,7 @@ Each population is a kind of instruments of its own.
 
 import argparse
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -22,7 +22,7 @@ import numpy as np
 from benchmarks.other_formulas.tolerances import good_instrument
 from diagnosis.claims.lay import LAY, lay_of
 from diagnosis.claims.plate_noise import level_change
-from diagnosis.data.patch import all_fitted
+from diagnosis.data.patch import Patch, all_fitted
 from diagnosis.discrepancy.good_instrument import (
     change_factors,
     informed,
@@ -32,9 +32,10 @@ from diagnosis.discrepancy.good_instrument import (
 )
 from diagnosis.discrepancy.population import Kind, Population, learnt
 from diagnosis.evidence.noise_level import AGAINST_PLATES, level_factors, level_unsure
-from diagnosis.evidence.seen import channels_seen, seen
+from diagnosis.evidence.seen import Seen, channels_seen, seen
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
+from diagnosis.physics.laws_at_edges import known_laws, laws_at_edges
 from diagnosis.prepare import Inputs, Prepared, prepared
 from pipeline.parts.part import load_part
 from sensors.datasheet import Datasheet
@@ -83,7 +84,18 @@ def departures(inputs: Inputs) -> Factors:
         change = level_change(ws, Model(), ready.nominal.sd_mm)
         unsure = np.hypot(change.unsure, level_unsure(ready.nominal))
         found[AGAINST_PLATES] = level_factors(change.log, float(unsure))
-    return found | lay_factors(ready)
+    return found | lay_factors(ready) | law_factors(ready, patches, one)
+
+
+def law_factors(
+    ready: Prepared, patches: Sequence[Patch], now: Seen, before: Sequence[Patch] = ()
+) -> Factors:
+    """Likelihood of each size of what each law of light at edges seems to do."""
+    laws = laws_at_edges(
+        known_laws(now.components, ready.recorded.datasheet), Workspace.build(patches, ready.noise),
+        Model(), Workspace.build(before, ready.noise) if before else None,
+    )  # fmt: skip
+    return {law.key: law.factors for law in laws}
 
 
 def lay_factors(ready: Prepared) -> Factors:
@@ -108,7 +120,11 @@ def changes(inputs: Inputs, population: Population) -> Factors:
     kinds = kinds_of(population, shown, good=True)
     own = informed(population, kinds, shown | rate_factors(usual.values()))
     channels = channels_seen(patches, ready.noise, Model(), now)
-    return change_factors(now, before, channels, usual, own) | lay_factors(ready)
+    return (
+        change_factors(now, before, channels, usual, own)
+        | lay_factors(ready)
+        | law_factors(ready, patches, now, ready.baseline)
+    )
 
 
 def simulated(seed: int) -> Inputs:

@@ -7,6 +7,7 @@ import numpy as np
 
 from diagnosis.claims.plate_noise import levels_of_each
 from diagnosis.components.component import Component
+from diagnosis.data.patch import Patch
 from diagnosis.discrepancy.good_instrument import (
     alike_at_edges,
     change_factors,
@@ -27,14 +28,15 @@ from diagnosis.explain_rates import explain_rates
 from diagnosis.explanation import Explanation, Progress, State, completed, fitted_part
 from diagnosis.fields import Field
 from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.joint_fit import among_laws, fit_laws, refit, strongest_law
+from diagnosis.physics.laws_at_edges import known_laws, laws_at_edges, strongest_at_edges
 from diagnosis.physics.linear_fit import Fitted
 from diagnosis.physics.remainder import curves_of, remainder
 from diagnosis.prepare import Prepared
 from diagnosis.reregister.reregistration import reregistered
 from diagnosis.settings import SETTINGS
-from sensors.effects import CATALOGUE
 from sensors.view.covariates import COVARIATES
 
 MOVED_WITH_PLACEMENT = {c.name for c in COVARIATES.values() if c.place}
@@ -96,6 +98,8 @@ def explain(
             continue
         named, unexplained = reported(found)
         further = _further(state, found, named, noise, notes, progress)
+        if further is None and not any(u.channel == "mean" for u in unexplained):
+            further = _by_law(state, found, scales, baseline, noise, notes, progress)
         if further is None:
             break
         before_law = _before_law(state, found, further)
@@ -166,8 +170,46 @@ def _further(
         curve = state.model.curve.beside(curves_of(rest, state.now, noise.sd_mm))
         causes = tuple(_beside_curve(c, rest) for c in state.causes)
         return _seen_again(state, replace(state.model, curve=curve), causes, noise)
-    if not new:
+    return _with_laws(state, found, new, noise, notes, progress) if new else None
+
+
+def _by_law(
+    state: State,
+    found: Assessment,
+    scales: Mapping[str, Field],
+    baseline: Sequence[Patch],
+    noise: NoiseModel,
+    notes: list[str],
+    progress: Progress,
+) -> State | None:
+    """Explain what stands out at edges alone by the law that explains most; None if nothing.
+
+    One such law is asked for: what it leaves resembles the others.
+    """
+    laws = [] if state.gained > 0 else _laws_of(state, found)
+    if not laws:
         return None
+    progress("trying laws at edges")
+    seen_by_laws = laws_at_edges(
+        laws, fitted_part(state.patches, noise), state.model,
+        Workspace.build(baseline, noise) if baseline else None,
+    )  # fmt: skip
+    cause = strongest_at_edges(seen_by_laws, scales)
+    return None if cause is None else _with_laws(state, found, [cause], noise, notes, progress)
+
+
+def _with_laws(
+    state: State,
+    found: Assessment,
+    new: Sequence[Cause],
+    noise: NoiseModel,
+    notes: list[str],
+    progress: Progress,
+) -> State:
+    """Fit the law of the first of new causes, or of the one at edges that is likelier; look again.
+
+    Of laws of light at edges one is fitted, others are fitted together.
+    """
     explained = float(np.sqrt(state.explained**2 + sum(m.size**2 for m in found.mean)))
     progress(f"fitting {new[0].name}")
     recorded, patches = completed(
@@ -198,13 +240,9 @@ def _further(
 
 def _laws_of(state: State, found: Assessment) -> list[Component]:
     """Components of laws at edges that may be named yet, by what the sensor's file states."""
-    sheet = state.recorded.datasheet
     free = {*found.effects["mean"].values()} - {*state.names, *state.refuted, ""}
-    return [
-        c for c in state.now.components
-        if c.relaxed.spanned and c.effect in free
-        and all(getattr(sheet, key) is not None for key in CATALOGUE[c.effect].needs)
-    ]  # fmt: skip
+    known = known_laws(state.now.components, state.recorded.datasheet)
+    return [c for c in known if c.effect in free]
 
 
 def _seen_again(

@@ -333,6 +333,16 @@ class PhysicsSettings:
         default=0.25, unit="1", low=0.0, high=1.0,
         source="a search rarely doubles a gain, and a law with half of the best one's is no cause",
     )  # fmt: skip
+    tried_readings: int = quantity(
+        "readings on which laws at edges are tried",
+        default=30000, unit="", low=1, whole=True,
+        source="time; a size of 0.01 is still known to a half",
+    )  # fmt: skip
+    edge_noise: tuple[float, ...] = quantity(
+        "factors on the noise at depth edges, of which the likeliest counts when laws are compared",
+        default=(0.7, 1.0, 1.4, 2.0, 2.8, 4.0), unit="1", low=0.0,
+        source="half octaves; nine good instruments scatter there by 1 or 1.4",
+    )  # fmt: skip
     tilt_nats: float = quantity(
         "evidence above which columns have slopes beside their offsets",
         default=3.0, unit="nat", low=0.0,

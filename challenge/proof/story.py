@@ -14,8 +14,11 @@ from challenge.cases.case import RECORDINGS, Secret, Staged, scan
 from challenge.cases.seeds import child, number
 from challenge.cases.truth import geometry
 from challenge.judging.score import has_place
+from challenge.proof.panel import robust_sd
 
 Field = NDArray[np.float64]
+SEEN = 0.02
+"""Largest change over the noise below which a picture of it would show rounding: its choice."""
 RIGID = ("roll_deg", "pitch_deg", "yaw_deg", "x_mm", "y_mm", "z_mm")
 """Parameters of an answer's effect that turns and shifts the sensor against its poses."""
 
@@ -96,9 +99,14 @@ class Story:
 
     @property
     def explains(self) -> bool:
-        """Whether what was found moves any reading."""
-        change = np.abs(self.held.explained_mm - self.held.simulated_mm)
-        return bool(np.nanmax(change, initial=0.0) > 0)
+        """Whether what was found moves readings by an amount that can be seen.
+
+        A cause of noise moves them a little, too: readings have other weights when they are placed.
+        """
+        held = self.held
+        change = np.abs(held.explained_mm - held.simulated_mm)
+        noise = robust_sd(held.depth_mm - held.simulated_mm)
+        return bool(np.nanmax(change, initial=0.0) > SEEN * noise)
 
 
 def tell(out: Path, name: str, case: dict[str, Any], staged: Staged) -> Story | None:

@@ -1,10 +1,7 @@
 """Evidence for a change of the noise's level against plates, baselines or a claimed surface.
 
-The change h of the noise's logarithm is measured with a deviation σ. Where it has the size s,
-
-    ln BF(s) = ln N(h; 0, σ² + s²) - ln N(h; 0, σ²)
-
-and a good instrument's part and plates differ by sizes that the population tells.
+The change of the noise's logarithm is measured as one number (`known_size.py`), and a good
+instrument's part and plates differ by sizes that the population tells.
 """
 
 import math
@@ -15,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from diagnosis.evidence.known_size import factors_of_value
 from diagnosis.evidence.mean_causes import Scales
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.settings import SETTINGS
@@ -40,8 +38,7 @@ class LevelChange:
 
 def level_factors(change: float, unsure: float) -> Floats:
     """Log Bayes factor of each size of a change, (S,)."""
-    wide = unsure**2 + np.square(SETTINGS.rate_sizes())
-    return np.asarray(0.5 * (change**2 * (unsure**-2 - 1 / wide) - np.log(wide / unsure**2)))
+    return factors_of_value(change, unsure, SETTINGS.rate_sizes())
 
 
 def level_nats(change: LevelChange, usual: Mapping[str, Floats]) -> float:

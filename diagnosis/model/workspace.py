@@ -22,6 +22,7 @@ from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.predict.edges import on_edges
 from diagnosis.predict.expectation import expect
 from diagnosis.predict.prediction import Prediction
+from diagnosis.settings import SETTINGS
 from sensors.effects.base import Effect
 
 T = TypeVar("T")
@@ -156,18 +157,24 @@ class Workspace:
             for p, q in zip(self.patches, predictions, strict=True)
         ]
 
-    def gain_by_mean(
-        self, model: Model, effect: Effect, own: Mapping[int, Mapping[str, float]]
-    ) -> float:
-        """By how much an effect's mean makes the readings more probable, its noise given, nats."""
-        whole = self.predict(self.levelled(model.with_effect(effect, own)))
-        still = [
-            replace(q, mean_mm=np.where(np.isfinite(p.mean_mm), p.mean_mm, q.mean_mm))
-            for p, q in zip(self.predict(model), whole, strict=True)
-        ]
-        masks = self.masks_for(effect)
-        bent, plain = (self.block_scores(self._densities(q), masks).sum() for q in (whole, still))
-        return float(bent - plain)
+    def most_probable(self, model: Model) -> float:
+        """Log density of the readings that may be fitted, noise at edges as large as suits them.
+
+        No edge is placed to a fraction of the spot: what readings scatter by there beyond the noise
+        is no merit of a law that adds noise.
+        """
+        predictions, masks = self.predict(model), self.masks()
+        moved = self._placed_by(predictions, masks)
+
+        def density(factor: float) -> float:
+            wider = [
+                replace(q, sd_mm=np.where(p.edge, factor * q.sd_mm, q.sd_mm))
+                for p, q in zip(self.patches, predictions, strict=True)
+            ]
+            found = zip(self._densities(wider, moved), masks, strict=True)
+            return float(sum(d[m].sum() for d, m in found))
+
+        return max(density(factor) for factor in SETTINGS.physics.edge_noise)
 
     def block_scores(
         self, densities: Sequence[Field], masks: Sequence[Mask] | None = None

@@ -106,8 +106,7 @@ def among_laws(
 
     A law at points of its grid isn't the law: what several laws at edges do there is alike. Each is
     fitted; a law of another formula than nature's falls short by a share of what it gains, so that
-    gains which differ by less tell nothing. What stands out is the mean: what a law gains by its
-    noise or losses counts for no cause of that.
+    gains which differ by less tell nothing. With each law the noise at edges is as large as suits.
 
     Parameters
     ----------
@@ -130,8 +129,9 @@ def among_laws(
         most = max((f.gain for f in fitted.values()), default=0.0)
         if name == cause.name or rough[name].gain > SETTINGS.physics.promising * most:
             fitted[name] = law(name, polish=True) or rough[name]
+    without = few.most_probable(model)
     gains = {
-        n: min(f.gain, few.gain_by_mean(model, f.effect, f.own)) - f.free
+        n: few.most_probable(few.levelled(model.with_effect(f.effect, f.own))) - without - f.free
         for n, f in fitted.items()
     }
     best = max(gains.values(), default=0.0)

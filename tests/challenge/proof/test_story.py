@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from challenge.judging.judge import judge
 from challenge.proof.move_panel import PLANES, angles_deg, plane_of, stretch, stretched, title_of
 from challenge.proof.page import Judged, write_page
+from challenge.proof.panel import robust_sd
 from challenge.proof.statistic_panel import CHANNELS, statistic, subject
 from challenge.proof.story import RIGID, Move, Scanned, tell
 from challenge.proof.story_picture import draw_story, panels_of
@@ -62,6 +63,10 @@ def test_an_answer_that_moves_no_reading_shows_its_statistic(judged, bowed, scor
         answer={"verdict": "unexplained", "effects": [], "left": left},
     )  # fmt: skip
     assert titles(alarm)[1:3] == ["scan minus nominal model, µm", f"found: {CHANNELS['outliers']}"]
+    # readings weigh otherwise under another noise, and are placed a hundredth of it elsewhere
+    moved = still.simulated_mm + 1e-2 * robust_sd(still.depth_mm - still.simulated_mm)
+    hardly = replace(still, explained_mm=moved)
+    assert titles(replace(alarm, scans=(hardly, hardly))) == titles(alarm)
     nowhere = replace(alarm, answer={**alarm.answer, "left": left[1:]})
     assert titles(nowhere)[2] == f"found: {CHANNELS['mean']}"  # a map
     missed = replace(story, scans=(still, still), answer={"verdict": "match", "effects": []})

@@ -8,9 +8,8 @@ import pytest
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from sensors.effects.incidence_noise import IncidenceNoise
-from sensors.effects.line_bow import LineBow
 from sensors.effects.stage_vibration import StageVibration
-from tests.support.effect_case import bench_workspace, taken_with
+from tests.support.effect_case import bench_workspace
 
 WAVE = StageVibration(amplitude_um=8.0, frequency_hz=7.0, phase_rad=0.3)
 
@@ -48,16 +47,22 @@ def test_a_thin_workspace_keeps_whole_profiles(ws: Workspace) -> None:
     assert sum(p.depth_mm.size for p in thin.patches) <= total * 10
     assert {p.depth_mm.shape[1] for p in thin.patches} == {ws.patches[0].depth_mm.shape[1]}
 
-def test_a_gain_by_the_mean_leaves_the_noise_out() -> None:
-    """All of a bow's, and none of what changes the noise alone."""
-    bent = taken_with(bench_workspace("domes"), "domes", LineBow(sag_um=40.0))
-    bow, louder = LineBow(sag_um=40.0), IncidenceNoise(exponent=1.0)
-    whole = sum(
-        (with_bow - plain)[mask].sum()
-        for with_bow, plain, mask in zip(
-            bent.log_densities(Model().with_effect(bow)), bent.log_densities(Model()),
-            bent.masks_for(bow), strict=True,
-        )
-    )  # fmt: skip
-    assert bent.gain_by_mean(Model(), bow, {}) == pytest.approx(whole, rel=1e-6)
-    assert bent.gain_by_mean(Model(), louder, {}) == pytest.approx(0.0, abs=1e-6)
+
+def test_noise_at_edges_is_as_large_as_suits_and_no_merit_of_a_law() -> None:
+    ws = bench_workspace("steps")
+    rng = np.random.default_rng(3)
+    rough = tuple(
+        replace(p, depth_mm=p.depth_mm + p.edge * 3 * ws.noise.sd_mm * rng.standard_normal(p.shape))
+        for p in ws.patches
+    )
+    rougher = replace(ws, patches=rough)
+
+    def density(workspace: Workspace) -> float:
+        found = zip(workspace.log_densities(Model()), workspace.masks(), strict=True)
+        return float(sum(d[m].sum() for d, m in found))
+
+    assert rougher.most_probable(Model()) > density(rougher) + 100
+    # as they are, they are better explained by no factor far from one
+    assert ws.most_probable(Model()) >= density(ws)
+    lost = density(ws) - density(rougher)
+    assert ws.most_probable(Model()) - rougher.most_probable(Model()) < 0.8 * lost

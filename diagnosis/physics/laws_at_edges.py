@@ -1,0 +1,131 @@
+"""How much laws of light at edges do, by the laws themselves.
+
+Where light lives on edges and in corners, depths depart by many times the noise, and a law's
+columns at points of its grid tell little of what the law does. Each law is tried itself, at points
+of its grid. The whitened rms of what it explains of N readings, the noise at edges as large as
+suits with it and without, is
+
+    r = (2 gain / N)^½,
+
+with baselines beyond what the same law explains there. A good instrument has some of it: no law is
+exactly nature's, and no edge is where a mesh has it. Of a size s, r is normal with the deviation s.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.components.component import Component
+from diagnosis.evidence.known_size import factors_of_value
+from diagnosis.evidence.mean_causes import Scales
+from diagnosis.evidence.reported_causes import Cause
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
+from diagnosis.physics.effect_fit import fit_effect
+from diagnosis.settings import SETTINGS
+from sensors.datasheet import Datasheet
+from sensors.effects import CATALOGUE
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class LawAtEdges:
+    """One law as it was fitted at a point of its grid.
+
+    Attributes
+    ----------
+    key : of the population's sizes
+    gain : nats, less the numbers fitted
+    size : whitened rms of what it explains
+    factors : log Bayes factor of each size of the grid against none, (S,)
+    """
+
+    component: Component
+    key: str
+    gain: float
+    size: float
+    factors: Floats
+
+
+def known_laws(components: Sequence[Component], sheet: Datasheet) -> list[Component]:
+    """Pick the laws of light at edges that what a sensor's file states is enough for."""
+    return [
+        c for c in components
+        if c.relaxed.spanned and c.effect
+        and all(getattr(sheet, key) is not None for key in CATALOGUE[c.effect].needs)
+    ]  # fmt: skip
+
+
+def laws_at_edges(
+    laws: Sequence[Component], ws: Workspace, model: Model, before: Workspace | None = None
+) -> list[LawAtEdges]:
+    """Fit laws beside a model, each alone.
+
+    Parameters
+    ----------
+    before : of baselines, which have none of the model's causes
+    """
+    few = ws.thin(SETTINGS.physics.tried_readings)
+    before = before and before.thin(SETTINGS.physics.tried_readings)
+    states = few.states(few.predict(model))
+    without, count = few.most_probable(model), max(few.count(), 1)
+    usual = 0.0 if before is None else before.most_probable(Model())
+    listed = any(
+        r.spanned and r.channel == "mean"
+        for e in ws.patches[0].view.sensor.effects for r in e.relaxed
+    )  # fmt: skip
+    out = []
+    for law in laws:
+        fitted = fit_effect(CATALOGUE[law.effect], few, model, states, polish=False)
+        gain = square = 0.0
+        if fitted is not None and not fitted.effect.is_null:
+            whole = few.levelled(model.with_effect(fitted.effect, fitted.own))
+            gain = few.most_probable(whole) - without - fitted.free
+            square = 2 * max(gain, 0.0) / count
+            if before is not None:
+                alone = before.levelled(Model().with_effect(fitted.effect.shared()))
+                same = before.most_probable(alone) - usual
+                square -= 2 * max(same, 0.0) / max(before.count(), 1)
+        size = math.sqrt(max(square, 0.0))
+        out.append(LawAtEdges(
+            component=law, key=key_of(law, listed=listed), gain=gain, size=size,
+            factors=factors_of_value(size, 1 / math.sqrt(count), SETTINGS.mean_sizes()),
+        ))  # fmt: skip
+    return out
+
+
+def key_of(law: Component, *, listed: bool) -> str:
+    """Name under which the population holds what good instruments have of a law.
+
+    Parameters
+    ----------
+    listed : whether the sensor's file lists a law at edges: what is weighed is beyond that then
+    """
+    return f"law: {law.effect}" + (" (listed)" if listed else "")
+
+
+def strongest_at_edges(
+    laws: Sequence[LawAtEdges], usual: Mapping[str, Floats]
+) -> Cause | None:
+    """Return the law that explains most as a cause, if good instruments don't have as much of it.
+
+    Parameters
+    ----------
+    usual : probability of each size in a good instrument
+    """
+    best = max(laws, key=lambda law: law.gain, default=None)
+    if best is None or best.gain <= 0:
+        return None
+    scales = Scales(sizes=SETTINGS.mean_sizes(), weights=usual)
+    nats = scales.nats(best.key, best.factors)
+    probability = SETTINGS.probability(nats, best.component.effect)
+    if probability <= SETTINGS.reported:
+        return None
+    return Cause(
+        name=best.component.effect, channel="mean", probability=probability, alternatives=(),
+        none_of_these=1 - probability, nats=nats, size=best.size, component=best.component,
+    )  # fmt: skip

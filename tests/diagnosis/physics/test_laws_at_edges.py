@@ -1,0 +1,75 @@
+"""Laws of light at edges, weighed by what they do themselves."""
+
+import numpy as np
+import pytest
+
+from diagnosis.components.component import components_of
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
+from diagnosis.physics.laws_at_edges import (
+    LawAtEdges,
+    key_of,
+    known_laws,
+    laws_at_edges,
+    strongest_at_edges,
+)
+from diagnosis.settings import SETTINGS
+from sensors.effects.finite_spot import FiniteSpot
+from tests.support.effect_case import bench_workspace, taken_with
+from tests.support.small_parts import datasheet
+
+LAWS = [c for c in components_of("mean") if c.effect in ("finite_spot", "motion_blur")]
+SIZES = SETTINGS.mean_sizes()
+BLUR = FiniteSpot(line_sd_um=300.0)
+
+
+@pytest.fixture(scope="module")
+def sharp() -> Workspace:
+    return bench_workspace("steps")
+
+
+@pytest.fixture(scope="module")
+def blurred() -> Workspace:
+    return taken_with(bench_workspace("steps"), "steps", BLUR)
+
+
+def usual(size: float) -> dict[str, np.ndarray]:
+    """Good instruments have that much of each law."""
+    weights = np.exp(-0.5 * np.square(np.log(SIZES / size)))
+    return {key_of(law, listed=False): weights / weights.sum() for law in LAWS}
+
+
+def by_effect(found: list[LawAtEdges]) -> dict[str, LawAtEdges]:
+    return {law.component.effect: law for law in found}
+
+
+def test_a_law_explains_what_it_made(blurred: Workspace, sharp: Workspace) -> None:
+    found, still = (by_effect(laws_at_edges(LAWS, ws, Model())) for ws in (blurred, sharp))
+    spot = found["finite_spot"]
+    assert spot.size == pytest.approx(np.sqrt(2 * spot.gain / blurred.count()))
+    assert spot.size > 5 * still["finite_spot"].size
+    # the likeliest deviation of one number is that number
+    assert SIZES[spot.factors.argmax()] == pytest.approx(spot.size, rel=0.5)
+
+
+def test_it_is_named_where_good_instruments_have_less(blurred: Workspace) -> None:
+    found = laws_at_edges(LAWS, blurred, Model())
+    cause = strongest_at_edges(found, usual(0.002))
+    assert cause is not None
+    assert cause.name == "finite_spot"
+    assert cause.probability > 0.8
+    assert strongest_at_edges(found, usual(by_effect(found)["finite_spot"].size)) is None
+    assert strongest_at_edges([], {}) is None
+
+
+def test_what_baselines_have_as_well_is_no_change(blurred: Workspace) -> None:
+    (spot,) = laws_at_edges(LAWS[:1], blurred, Model(), before=blurred)
+    assert spot.component.effect == "finite_spot"
+    assert spot.gain > 50
+    assert spot.size == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_law_needs_what_its_formula_needs() -> None:
+    names = {c.effect for c in known_laws(components_of("mean"), datasheet())}
+    assert {"finite_spot", "motion_blur", "form_error"} <= names
+    assert "line_bow" not in names
