@@ -134,11 +134,10 @@ def _explained(
     """
     said: list[str] = []
     found = explain(ready, known, withheld=withheld, notes=said, progress=progress)
-    of_mean = any(
-        channel == "mean"
-        for channel in [*(c.channel for c in found.causes), *(u.channel for u in found.unexplained)]
-    )
-    power = power_of_long_waves(found.ws, found.model) if of_mean else 1.0
+    explained = any(c.channel == "mean" for c in found.causes)
+    # what no cause claims would pass for noise
+    nameless = any(u.channel == "mean" for u in found.unexplained)
+    power = power_of_long_waves(found.ws, found.model) if explained and not nameless else 1.0
     if power > 1:
         said = [LOUDER.format(power)]
         ready = replace(ready, noise=replace(ready.noise, long_waves=power))

@@ -98,7 +98,7 @@ def explain(
             continue
         named, unexplained = reported(found)
         further = _further(state, found, named, noise, notes, progress)
-        if further is None and not any(u.channel == "mean" for u in unexplained):
+        if further is None:
             further = _by_law(state, found, scales, baseline, noise, notes, progress)
         if further is None:
             break
@@ -117,7 +117,10 @@ def explain(
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class _BeforeLaw:
-    """How far the explanation was before a law at edges, and another's member it is to explain."""
+    """How far the explanation was before a law at edges, and a member that it is to explain.
+
+    That is another law's, or unknown physics.
+    """
 
     state: State
     member: Member
@@ -130,13 +133,17 @@ class _BeforeLaw:
         )
 
     def refuting(self, name: str) -> State:
-        """Return the state of before, without the law and the one that the member stands for."""
-        effects = {name, self.member.candidate.effect}
-        return replace(self.state, refuted=self.state.refuted | effects)
+        """Return the state of before, without the law and the one that the member stands for.
+
+        Where that is unknown physics, no law at edges explains it.
+        """
+        other = self.member.candidate.effect
+        laws = {c.effect for c in self.state.now.components if c.relaxed.spanned}
+        return replace(self.state, refuted=self.state.refuted | ({name, other} if other else laws))
 
 
 def _before_law(state: State, found: Assessment, further: State) -> _BeforeLaw | None:
-    """Remember by which other law's member a law at edges was found; None where there is none.
+    """Remember what a law at edges is to explain that has another name or none; None where nothing.
 
     What stands for a law itself is explained as far as the law gains.
     """
@@ -145,7 +152,8 @@ def _before_law(state: State, found: Assessment, further: State) -> _BeforeLaw |
     name = further.causes[-1].name
     others = [
         m for m in found.mean
-        if m.candidate.component.relaxed.spanned and m.candidate.effect != name
+        if m.candidate.effect != name and not m.candidate.component.placement
+        and (m.candidate.component.relaxed.spanned or not m.candidate.effect)
     ]  # fmt: skip
     return _BeforeLaw(state=state, member=others[-1]) if others else None
 

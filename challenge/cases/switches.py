@@ -340,13 +340,13 @@ SINGLE: dict[str, Switch] = {
         apply=_blasted, accept=("roughness_level",), rivals=("anisotropic_lay",)
     ),
     "form_error": Switch(apply=_warped, accept=("form_error",)),
+    "row_repeat": Switch(apply=_stalls, accept=("row_repeat",), shapes=_SLOPED),
 }  # fmt: skip
 
 UNKNOWN: dict[str, Switch] = {
     "lost_counts": Switch(apply=_missed_counts, accept=(), shapes=_SLOPED),
     "dirty_window": Switch(apply=_dirty_window, accept=()),
     "ambient_ripple": Switch(apply=_lamps, accept=()),
-    "stalled_rows": Switch(apply=_stalls, accept=(), shapes=_SLOPED),
 }
 
 DECOY: dict[str, Switch] = {

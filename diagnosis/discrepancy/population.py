@@ -104,7 +104,7 @@ def _where(component: str) -> tuple[str, ...]:
     plain = name.removesuffix(" (listed)")
     known = {c.name: c.relaxed for c in components_of(channel or "mean")}
     relaxed = known.get(plain.partition(" at ")[0])
-    if channel in ("missing", "outliers") or (relaxed is not None and relaxed.spanned):
+    if channel in ("missing", "outliers", "law") or (relaxed is not None and relaxed.spanned):
         return channel, name
     if not channel or relaxed is None:
         return channel, "", "", name[len(plain) :]

@@ -13,32 +13,41 @@ import math
 
 import numpy as np
 
-from diagnosis.data.patch import Patch
-from diagnosis.fields import Field
-from diagnosis.model.log_density import Whitened
+from diagnosis.fields import Field, Mask
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.settings import SETTINGS
 
 
 def power_of_long_waves(ws: Workspace, model: Model) -> float:
-    """Return the power that the long waves of whitened readings have, 1 or more."""
-    states = ws.states(ws.predict(model))
-    power = np.concatenate([
-        _power(p, s) for p, s in zip(ws.patches, states, strict=True)
-    ] or [np.zeros(0)])
+    """Return the power that the long waves of whitened readings have, 1 or more.
+
+    What a law's error may leave of a large signal is no noise: as far as the law is doubted, and if
+    all of that were in these waves.
+    """
+    laws, plain = ws.predict(model), ws.predict(Model())
+    waves, signal = [np.zeros(0)], 0.0
+    for patch, state, law, bare in zip(ws.patches, ws.states(laws), laws, plain, strict=True):
+        use = state.used & ~patch.edge
+        if use.any():
+            signal += float(np.square(state.whiten(law.mean_mm - bare.mean_mm)[use]).sum())
+            waves.append(_power(np.where(use, state.innovations, 0.0), use))
+    power = np.concatenate(waves)
     if power.size < SETTINGS.least_waves:
         return 1.0
-    return max(float(np.median(power)) / math.log(2), 1.0)
+    doubted = SETTINGS.doubt**2 * signal / power.size
+    return max(float(np.median(power)) / math.log(2) - doubted, 1.0)
 
 
-def _power(patch: Patch, state: Whitened) -> Field:
-    """Power of each wave of a few to a patch, off edges, (F,)."""
-    use = state.used & ~patch.edge
-    if not use.any():
-        return np.zeros(0)
+def _power(values: Field, use: Mask) -> Field:
+    """Power of each wave of a few to a patch, (F,).
+
+    Parameters
+    ----------
+    values : (n, m) whitened readings, 0 where not used
+    """
     clip = SETTINGS.clip
-    values = np.where(use, np.clip(state.innovations, -clip, clip), 0.0)
+    values = np.where(use, np.clip(values, -clip, clip), 0.0)
     values = np.where(use, values - values[use].mean(), 0.0)
     n, m = values.shape
     power = np.square(np.abs(np.fft.fft2(values))) / use.sum()

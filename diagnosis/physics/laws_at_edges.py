@@ -111,21 +111,22 @@ def key_of(law: Component, *, listed: bool) -> str:
 def strongest_at_edges(
     laws: Sequence[LawAtEdges], usual: Mapping[str, Floats]
 ) -> Cause | None:
-    """Return the law that explains most as a cause, if good instruments don't have as much of it.
+    """Return the law that good instruments have least of as a cause, if that is likelier than not.
 
     Parameters
     ----------
     usual : probability of each size in a good instrument
     """
-    best = max(laws, key=lambda law: law.gain, default=None)
-    if best is None or best.gain <= 0:
-        return None
     scales = Scales(sizes=SETTINGS.mean_sizes(), weights=usual)
-    nats = scales.nats(best.key, best.factors)
-    probability = SETTINGS.probability(nats, best.component.effect)
+    nats = {law.key: scales.nats(law.key, law.factors) for law in laws if law.gain > 0}
+    best = max(laws, key=lambda law: nats.get(law.key, -math.inf), default=None)
+    if best is None or best.key not in nats:
+        return None
+    probability = SETTINGS.probability(nats[best.key], best.component.effect)
     if probability <= SETTINGS.reported:
         return None
     return Cause(
         name=best.component.effect, channel="mean", probability=probability, alternatives=(),
-        none_of_these=1 - probability, nats=nats, size=best.size, component=best.component,
+        none_of_these=1 - probability, nats=nats[best.key], size=best.size,
+        component=best.component,
     )  # fmt: skip

@@ -9,7 +9,7 @@ FORMATS = {
     "incidence_bias", "specular_dropout", "interreflection", "volume_scattering",
     "pixel_locking", "column_offset", "lens_distortion", "line_bow", "range_scale", "pose_error",
     "stage_vibration", "travel_ripple", "motion_blur", "thermal_drift", "outlier_spikes",
-    "random_dropout", "anisotropic_lay", "roughness_level", "form_error",
+    "random_dropout", "anisotropic_lay", "roughness_level", "form_error", "row_repeat",
 }  # fmt: skip
 
 
