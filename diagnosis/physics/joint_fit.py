@@ -106,7 +106,8 @@ def among_laws(
 
     A law at points of its grid isn't the law: what several laws at edges do there is alike. Each is
     fitted; a law of another formula than nature's falls short by a share of what it gains, so that
-    gains which differ by less tell nothing. With each law the noise at edges is as large as suits.
+    gains which differ by less tell nothing. With each law the noise, and
+    that at edges, is as large as suits.
 
     Parameters
     ----------
@@ -129,11 +130,12 @@ def among_laws(
         most = max((f.gain for f in fitted.values()), default=0.0)
         if name == cause.name or rough[name].gain > SETTINGS.physics.promising * most:
             fitted[name] = law(name, polish=True) or rough[name]
-    without = few.most_probable(model)
+    without = few.most_probable(few.levelled(model, shaped=True))
     gains = {
-        n: few.most_probable(few.levelled(model.with_effect(f.effect, f.own))) - without - f.free
+        n: few.most_probable(few.levelled(model.with_effect(f.effect, f.own), shaped=True))
+        - without - f.free
         for n, f in fitted.items()
-    }
+    }  # fmt: skip
     best = max(gains.values(), default=0.0)
     if gains.get(cause.name, 0.0) <= 0:
         return cause, 0.0, fitted  # its own law does nothing: no other stands in for it
