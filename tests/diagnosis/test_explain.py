@@ -64,3 +64,13 @@ def test_what_is_withheld_is_left_without_a_name(bent: Prepared) -> None:
     nameless = explained(bent, withheld=every)
     assert not {c.name for c in nameless.causes} & every
     assert nameless.causes or nameless.unexplained
+
+
+def test_what_a_line_does_at_edges_is_named_and_sharp_edges_need_no_law() -> None:
+    blurred = ready([{"name": "finite_spot", "line_sd_um": 300.0}], 5, name="steps")
+    (cause,) = explained(blurred).causes
+    assert cause.name == "finite_spot"
+    assert cause.component is not None
+    assert cause.component.relaxed.spanned
+    sharp = explained(ready([], 5, name="steps"))
+    assert (sharp.causes, sharp.unexplained) == ((), ())

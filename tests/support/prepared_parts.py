@@ -9,9 +9,11 @@ from tests.support.small_parts import VIEWS, datasheet, part, record
 Entries = Sequence[dict[str, object]]
 
 
-def ready(effects: Entries, seed: int, *, baselines: bool = False) -> Prepared:
-    """Prepare three recordings of the domes with effects in them; baselines have none."""
-    scene, sheet = part("domes"), datasheet(100)
+def ready(
+    effects: Entries, seed: int, *, baselines: bool = False, name: str = "domes"
+) -> Prepared:
+    """Prepare three recordings of a part with effects in them; baselines have none."""
+    scene, sheet = part(name), datasheet(100)
 
     def scans(what: Entries, first: int) -> list[Recording]:
         return [
