@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from benchmarks.other_formulas.cases import nominal_shot, stage
+from benchmarks.other_formulas.cases import Case, nominal_shot, stage
 from benchmarks.other_formulas.parts import plate
 from benchmarks.other_formulas.tolerances import Tolerance, draw_tolerance, tolerated
-from tests.benchmarks.other_formulas.test_cases import case
 
 EVEN = {
     "ends": 1.0, "middle": 0.0, "streaks": np.zeros(1), "turns": np.ones(1),
@@ -14,8 +13,12 @@ EVEN = {
 }  # fmt: skip
 
 
+NULL = Case(name="t", kind="null", formulas=(), wanted=0, part="terraces", baselines=False,
+            plate=True, seed=5)  # fmt: skip
+
+
 def scale_of(tolerance):
-    staged = stage(case((), "terraces", wanted=0))
+    staged = stage(NULL)
     shot = nominal_shot(staged, staged.plate_scan, 0, plate())
     sheet = staged.instrument.sheet
     there = 2 * shot.view.x / sheet.x_fov_mm, shot.view.depth / sheet.working_distance_mm
@@ -37,7 +40,7 @@ def test_photons_scatter_by_the_root_of_the_light():
 def test_out_of_focus_the_peak_is_wider():
     near, _, z = scale_of(Tolerance(**EVEN | {"speckle": 0.0, "reach": 0.1}))
     far, *_ = scale_of(Tolerance(**EVEN | {"speckle": 0.0}))
-    sheet = stage(case((), "terraces", wanted=0)).instrument.sheet
+    sheet = stage(NULL).instrument.sheet
     off = sheet.working_distance_mm * (z - 1) / (0.1 * sheet.z_range_mm / 2)
     assert near / far == pytest.approx(np.sqrt(1 + off**2))
 
