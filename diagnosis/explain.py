@@ -200,7 +200,7 @@ def _by_law(
     progress("trying laws at edges")
     seen_by_laws = laws_at_edges(
         laws, fitted_part(state.patches, noise), state.model,
-        Workspace.build(baseline, noise) if baseline else None,
+        Workspace.build(baseline, noise) if baseline else None, explained=state.explained,
     )  # fmt: skip
     cause = strongest_at_edges(seen_by_laws, scales)
     return None if cause is None else _with_laws(state, found, [cause], noise, notes, progress)

@@ -8,7 +8,8 @@ suits with it and without, is
     r = (2 gain / N)^½,
 
 with baselines beyond what the same law explains there. A good instrument has some of it: no law is
-exactly nature's, and no edge is where a mesh has it. Of a size s, r is normal with the deviation s.
+exactly nature's, and no edge is where a mesh has it. Of a size s, r is normal with the deviation s;
+it is known but for a nat of chance, and for the share of other laws' signal that is in doubt.
 """
 
 import math
@@ -61,19 +62,26 @@ def known_laws(components: Sequence[Component], sheet: Datasheet) -> list[Compon
 
 
 def laws_at_edges(
-    laws: Sequence[Component], ws: Workspace, model: Model, before: Workspace | None = None
+    laws: Sequence[Component],
+    ws: Workspace,
+    model: Model,
+    before: Workspace | None = None,
+    *,
+    explained: float = 0.0,
 ) -> list[LawAtEdges]:
     """Fit laws beside a model, each alone.
 
     Parameters
     ----------
     before : of baselines, which have none of the model's causes
+    explained : whitened rms of what the model explains, of which a share is in doubt
     """
     few = ws.thin(SETTINGS.physics.tried_readings)
     before = before and before.thin(SETTINGS.physics.tried_readings)
     states = few.states(few.predict(model))
     without, count = few.most_probable(model), max(few.count(), 1)
     usual = 0.0 if before is None else before.most_probable(Model())
+    unsure = math.hypot(1 / math.sqrt(count), SETTINGS.doubt * explained)
     listed = any(
         r.spanned and r.channel == "mean"
         for e in ws.patches[0].view.sensor.effects for r in e.relaxed
@@ -93,7 +101,7 @@ def laws_at_edges(
         size = math.sqrt(max(square, 0.0))
         out.append(LawAtEdges(
             component=law, key=key_of(law, listed=listed), gain=gain, size=size,
-            factors=factors_of_value(size, 1 / math.sqrt(count), SETTINGS.mean_sizes()),
+            factors=factors_of_value(size, unsure, SETTINGS.mean_sizes()),
         ))  # fmt: skip
     return out
 
