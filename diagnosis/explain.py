@@ -226,8 +226,8 @@ def _with_laws(
     state = replace(state, recorded=recorded, patches=patches)
     gain, known = 0.0, dict[str, Fitted]()
     ws = fitted_part(patches, noise)
+    laws = _laws_of(state, found)
     if _is_law(new[0]):
-        laws = _laws_of(state, found)
         named_by_law, gain, known = among_laws(new[0], laws, ws, state.model)
         if state.gained > 0 and gain <= SETTINGS.doubt_of_laws * state.gained:
             # no more than what a law at edges leaves where its formula is another
@@ -236,8 +236,10 @@ def _with_laws(
     model, new = fit_laws(new, ws, state.model, known=known)
     without = replace(state, refuted=state.refuted | {new[0].name})
     if _is_law(new[0]) and (new[0].doubt or new[0].name not in model.names()):
-        # what was weighed is the law itself at points of its grid: fitted, it does next to nothing
-        return without
+        # what was weighed is the law itself at points of its grid: fitted, it does next to nothing,
+        # and of those beside it none does more
+        beside = {c.effect for c in laws} if gain > 0 else set()
+        return replace(without, refuted=without.refuted | beside)
     if state.causes:
         model, new = _without_remainders(state.model, model, new, notes)
         if not new:
