@@ -70,14 +70,22 @@ class Population:
         like = self._like(component)
         if like is None:
             return None
-        share = 1.0 / (len(self.kinds) + 1)
+        seen = len(self.kinds)
+        if component.startswith("law: "):
+            seen = sum(component in k.weights for k in self.kinds)
+        share = 1.0 / (seen + 1)
         own = np.stack([k.weights.get(component, like) for k in self.kinds])
         return np.asarray((1.0 - share) * own + share * like)
 
     def _like(self, component: str) -> Floats | None:
-        """Mean of the probabilities of all components that are weighed alike."""
+        """Mean of the probabilities of all components that are weighed alike.
+
+        What instruments of another make do at edges is anything: no law of light is like another.
+        """
         where = _where(component)
         like = [w for k in self.kinds for name, w in k.weights.items() if _where(name) == where]
+        if like and where[0] == "law":
+            return np.full(like[0].size, 1.0 / like[0].size)
         return np.asarray(np.mean(like, axis=0)) if like else None
 
     @property

@@ -111,3 +111,13 @@ def test_an_instrument_may_be_unlike_all_kinds() -> None:
     assert bow[0] == pytest.approx(0.75)
     assert bow[6] == pytest.approx(0.25)
     assert here.weights("scale: never seen") is None
+
+
+def test_one_make_says_nothing_of_what_others_do_at_edges() -> None:
+    """Half of the weight allows anything."""
+    sharp = np.array([0.9, 0.1, 0.0, 0.0])
+    one = Population(kinds=(Kind(name="a", weights={"law: finite_spot": sharp}),
+                            Kind(name="b", weights={})))  # fmt: skip
+    weights = one.weights("law: finite_spot")
+    assert weights is not None
+    assert weights[0] == pytest.approx(0.5 * sharp + 0.125)
