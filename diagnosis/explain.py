@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.claims.plate_noise import levels_of_each
-from diagnosis.components.component import Component
+from diagnosis.components.component import Component, lists_laws_at_edges
 from diagnosis.data.patch import Patch
 from diagnosis.discrepancy.good_instrument import (
     alike_at_edges,
@@ -31,7 +31,12 @@ from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.joint_fit import among_laws, fit_laws, refit, strongest_law
-from diagnosis.physics.laws_at_edges import known_laws, laws_at_edges, strongest_at_edges
+from diagnosis.physics.laws_at_edges import (
+    known_laws,
+    laws_at_edges,
+    may_be_named,
+    strongest_at_edges,
+)
 from diagnosis.physics.linear_fit import Fitted
 from diagnosis.physics.remainder import curves_of, remainder
 from diagnosis.prepare import Prepared
@@ -190,11 +195,16 @@ def _by_law(
     notes: list[str],
     progress: Progress,
 ) -> State | None:
-    """Explain what stands out at edges alone by the law that explains most; None if nothing.
+    """Explain what stands out at edges alone by the law that is least usual; None if nothing.
 
-    One such law is asked for: what it leaves resembles the others.
+    One such law is asked for: what it leaves resembles the others. None is tried that no reading
+    could name.
     """
-    laws = [] if state.gained > 0 else _laws_of(state, found)
+    listed = lists_laws_at_edges(state.patches[0].view.sensor.effects)
+    laws = [
+        c for c in _laws_of(state, found)
+        if state.gained == 0 and may_be_named(c, scales, listed=listed)
+    ]  # fmt: skip
     if not laws:
         return None
     progress("trying laws at edges")

@@ -1,6 +1,6 @@
 """Components of the mean: columns that each cause adds, from its relaxed form alone."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -91,6 +91,11 @@ def components_of(channel: str) -> tuple[Component, ...]:
                           relaxed=relaxed)
             )  # fmt: skip
     return (*known, *(u for u in UNKNOWN if u.relaxed.channel == channel))
+
+
+def lists_laws_at_edges(listed: Iterable[Effect]) -> bool:
+    """Whether a file lists a law of light at edges: what is weighed is beyond that then."""
+    return any(r.spanned and r.channel == "mean" for e in listed for r in e.relaxed)
 
 
 def with_pitches(

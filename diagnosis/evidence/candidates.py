@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.special import logsumexp
 
-from diagnosis.components.component import Component
+from diagnosis.components.component import Component, lists_laws_at_edges
 from diagnosis.components.smooth import products
 from diagnosis.evidence.gram import Block, Gram
 from diagnosis.evidence.posterior import Cavity, Term
@@ -103,7 +103,7 @@ def candidates_of(
     times, ways : time (s) and travel (mm) of each recording's profiles
     """
     names = {e.name for e in listed}
-    edges = any(r.spanned and r.channel == "mean" for e in listed for r in e.relaxed)
+    edges = lists_laws_at_edges(listed)
     by_name: dict[str, list[Block]] = {}
     for block in gram.blocks:
         by_name.setdefault(block.component.group, []).append(block)

@@ -31,7 +31,7 @@ def power_of_long_waves(ws: Workspace, model: Model) -> float:
         use = state.used & ~patch.edge
         if use.any():
             signal += float(np.square(state.whiten(law.mean_mm - bare.mean_mm)[use]).sum())
-            waves.append(_power(np.where(use, state.innovations, 0.0), use))
+            waves.append(_power(state.innovations, use))
     power = np.concatenate(waves)
     if power.size < SETTINGS.least_waves:
         return 1.0
@@ -44,7 +44,7 @@ def _power(values: Field, use: Mask) -> Field:
 
     Parameters
     ----------
-    values : (n, m) whitened readings, 0 where not used
+    values : (n, m) whitened readings
     """
     clip = SETTINGS.clip
     values = np.where(use, np.clip(values, -clip, clip), 0.0)

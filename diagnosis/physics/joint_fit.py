@@ -106,8 +106,8 @@ def among_laws(
 
     A law at points of its grid isn't the law: what several laws at edges do there is alike. Each is
     fitted; a law of another formula than nature's falls short by a share of what it gains, so that
-    gains which differ by less tell nothing. With each law the noise, and
-    that at edges, is as large as suits.
+    gains which differ by less tell nothing. With each law the
+    noise, and that at edges, is as large as suits.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.components.component import Component
+from diagnosis.components.component import Component, lists_laws_at_edges
 from diagnosis.evidence.known_size import factors_of_value
 from diagnosis.evidence.mean_causes import Scales
 from diagnosis.evidence.reported_causes import Cause
@@ -82,10 +82,7 @@ def laws_at_edges(
     without, count = few.most_probable(model), max(few.count(), 1)
     usual = 0.0 if before is None else before.most_probable(Model())
     unsure = math.hypot(1 / math.sqrt(count), SETTINGS.doubt * explained)
-    listed = any(
-        r.spanned and r.channel == "mean"
-        for e in ws.patches[0].view.sensor.effects for r in e.relaxed
-    )  # fmt: skip
+    listed = lists_laws_at_edges(ws.patches[0].view.sensor.effects)
     out = []
     for law in laws:
         fitted = fit_effect(CATALOGUE[law.effect], few, model, states, polish=False)
@@ -107,13 +104,22 @@ def laws_at_edges(
 
 
 def key_of(law: Component, *, listed: bool) -> str:
-    """Name under which the population holds what good instruments have of a law.
-
-    Parameters
-    ----------
-    listed : whether the sensor's file lists a law at edges: what is weighed is beyond that then
-    """
+    """Name under which the population holds what good instruments have of a law."""
     return f"law: {law.effect}" + (" (listed)" if listed else "")
+
+
+def may_be_named(law: Component, usual: Mapping[str, Floats], *, listed: bool) -> bool:
+    """Whether any reading could make a law likelier than what a good instrument has of it.
+
+    No Bayes factor of mixtures of the same sizes exceeds the largest ratio of their weights. Of a
+    law that no good instrument was asked for nothing is known.
+    """
+    key = key_of(law, listed=listed)
+    if key not in usual:
+        return False
+    scales = Scales(sizes=SETTINGS.mean_sizes(), weights=usual)
+    most = float(np.log(scales.changed(key) / np.maximum(scales.of(key), 1e-300)).max())
+    return SETTINGS.probability(most, law.effect) > SETTINGS.reported
 
 
 def strongest_at_edges(

@@ -11,6 +11,7 @@ from diagnosis.physics.laws_at_edges import (
     key_of,
     known_laws,
     laws_at_edges,
+    may_be_named,
     strongest_at_edges,
 )
 from diagnosis.settings import SETTINGS
@@ -73,3 +74,12 @@ def test_a_law_needs_what_its_formula_needs() -> None:
     names = {c.effect for c in known_laws(components_of("mean"), datasheet())}
     assert {"finite_spot", "motion_blur", "form_error"} <= names
     assert "line_bow" not in names
+
+
+def test_no_law_is_tried_that_no_reading_could_name() -> None:
+    law = LAWS[0]
+    known = key_of(law, listed=False)
+    anything = np.full(SIZES.size, 1 / SIZES.size)
+    assert may_be_named(law, usual(0.002), listed=False)
+    assert not may_be_named(law, {known: anything}, listed=False)
+    assert not may_be_named(law, usual(0.002), listed=True)  # nobody has seen one
