@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from challenge.cases import files
-from challenge.cases.devices import Scans, draw_instrument, draw_scans
-from challenge.cases.nominal import NoiseLaw, repeatability_um, usual_effects
+from challenge.cases.devices import Scans, draw_earlier_scans, draw_scans
+from challenge.cases.makes import Make, first_make, other_make
+from challenge.cases.nominal import NoiseLaw, listed_noise, repeatability_um, usual_effects
 from challenge.cases.parts import SHAPES, plate, solid_of
 from challenge.cases.seeds import child, number
 from challenge.cases.switches import DECOY, SINGLE, UNKNOWN, Switch, World
@@ -21,6 +22,9 @@ from challenge.instrument.stripes import first_hits
 SWITCHES: dict[str, Switch] = {**SINGLE, **UNKNOWN, **DECOY}
 RECORDINGS = ("a", "b", "c")
 PLATES = ("plate-1", "plate-2")
+BASELINES = ("base-1", "base-2")
+MAKES = "makes"
+"""Family of a case whose instrument is of any make; such cases only calibrate."""
 EDGE_ON_SHARE = 0.003
 _POSES = 40
 _DARK = 0.12  # cosine against the sight line; the line of a matt face fades out at about 0.05
@@ -45,7 +49,7 @@ class Secret:
     seed
         Entropy of everything drawn in the case.
     family
-        ``first`` or ``second``, the family of instruments.
+        ``first`` or ``second``, the family of instruments; or ``makes``.
     plates, baselines
         How many reference plates, and recordings of the instrument in good order, a stranger
         gets; the first family has no baselines.
@@ -83,8 +87,10 @@ class Staged:
         The world as it is, and as the maker's file states it; both calibrated.
     good
         The well-made instrument whose file is given.
-    plates
-        Paths of the reference scans.
+    make
+        What its maker delivers and states.
+    plates, baselines
+        Paths of the reference scans, and scans of a good part while the instrument was good.
     effects, noise_law
         What the maker's file lists, and the fit behind its noise.
     """
@@ -92,7 +98,9 @@ class Staged:
     on: World
     off: World
     good: Instrument
+    make: Make
     plates: tuple[Path, ...]
+    baselines: Scans
     effects: list[dict[str, Any]]
     noise_law: NoiseLaw
     seed: int
@@ -107,7 +115,9 @@ def stage(secret: Secret) -> Staged:
         When the part's booleans failed, or no pose keeps the camera from looking along walls.
     """
     shape = solid_of(SHAPES[secret.shape](child(secret.seed, "part")))
-    device = draw_instrument(child(secret.seed, "instrument"))
+    drawn = other_make if secret.family == MAKES else first_make
+    make = drawn(child(secret.seed, "instrument"))
+    device = make.device
     top = float(np.percentile(shape.vertices_mm[:, 2], 90))
     poses = child(secret.seed, "scans")
     for attempt in range(_POSES):
@@ -153,10 +163,19 @@ def stage(secret: Secret) -> Staged:
         replace(flat, start=_shifted(flat.start, 4.0 * k), start_s=1000.0 + 500.0 * k)
         for k in range(len(PLATES))
     )
-    effects, law = usual_effects(off.device, child(secret.seed, "maker"))
+    maker = child(secret.seed, "maker")
+    if make.artefact:
+        effects, law = usual_effects(off.device, maker)
+    else:
+        noise, law = listed_noise(off.device, maker)
+        effects = [*make.nominal_edges(), noise]
+    earlier = draw_earlier_scans(
+        child(secret.seed, "baselines"), device, scans.paths[0], count=secret.baselines,
+        top_mm=max(top, 0.5),
+    )  # fmt: skip
     return Staged(
-        on=on, off=off, good=off.device, plates=plates, effects=effects, noise_law=law,
-        seed=secret.seed,
+        on=on, off=off, good=off.device, make=make, plates=plates, baselines=earlier,
+        effects=effects, noise_law=law, seed=secret.seed,
     )  # fmt: skip
 
 
@@ -209,30 +228,42 @@ def scan(
 
 
 def write(secret: Secret, staged: Staged, folder: FilePath) -> None:
-    """Write recordings, reference plates, part and datasheet into an empty folder."""
+    """Write recordings, plates, baselines, part and datasheet into an empty folder."""
     folder.mkdir(parents=True, exist_ok=True)
-    world = staged.on
-    for k in range(secret.recordings):
-        depth, bright = scan(
-            world, world.scans, k,
-            specimen=number(secret.seed, "specimen"),
-            rng=child(secret.seed, "noise", RECORDINGS[k]),
-        )  # fmt: skip
-        name = RECORDINGS[k]
-        files.write_recording(folder / f"{name}.h5", depth, bright, world.scans.paths[k], name)
+    world, make = staged.on, staged.make
+
+    def deliver(
+        name: str, path: Path, shot: tuple[NDArray[np.float32], NDArray[np.float32]]
+    ) -> None:
+        depth, bright = make.delivered(*shot)
+        files.write_recording(folder / f"{name}.h5", depth, bright, path, name, make.even_x_mm())
+
+    for k, name in enumerate(RECORDINGS[: secret.recordings]):
+        deliver(name, world.scans.paths[k], scan(
+            world, world.scans, k, specimen=number(secret.seed, "specimen"),
+            rng=child(secret.seed, "noise", name),
+        ))  # fmt: skip
+    for k, name in enumerate(BASELINES[: secret.baselines]):
+        deliver(name, staged.baselines.paths[k], scan(
+            replace(staged.off, solid=staged.off.nominal), staged.baselines, k,
+            specimen=number(secret.seed, "specimen", name), rng=child(secret.seed, "noise", name),
+        ))  # fmt: skip
     flat = plate(child(secret.seed, "plate"))
     for name, path in zip(PLATES[: secret.plates], staged.plates, strict=False):
-        depth, bright = world.device.scan(
+        deliver(name, path, world.device.scan(
             flat, OpticalSurface(), path, child(secret.seed, "noise", name),
             specimen=number(secret.seed, "specimen", name),
-        )  # fmt: skip
-        files.write_recording(folder / f"{name}.h5", depth, bright, path, name)
+        ))  # fmt: skip
     files.write_stl(folder / "part.stl", world.nominal)
     repeat = repeatability_um(staged.good, flat, _flat_scans(staged), child(secret.seed, "repeat"))
     sheet = files.datasheet(
         staged.good, world.scans.paths[0], staged.effects, round(repeat, 3)
     )
-    files.write_yaml(folder / "sensor.yaml", sheet)
+    if make.even_x_mm() is not None:
+        sheet["columns"] = "even_x"
+    files.write_yaml(
+        folder / "sensor.yaml", {k: v for k, v in sheet.items() if k not in make.left_out}
+    )
 
 
 def _flat_scans(staged: Staged) -> Scans:

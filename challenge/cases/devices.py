@@ -16,6 +16,7 @@ from challenge.instrument.peaks import PeakFinder
 from challenge.instrument.sheet import LaserSheet
 
 Z_RANGE_MM = 12.0
+_TURNS_DEG = (0.0, 180.0, 90.0)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -100,19 +101,55 @@ def draw_scans(
         np.exp(rng.uniform(np.log(100), np.log(500)))
     )
     profiles = int(rng.integers(140, 181))
-    turns = rng.permutation([0.0, 180.0, 90.0])[:count] + rng.uniform(-15, 15, count)
+    turns = rng.permutation(_TURNS_DEG)[:count] + rng.uniform(-15, 15, count)
     if aligned:
         turns = 180.0 * np.round(turns / 180.0)
+    way = _Way(pitch_mm=pitch, rate_hz=rate, profiles=profiles, top_mm=top_mm)
+    return _scans_at(rng, device, turns, way, float(rng.uniform(5, 60)))
+
+
+def draw_earlier_scans(
+    rng: np.random.Generator, device: Instrument, later: Path, *, count: int, top_mm: float
+) -> Scans:
+    """Draw recordings of a good part, made before a case's: of its pitch, rate and length.
+
+    Parameters
+    ----------
+    later
+        A scan of the case.
+    count, top_mm
+        As of `draw_scans`.
+    """
+    turns = rng.permutation(_TURNS_DEG)[:count] + rng.uniform(-15, 15, count)
+    way = _Way(pitch_mm=later.pitch_mm, rate_hz=later.rate_hz, profiles=later.profiles,
+               top_mm=top_mm)  # fmt: skip
+    return _scans_at(rng, device, turns, way, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Way:
+    """What all scans of a case have in common; `top_mm` stands at the working distance."""
+
+    pitch_mm: float
+    rate_hz: float
+    profiles: int
+    top_mm: float
+
+
+def _scans_at(
+    rng: np.random.Generator, device: Instrument, turns_deg: NDArray[np.float64], way: _Way,
+    clock_s: float,
+) -> Scans:  # fmt: skip
+    """Draw the rest of each scan: its lean, its aim, its direction and where the part lies."""
     paths, misplaced = [], []
-    clock = float(rng.uniform(5, 60))
-    for k in range(count):
+    for turned in turns_deg:
         face = Rotation.from_euler("x", 180, degrees=True)  # sensor z looks down the part's z
-        spin = Rotation.from_euler("z", turns[k], degrees=True)
+        spin = Rotation.from_euler("z", turned, degrees=True)
         lean = Rotation.from_euler("xy", rng.uniform(-9, 9, 2), degrees=True)
         turn = (spin * lean * face).as_matrix()
-        aim = np.array([*rng.uniform(-2.0, 2.0, 2), top_mm / 2 + rng.uniform(-0.5, 0.5)])
+        aim = np.array([*rng.uniform(-2.0, 2.0, 2), way.top_mm / 2 + rng.uniform(-0.5, 0.5)])
         direction = int(rng.choice([-1, 1]))
-        middle = direction * pitch * (profiles - 1) / 2
+        middle = direction * way.pitch_mm * (way.profiles - 1) / 2
         start = np.eye(4)
         start[:3, :3] = turn
         start[:3, 3] = aim - turn @ np.array([0.0, middle, device.camera.working_distance_mm])
@@ -120,13 +157,13 @@ def draw_scans(
             Path(
                 start=start,
                 direction=direction,
-                profiles=profiles,
-                pitch_mm=pitch,
-                rate_hz=rate,
-                start_s=round(clock, 3),
+                profiles=way.profiles,
+                pitch_mm=way.pitch_mm,
+                rate_hz=way.rate_hz,
+                start_s=round(clock_s, 3),
             )
         )
-        clock += profiles / rate + float(rng.uniform(20, 200))
+        clock_s += way.profiles / way.rate_hz + float(rng.uniform(20, 200))
         error = np.eye(4)
         error[:3, :3] = Rotation.from_rotvec(rng.normal(0, radians(0.02), 3)).as_matrix()
         error[:3, 3] = rng.normal(0, 0.03, 3)

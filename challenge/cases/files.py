@@ -18,10 +18,11 @@ def write_recording(
     intensity: NDArray[np.float32],
     path: Path,
     name: str,
+    x_mm: NDArray[np.float64] | None = None,
 ) -> None:
     """Write recording.h5: commanded poses, encoder times, readings."""
     time = np.arange(path.profiles) / path.rate_hz
-    write_delivered(file, depth_mm, intensity, path.poses(), time, path.start_s, name)
+    write_delivered(file, depth_mm, intensity, path.poses(), time, path.start_s, name, x_mm=x_mm)
 
 
 def write_delivered(

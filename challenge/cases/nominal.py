@@ -114,12 +114,20 @@ def usual_effects(
     """
     camera, sheet = device.camera, device.sheet
     still = replace(device, motion=type(device.motion)())
-    law = noise_law(partial(noise_on_plane, still, rng=rng))
+    noise, law = listed_noise(device, rng)
     grain = camera.amplitude_spread_mm(sheet.wavelength_mm) / np.sqrt(2)
     footprint = float(np.hypot(camera.column_pitch_mm / np.sqrt(12), grain))
     edges = edge_figures(still, rng, along_um=1e3 * footprint)
-    noise = {"name": "incidence_noise", "exponent": law.exponent, "lean": law.lean}
     return [*edges.entries(device, 1e3 * footprint), noise], law
+
+
+def listed_noise(
+    device: Instrument, rng: np.random.Generator
+) -> tuple[dict[str, Any], NoiseLaw]:
+    """Return the file's entry of the noise on slopes, and the fit behind it."""
+    still = replace(device, motion=type(device.motion)())
+    law = noise_law(partial(noise_on_plane, still, rng=rng))
+    return {"name": "incidence_noise", "exponent": law.exponent, "lean": law.lean}, law
 
 
 def repeatability_um(

@@ -48,11 +48,15 @@ class NullCheck:
     noise_um: float
 
     @property
+    def holds_off_edges(self) -> bool:
+        """The bounds off edges are kept: all that a file of nominal widths promises."""
+        return self.departure < NULL_LIMIT and self.lost < LOST_LIMIT
+
+    @property
     def holds(self) -> bool:
         """All four bounds are kept."""
         return (
-            self.departure < NULL_LIMIT
-            and self.lost < LOST_LIMIT
+            self.holds_off_edges
             and self.edge_departure < EDGE_LIMIT
             and self.edge_lost < EDGE_LOST_LIMIT
         )

@@ -10,8 +10,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from challenge.cases.case import SWITCHES, Secret, stage, write
-from challenge.cases.nulls import check_null
+from challenge.cases.case import MAKES, SWITCHES, Secret, stage, write
+from challenge.cases.nulls import NullCheck, check_null
 from challenge.cases.parts import SHAPES
 from challenge.cases.seeds import child
 from challenge.cases.switches import SINGLE
@@ -20,17 +20,24 @@ from challenge.sets.sealed import write_whole
 
 POPULATION = "challenge-1-calibration"
 """Name of this population, as a diagnosis states it beside the scales learnt from it."""
-SEED = 1_000_001
+OF_MAKES = "challenge-makes-calibration"
+"""Name of the same of instruments of other makes, whose files have nominal figures."""
+SEEDS = {POPULATION: 1_000_001, OF_MAKES: 1_000_003}
 NULLS = 30
 _TRIES = 5
 
 
-def planned(nulls: int = NULLS, each: int = 1) -> dict[str, Secret]:
+def planned(
+    nulls: int = NULLS, each: int = 1, population: str = POPULATION
+) -> dict[str, Secret]:
     """Return the sets by the names of their folders: nulls over all parts, then one effect each.
+
+    Of other makes each second set has no reference plates, and each third none of the baselines.
 
     Parameters
     ----------
     each : sets of each effect
+    population : `POPULATION` or `OF_MAKES`
     """
     shapes = list(SHAPES)
     sets = {}
@@ -42,8 +49,14 @@ def planned(nulls: int = NULLS, each: int = 1) -> dict[str, Secret]:
             folder = f"one-{name}" if turn == 0 else f"one-{name}-{turn + 1}"
             shape = fitting[(k + turn) % len(fitting)]
             sets[folder] = _secret("one", (name,), shape, 1 + (k + turn) % 2)
-    seeds = {name: int(child(SEED, name).integers(2**62)) for name in sets}
-    return {name: replace(secret, seed=seeds[name]) for name, secret in sets.items()}
+    seed = SEEDS[population]
+    sets = {n: replace(s, seed=int(child(seed, n).integers(2**62))) for n, s in sets.items()}
+    if population == OF_MAKES:
+        sets = {
+            name: replace(s, family=MAKES, plates=2 * (k % 2), baselines=2 * (k % 3 > 0))
+            for k, (name, s) in enumerate(sets.items())
+        }
+    return sets
 
 
 def _secret(kind: str, switches: tuple[str, ...], shape: str, strength: int) -> Secret:
@@ -52,8 +65,15 @@ def _secret(kind: str, switches: tuple[str, ...], shape: str, strength: int) -> 
     )
 
 
-def calibrate(out: Path, *, nulls: int = NULLS, each: int = 1, jobs: int = 1) -> int:
+def calibrate(
+    out: Path, *, nulls: int = NULLS, each: int = 1, jobs: int = 1, makes: bool = False
+) -> int:
     """Make the population in a folder, one folder a set; continue where it was stopped.
+
+    Parameters
+    ----------
+    makes
+        Of instruments of other makes, not of the first family's.
 
     Returns
     -------
@@ -61,7 +81,8 @@ def calibrate(out: Path, *, nulls: int = NULLS, each: int = 1, jobs: int = 1) ->
         Exit code.
     """
     out.mkdir(parents=True, exist_ok=True)
-    sets = planned(nulls, each)
+    name_of = OF_MAKES if makes else POPULATION
+    sets = planned(nulls, each, name_of)
     todo = [name for name in sets if not (out / name / "truth.json").exists()]
     print(f"{len(sets)} sets, {len(todo)} to make", flush=True)
     calls = [(out / name, sets[name]) for name in todo]
@@ -69,7 +90,7 @@ def calibrate(out: Path, *, nulls: int = NULLS, each: int = 1, jobs: int = 1) ->
         name = folder.name
         print(f"{name} ({k + 1} of {len(todo)})", flush=True)
     write_whole(out / "population.json", json.dumps(
-        {"name": POPULATION, "seed": SEED, "sets": list(sets), "opened": True}, indent=1
+        {"name": name_of, "seed": SEEDS[name_of], "sets": list(sets), "opened": True}, indent=1
     ).encode())  # fmt: skip
     return 0
 
@@ -84,13 +105,19 @@ def _make_one(folder: Path, secret: Secret) -> None:
             check = check_null(staged, secret) if secret.kind == "null" else None
         except ValueError:  # the part's booleans failed, or no pose avoids looking along walls
             staged, check = None, None
-        if staged is not None and (check is None or check.holds):
+        if staged is not None and (check is None or _holds(check, secret)):
             break
         secret = replace(secret, seed=int(again.integers(2**62)))
     else:
         raise RuntimeError(f"{folder.name}: {_TRIES} draws in a row were no valid set")
     write(secret, staged, folder)
-    known: dict[str, Any] = {"population": POPULATION, "secret": asdict(secret)}
+    name = OF_MAKES if secret.family == MAKES else POPULATION
+    known: dict[str, Any] = {"population": name, "secret": asdict(secret)}
     if check is not None:
         known["null"] = {k: float(v) for k, v in asdict(check).items()}
     write_whole(folder / "truth.json", json.dumps(known, indent=1).encode())
+
+
+def _holds(check: NullCheck, secret: Secret) -> bool:
+    """Whether a null is one: at edges a file of nominal figures promises nothing."""
+    return check.holds_off_edges if secret.family == MAKES else check.holds

@@ -5,7 +5,7 @@ A number of the diagnosis may come from a calibration population, never from one
 
 from dataclasses import dataclass
 
-from challenge.sets.calibration_population import POPULATION
+from challenge.sets.calibration_population import OF_MAKES, POPULATION
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -27,7 +27,7 @@ class Population:
 CALIBRATION = Population(
     name="calibration",
     rule="opened; may set the scales of the diagnosis, which states its name in every answer",
-    members=(POPULATION, "other-formulas-calibration"),
+    members=(POPULATION, OF_MAKES, "other-formulas-calibration"),
 )
 VALIDATION = Population(
     name="validation",

@@ -129,6 +129,10 @@ def _add_sets(make: argparse.ArgumentParser, calibrate: argparse.ArgumentParser)
         "--each", type=int, default=1, metavar="N",
         help="sets with each effect alone (default 1; 0: nulls only)",
     )  # fmt: skip
+    calibrate.add_argument(
+        "--makes", action="store_true",
+        help="of instruments of other makes: other lines, lenses, finders, nominal files",
+    )  # fmt: skip
 
 
 def _add_answers(run_step: argparse.ArgumentParser, simple: argparse.ArgumentParser) -> None:
@@ -190,7 +194,7 @@ def _step(arguments: argparse.Namespace) -> int:
         from challenge.sets.calibration_population import calibrate
 
         return calibrate(arguments.out, nulls=arguments.nulls, each=arguments.each,
-                         jobs=arguments.jobs)  # fmt: skip
+                         jobs=arguments.jobs, makes=arguments.makes)  # fmt: skip
     if arguments.step == "run":
         from challenge.runs.run import run as diagnose_all
 
