@@ -1,25 +1,28 @@
 r"""What good instruments depart by: learn it from the calibration population and keep it.
 
     flawforge challenge calibrate --out out/calibration --each 0
-    python -m benchmarks.discrepancy out/calibration --simulated 70 --tolerances 70 \
-        --write diagnosis/discrepancy/discrepancy.json
+    flawforge challenge calibrate --out out/makes --makes --nulls 72 --each 0
+    python -m benchmarks.discrepancy out/calibration out/makes --simulated 70 --tolerances 70 \
+        --jobs 2 --write diagnosis/discrepancy/discrepancy.json
 
 Only good instruments are used: folders whose truth hides nothing. Each gives, for each component
 of the diagnosis, the likelihood of each size; the mixing distribution over sizes is kept. The same
 is kept of changes: of what the other recordings have beside the first one, taken as a baseline.
-Each population is a kind of instruments of its own.
+Each population is a kind of instruments of its own; with `--makes` each is of another make.
 """
 
 import argparse
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
+from joblib import Parallel, delayed
 
 from benchmarks.other_formulas.tolerances import good_instrument
+from challenge.sets.calibration_population import OF_MAKES
 from diagnosis.claims.lay import LAY, lay_of
 from diagnosis.claims.plate_noise import level_change
 from diagnosis.data.patch import Patch, all_fitted
@@ -154,31 +157,60 @@ def main() -> None:
         "--tolerances", type=int, default=0, metavar="N",
         help="and N whose light is as uneven as makers allow",
     )  # fmt: skip
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes")
     parser.add_argument("--write", type=Path, required=True, metavar="FILE.json")
     args = parser.parse_args()
-    kinds: dict[str, list[Callable[[], Inputs]]] = {}
-    for root in args.roots:
-        folders = list(good_folders(root))
-        kinds[f"{root.name}: {len(folders)} good instruments"] = [
-            partial(inputs_of, folder) for folder in folders
-        ]
-    if args.simulated:
-        kinds[f"simulated: {args.simulated} calibration instruments"] = [
-            partial(simulated, seed) for seed in range(args.simulated)
-        ]
-    if args.tolerances:
-        kinds[f"tolerances: {args.tolerances} calibration instruments"] = [
-            partial(good_instrument, seed) for seed in range(args.tolerances)
-        ]
-    departing = learnt([[departures(make()) for make in one] for one in kinds.values()])
-    known = Population(
-        kinds=tuple(Kind(name=n, weights=w) for n, w in zip(kinds, departing, strict=True))
-    )
-    changing = learnt([[changes(make(), known) for make in one] for one in kinds.values()])
+    groups = [_of_folders(root) for root in args.roots]
+    for name, count, make in (
+        ("simulated", args.simulated, simulated), ("tolerances", args.tolerances, good_instrument),
+    ):  # fmt: skip
+        if count:
+            instruments = [partial(make, seed) for seed in range(count)]
+            label = f"{name}: {count} calibration instruments"
+            groups.append(_Group(name=label, makes=1, instruments=instruments))
+    work = Parallel(n_jobs=args.jobs)
+    departing = learnt([
+        work(delayed(_departures_of)(make) for make in g.instruments) for g in groups
+    ])  # fmt: skip
+    known = Population(kinds=tuple(
+        Kind(name=g.name, makes=g.makes, weights=w)
+        for g, w in zip(groups, departing, strict=True)
+    ))  # fmt: skip
+    changing = learnt([
+        work(delayed(_changes_of)(make, known) for make in g.instruments) for g in groups
+    ])  # fmt: skip
     known = Population(
         kinds=tuple(replace(k, changes=c) for k, c in zip(known.kinds, changing, strict=True))
     )
     args.write.write_text(written(known), encoding="utf-8")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Group:
+    """Good instruments of one kind, of so many makes."""
+
+    name: str
+    makes: int
+    instruments: Sequence[Callable[[], Inputs]]
+
+
+def _of_folders(root: Path) -> _Group:
+    """Instruments of a calibration population's folders."""
+    folders = list(good_folders(root))
+    made = json.loads((root / "population.json").read_text(encoding="utf-8"))["name"]
+    return _Group(
+        name=f"{made}: {len(folders)} good instruments",
+        makes=len(folders) if made == OF_MAKES else 1,
+        instruments=[partial(inputs_of, folder) for folder in folders],
+    )
+
+
+def _departures_of(make: Callable[[], Inputs]) -> Factors:
+    return departures(make())
+
+
+def _changes_of(make: Callable[[], Inputs], known: Population) -> Factors:
+    return changes(make(), known)
 
 
 def written(population: Population) -> str:
@@ -188,9 +220,10 @@ def written(population: Population) -> str:
         return {n: [round(float(w), 6) for w in f] for n, f in sorted(weights.items())}
 
     kinds = [
-        {"name": k.name, "components": rounded(k.weights), "changes": rounded(k.changes)}
+        {"name": k.name, "makes": k.makes, "components": rounded(k.weights),
+         "changes": rounded(k.changes)}
         for k in population.kinds
-    ]
+    ]  # fmt: skip
     return json.dumps({"kinds": kinds}, indent=1) + "\n"
 
 

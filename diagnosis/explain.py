@@ -25,7 +25,7 @@ from diagnosis.evidence.noise_level import AGAINST_PLATES, steady_level
 from diagnosis.evidence.reported_causes import Cause, Unexplained, not_yet_named, reported
 from diagnosis.evidence.seen import Seen, channels_seen, seen
 from diagnosis.explain_rates import explain_rates
-from diagnosis.explanation import Explanation, Progress, State, completed, fitted_part
+from diagnosis.explanation import Explanation, Progress, State, Tried, completed, fitted_part
 from diagnosis.fields import Field
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
@@ -155,6 +155,7 @@ def _before_law(state: State, found: Assessment, further: State) -> _BeforeLaw |
     if len(further.causes) == len(state.causes) or not _is_law(further.causes[-1]):
         return None
     name = further.causes[-1].name
+    state = replace(state, tried=further.tried)
     others = [
         m for m in found.mean
         if m.candidate.effect != name and not m.candidate.component.placement
@@ -238,7 +239,10 @@ def _with_laws(
     ws = fitted_part(patches, noise)
     laws = _laws_of(state, found)
     if _is_law(new[0]):
-        named_by_law, gain, known = among_laws(new[0], laws, ws, state.model)
+        named_by_law, gain, known = among_laws(
+            new[0], laws, ws, state.model, known=state.fitted_here()
+        )
+        state = replace(state, tried=Tried(beside=state.model, patches=patches, laws=known))
         if state.gained > 0 and gain <= SETTINGS.doubt_of_laws * state.gained:
             # no more than what a law at edges leaves where its formula is another
             return replace(state, refuted=state.refuted | {new[0].name, *(c.effect for c in laws)})

@@ -14,6 +14,7 @@ from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.assumed_camera import assumed_sheets, seen_by
 from diagnosis.physics.joint_fit import fit_laws
+from diagnosis.physics.linear_fit import Fitted
 from diagnosis.register.placement import Placement
 from diagnosis.reregister.reregistration import log_density
 from diagnosis.settings import SETTINGS
@@ -54,6 +55,15 @@ class Explanation:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Tried:
+    """Laws at edges as they were fitted beside a model, on patches."""
+
+    beside: Model
+    patches: Sequence[Patch]
+    laws: Mapping[str, Fitted]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class State:
     """How far the explanation has come.
 
@@ -64,6 +74,7 @@ class State:
     explained : whitened rms of what the laws explain
     gained : what laws of light at edges gain, nats
     refuted : effects whose laws, fitted, do nothing here: what goes with them is a remainder
+    tried : laws at edges as they were last fitted, beside this model or the one before
     """
 
     recorded: Recorded
@@ -77,6 +88,13 @@ class State:
     explained: float = 0.0
     gained: float = 0.0
     refuted: frozenset[str] = frozenset()
+    tried: Tried | None = None
+
+    def fitted_here(self) -> Mapping[str, Fitted]:
+        """Laws at edges that were fitted beside this model, on these patches."""
+        if self.tried is None or self.tried.beside is not self.model:
+            return {}
+        return self.tried.laws if self.tried.patches is self.patches else {}
 
     @property
     def names(self) -> list[str]:

@@ -32,7 +32,8 @@ def planned(
 ) -> dict[str, Secret]:
     """Return the sets by the names of their folders: nulls over all parts, then one effect each.
 
-    Of other makes each second set has no reference plates, and each third none of the baselines.
+    Of other makes each second set has no reference plates, and each third no baselines; a coarse
+    camera has none, either: its locking is no change.
 
     Parameters
     ----------
@@ -53,7 +54,10 @@ def planned(
     sets = {n: replace(s, seed=int(child(seed, n).integers(2**62))) for n, s in sets.items()}
     if population == OF_MAKES:
         sets = {
-            name: replace(s, family=MAKES, plates=2 * (k % 2), baselines=2 * (k % 3 > 0))
+            name: replace(
+                s, family=MAKES, plates=2 * (k % 2),
+                baselines=2 * (k % 3 > 0 and "pixel_locking" not in s.switches),
+            )
             for k, (name, s) in enumerate(sets.items())
         }
     return sets

@@ -42,11 +42,13 @@ class Kind:
     name : of the recordings that it was learnt from
     weights : for each component's name, probability of each size
     changes : the same of what changes from one recording of an instrument and a part to another
+    makes : how many makes its instruments are of
     """
 
     name: str
     weights: Mapping[str, Floats]
     changes: Mapping[str, Floats] = field(default_factory=dict)
+    makes: int = 1
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -63,17 +65,14 @@ class Population:
     def weights(self, component: str) -> Floats | None:
         """Probabilities (kinds, sizes) of a component's sizes; None where no kind has its like.
 
-        An instrument may be unlike all kinds that were seen. Of each component it then has what
+        An instrument may be unlike all makes that were seen. Of each component it then has what
         known kinds have of any that is weighed alike, and so has a kind that was never seen to have
-        it. The share of that is one in K + 1 of K kinds (Laplace's rule of succession).
+        it. The share of that is one in K + 1 of K makes (Laplace's rule of succession).
         """
         like = self._like(component)
         if like is None:
             return None
-        seen = len(self.kinds)
-        if component.startswith("law: "):
-            seen = sum(component in k.weights for k in self.kinds)
-        share = 1.0 / (seen + 1)
+        share = 1.0 / (sum(k.makes for k in self.kinds if component in k.weights) + 1)
         own = np.stack([k.weights.get(component, like) for k in self.kinds])
         return np.asarray((1.0 - share) * own + share * like)
 
@@ -130,6 +129,7 @@ def population() -> Population:
                 name=kind["name"],
                 weights={n: np.array(w) for n, w in kind["components"].items()},
                 changes={n: np.array(w) for n, w in kind["changes"].items()},
+                makes=kind["makes"],
             )
             for kind in json.loads(text)["kinds"]
         )

@@ -101,6 +101,8 @@ def among_laws(
     others: Sequence[Component],
     ws: Workspace,
     model: Model,
+    *,
+    known: Mapping[str, Fitted] | None = None,
 ) -> tuple[Cause, float, dict[str, Fitted]]:
     """Name a cause that was weighed by the span of its law by laws as they are fitted.
 
@@ -112,6 +114,7 @@ def among_laws(
     Parameters
     ----------
     others : components of the other laws that may be in its place
+    known : laws that have been fitted beside this model
 
     Returns
     -------
@@ -124,9 +127,9 @@ def among_laws(
         found = fit_law(replace(cause, name=name, repeats=0.0), few, model, polish=polish)
         return None if found is None or found.effect.is_null else found
 
-    rough = {n: f for n in components if (f := law(n, polish=False)) is not None}
-    fitted: dict[str, Fitted] = {}
-    for name in sorted(rough, key=lambda n: -rough[n].gain):
+    fitted = {n: f for n, f in (known or {}).items() if n in components}
+    rough = {n: f for n in components.keys() - fitted if (f := law(n, polish=False)) is not None}
+    for name in sorted(rough, key=lambda n: (-rough[n].gain, n)):
         most = max((f.gain for f in fitted.values()), default=0.0)
         if name == cause.name or rough[name].gain > SETTINGS.physics.promising * most:
             fitted[name] = law(name, polish=True) or rough[name]

@@ -121,3 +121,15 @@ def test_one_make_says_nothing_of_what_others_do_at_edges() -> None:
     weights = one.weights("law: finite_spot")
     assert weights is not None
     assert weights[0] == pytest.approx(0.5 * sharp + 0.125)
+
+
+def test_the_more_makes_were_seen_the_less_another_one_may_be_unlike_them() -> None:
+    sharp, rough = np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1.0])
+    many = Population(kinds=(
+        Kind(name="a", weights={"bow": sharp, "lens": rough}),
+        Kind(name="b", weights={"bow": sharp, "lens": rough}, makes=8),
+    ))  # fmt: skip
+    weights = many.weights("bow")
+    assert weights is not None
+    # one in ten makes is yet another; it has what is known of any component
+    assert weights[:, 3] == pytest.approx(0.1 * 0.5)
