@@ -120,8 +120,9 @@ def changes(inputs: Inputs, population: Population) -> Factors:
     before = seen(ready.baseline, ready.noise, Model(), like=now)
     usual = channels_seen(ready.baseline, ready.noise, Model(), now)
     shown = mean_factors(before)
-    kinds = kinds_of(population, shown, good=True)
-    own = informed(population, kinds, shown | rate_factors(usual.values()))
+    shown = shown | rate_factors(usual.values())
+    kinds = kinds_of(population, shown, good=True, columns=inputs.datasheet.columns)
+    own = informed(population, kinds, shown)
     channels = channels_seen(patches, ready.noise, Model(), now)
     return (
         change_factors(now, before, channels, usual, own)
@@ -160,20 +161,20 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes")
     parser.add_argument("--write", type=Path, required=True, metavar="FILE.json")
     args = parser.parse_args()
-    groups = [_of_folders(root) for root in args.roots]
+    groups = [group for root in args.roots for group in _of_folders(root)]
     for name, count, make in (
         ("simulated", args.simulated, simulated), ("tolerances", args.tolerances, good_instrument),
     ):  # fmt: skip
         if count:
             instruments = [partial(make, seed) for seed in range(count)]
             label = f"{name}: {count} calibration instruments"
-            groups.append(_Group(name=label, makes=1, instruments=instruments))
+            groups.append(_Group(name=label, makes=1, columns="", instruments=instruments))
     work = Parallel(n_jobs=args.jobs)
     departing = learnt([
         work(delayed(_departures_of)(make) for make in g.instruments) for g in groups
     ])  # fmt: skip
     known = Population(kinds=tuple(
-        Kind(name=g.name, makes=g.makes, weights=w)
+        Kind(name=g.name, makes=g.makes, columns=g.columns, weights=w)
         for g, w in zip(groups, departing, strict=True)
     ))  # fmt: skip
     changing = learnt([
@@ -191,18 +192,30 @@ class _Group:
 
     name: str
     makes: int
+    columns: str
     instruments: Sequence[Callable[[], Inputs]]
 
 
-def _of_folders(root: Path) -> _Group:
-    """Instruments of a calibration population's folders."""
-    folders = list(good_folders(root))
+def _of_folders(root: Path) -> list[_Group]:
+    """Instruments of a calibration population's folders.
+
+    Of other makes those are a kind whose profiles are brought to even places in the same way.
+    """
     made = json.loads((root / "population.json").read_text(encoding="utf-8"))["name"]
-    return _Group(
-        name=f"{made}: {len(folders)} good instruments",
-        makes=len(folders) if made == OF_MAKES else 1,
-        instruments=[partial(inputs_of, folder) for folder in folders],
-    )
+    by_places: dict[str, list[Path]] = {}
+    for folder in good_folders(root):
+        truth = json.loads((folder / "truth.json").read_text(encoding="utf-8"))
+        places = f", {truth['places']}" if made == OF_MAKES else ""
+        by_places.setdefault(places, []).append(folder)
+    return [
+        _Group(
+            name=f"{made}{places}: {len(folders)} good instruments",
+            makes=len(folders) if made == OF_MAKES else 1,
+            columns=Datasheet.load(folders[0] / "sensor.yaml").columns,
+            instruments=[partial(inputs_of, folder) for folder in folders],
+        )
+        for places, folders in sorted(by_places.items())
+    ]
 
 
 def _departures_of(make: Callable[[], Inputs]) -> Factors:
@@ -220,7 +233,7 @@ def written(population: Population) -> str:
         return {n: [round(float(w), 6) for w in f] for n, f in sorted(weights.items())}
 
     kinds = [
-        {"name": k.name, "makes": k.makes, "components": rounded(k.weights),
+        {"name": k.name, "makes": k.makes, "columns": k.columns, "components": rounded(k.weights),
          "changes": rounded(k.changes)}
         for k in population.kinds
     ]  # fmt: skip

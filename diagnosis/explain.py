@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.claims.plate_noise import levels_of_each
-from diagnosis.components.component import Component, lists_laws_at_edges
-from diagnosis.data.patch import Patch
+from diagnosis.components.component import Component, laws_stated
 from diagnosis.discrepancy.good_instrument import (
     alike_at_edges,
     change_factors,
@@ -15,7 +14,7 @@ from diagnosis.discrepancy.good_instrument import (
     kinds_of,
     mean_factors,
     rate_factors,
-    rectified,
+    told_by_changes,
 )
 from diagnosis.discrepancy.population import Population
 from diagnosis.evidence.assess import Assessment, assessed_mean
@@ -79,12 +78,13 @@ def explain(
     if ready.nominal is not None and baseline:
         changes = levels_of_each(baseline, ready.nominal)
         scales |= steady_level(changes, scales[AGAINST_PLATES])
-    if not baseline:
-        scales = rectified(scales, ready.recorded.datasheet)
     state = State(
         recorded=ready.recorded, patches=ready.patches, placed=ready.placed, model=Model(),
         causes=(), first=first, now=first, before=before,
     )  # fmt: skip
+    good = _Good(
+        noise=noise, scales=scales, baseline=Workspace.build(baseline, noise) if baseline else None
+    )
     members: tuple[Member, ...] = ()
     unexplained: list[Unexplained] = []
     before_law: _BeforeLaw | None = None
@@ -102,9 +102,9 @@ def explain(
             state, before_law = before_law.refuting(state.names[-1]), None
             continue
         named, unexplained = reported(found)
-        further = _further(state, found, named, noise, notes, progress)
+        further = _further(state, found, named, good, notes, progress)
         if further is None:
-            further = _by_law(state, found, scales, baseline, noise, notes, progress)
+            further = _by_law(state, found, good, notes, progress)
         if further is None:
             break
         before_law = _before_law(state, found, further)
@@ -118,6 +118,21 @@ def explain(
         ws=fitted_part(state.patches, noise), first=first, members=members, scales=scales,
         departures=departures,
     )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class _Good:
+    """What an instrument in good order has.
+
+    Attributes
+    ----------
+    scales : probability of each component's sizes
+    baseline : its recordings, where there are some
+    """
+
+    noise: NoiseModel
+    scales: Mapping[str, Field]
+    baseline: Workspace | None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -168,7 +183,7 @@ def _further(
     state: State,
     found: Assessment,
     named: Sequence[Cause],
-    noise: NoiseModel,
+    good: _Good,
     notes: list[str],
     progress: Progress,
 ) -> State | None:
@@ -178,50 +193,51 @@ def _further(
     """
     new = not_yet_named(named, state.names)
     if len(new) > 1:
-        new = [strongest_law(new, fitted_part(state.patches, noise), state.model)]
+        new = [strongest_law(new, fitted_part(state.patches, good.noise), state.model)]
     rest = remainder(found, set(state.names) - curved(state.model))
     if rest is not None and all(rest.size >= c.size for c in new):
-        curve = state.model.curve.beside(curves_of(rest, state.now, noise.sd_mm))
+        curve = state.model.curve.beside(curves_of(rest, state.now, good.noise.sd_mm))
         causes = tuple(_beside_curve(c, rest) for c in state.causes)
-        return _seen_again(state, replace(state.model, curve=curve), causes, noise)
-    return _with_laws(state, found, new, noise, notes, progress) if new else None
+        return _seen_again(state, replace(state.model, curve=curve), causes, good.noise)
+    return _with_laws(state, found, new, good, notes, progress) if new else None
 
 
 def _by_law(
-    state: State,
-    found: Assessment,
-    scales: Mapping[str, Field],
-    baseline: Sequence[Patch],
-    noise: NoiseModel,
-    notes: list[str],
-    progress: Progress,
+    state: State, found: Assessment, good: _Good, notes: list[str], progress: Progress
 ) -> State | None:
     """Explain what stands out at edges alone by the law that is least usual; None if nothing.
 
     One such law is asked for: what it leaves resembles the others. None is tried that no reading
     could name.
     """
-    listed = lists_laws_at_edges(state.patches[0].view.sensor.effects)
-    laws = [
-        c for c in _laws_of(state, found)
-        if state.gained == 0 and may_be_named(c, scales, listed=listed)
-    ]  # fmt: skip
-    if not laws:
+    laws = _nameable(_laws_of(state, found), state, good)
+    if state.gained > 0 or not laws:
         return None
     progress("trying laws at edges")
+    cause = _weighed_itself(laws, state, good)
+    return None if cause is None else _with_laws(state, found, [cause], good, notes, progress)
+
+
+def _nameable(laws: Sequence[Component], state: State, good: _Good) -> list[Component]:
+    """Pick the laws at edges whose own size could tell that they are no good instrument's."""
+    listed = laws_stated(state.patches[0].view.sensor.effects)
+    return [c for c in laws if may_be_named(c, good.scales, listed=listed)]
+
+
+def _weighed_itself(laws: Sequence[Component], state: State, good: _Good) -> Cause | None:
+    """Weigh laws at edges by what they do themselves; None where good instruments have as much."""
     seen_by_laws = laws_at_edges(
-        laws, fitted_part(state.patches, noise), state.model,
-        Workspace.build(baseline, noise) if baseline else None, explained=state.explained,
+        laws, fitted_part(state.patches, good.noise), state.model, good.baseline,
+        explained=state.explained,
     )  # fmt: skip
-    cause = strongest_at_edges(seen_by_laws, scales)
-    return None if cause is None else _with_laws(state, found, [cause], noise, notes, progress)
+    return strongest_at_edges(seen_by_laws, good.scales)
 
 
 def _with_laws(
     state: State,
     found: Assessment,
     new: Sequence[Cause],
-    noise: NoiseModel,
+    good: _Good,
     notes: list[str],
     progress: Progress,
 ) -> State:
@@ -232,11 +248,11 @@ def _with_laws(
     explained = float(np.sqrt(state.explained**2 + sum(m.size**2 for m in found.mean)))
     progress(f"fitting {new[0].name}")
     recorded, patches = completed(
-        state.recorded, state.patches, new, noise, state.model, notes
+        state.recorded, state.patches, new, good.noise, state.model, notes
     )
     state = replace(state, recorded=recorded, patches=patches)
     gain, known = 0.0, dict[str, Fitted]()
-    ws = fitted_part(patches, noise)
+    ws = fitted_part(patches, good.noise)
     laws = _laws_of(state, found)
     if _is_law(new[0]):
         named_by_law, gain, known = among_laws(
@@ -247,6 +263,13 @@ def _with_laws(
             # no more than what a law at edges leaves where its formula is another
             return replace(state, refuted=state.refuted | {new[0].name, *(c.effect for c in laws)})
         new = [named_by_law]
+        best = [c for c in laws if c.effect == named_by_law.name and gain > 0]
+        if best := _nameable(best, state, good):
+            itself = _weighed_itself(best, state, good)
+            if itself is None:
+                # good instruments do as much of it at edges, and of what resembles it
+                return replace(state, refuted=state.refuted | {c.effect for c in laws})
+            new = [named_by_law.at_most(itself.probability)]
     model, new = fit_laws(new, ws, state.model, known=known)
     without = replace(state, refuted=state.refuted | {new[0].name})
     if _is_law(new[0]) and (new[0].doubt or new[0].name not in model.names()):
@@ -258,7 +281,7 @@ def _with_laws(
         model, new = _without_remainders(state.model, model, new, notes)
         if not new:
             return without
-    again = _seen_again(state, model, (*state.causes, *new), noise)
+    again = _seen_again(state, model, (*state.causes, *new), good.noise)
     return replace(again, explained=explained, gained=state.gained + gain)
 
 
@@ -301,15 +324,19 @@ def _good(
     -------
     of what it departs from the nominal model by; of what is weighed, changes beside baselines
     """
+    columns = ready.recorded.datasheet.columns
     if before is None:
-        departures = population.of_kinds(kinds_of(population, mean_factors(first), good=False))
+        patches = [p for p in ready.patches if p.fit.any()]
+        rates = rate_factors(channels_seen(patches, ready.noise, Model(), first).values())
+        kinds = kinds_of(population, mean_factors(first) | rates, good=False, columns=columns)
+        departures = population.of_kinds(kinds)
         return departures, departures
     factors = mean_factors(before)
-    kinds = kinds_of(population, factors, good=True)
     rates = rate_factors(baseline_channels.values())
+    kinds = kinds_of(population, factors | rates, good=True, columns=columns)
     departures = informed(population, kinds, factors | rates)
     among = _changes_among(ready, first, departures)
-    changes = departures | informed(population.of_changes, kinds, among)
+    changes = departures | told_by_changes(population.of_changes, kinds, among)
     departures, changes = (
         alike_at_edges(one, factors, before.candidates) for one in (departures, changes)
     )

@@ -102,7 +102,10 @@ def prepared(inputs: Inputs, notes: list[str], progress: Progress) -> Prepared:
     good = [replace(b, name=f"baseline {b.name}") for b in inputs.baselines]
     known = checked([*everything, *good], inputs.references, scene, sheet, inputs.surface, notes)
     placed = _registered([*everything, *good], scene, sheet, known.laser, progress)
-    scene, everything = with_brightness(everything, placed, scene, sheet, known.laser)
+    bare = scene
+    scene, everything = with_brightness(everything, placed, bare, sheet, known.laser)
+    if good:  # of another specimen's pattern, or of before
+        bare, good = with_brightness(good, placed, bare, sheet, known.laser)
     recorded = Recorded(
         recordings=tuple(everything), scene=scene, datasheet=sheet, laser=known.laser,
         lateral_mm=lateral_mm(everything[0]),
@@ -114,7 +117,7 @@ def prepared(inputs: Inputs, notes: list[str], progress: Progress) -> Prepared:
     patches = [p for k, r in enumerate(everything) for p in recorded.cut(k, placed[r.name])]
     check_overlap(patches)
     theirs = replace(
-        recorded, recordings=tuple(good),
+        recorded, recordings=tuple(good), scene=bare,
         held_out=tuple(np.zeros(r.depth_mm.shape, dtype=bool) for r in good),
     )  # fmt: skip
     baseline = [p for k, r in enumerate(good) for p in theirs.cut(k, placed[r.name])]

@@ -1,7 +1,7 @@
 """Components of the mean: columns that each cause adds, from its relaxed form alone."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -93,9 +93,24 @@ def components_of(channel: str) -> tuple[Component, ...]:
     return (*known, *(u for u in UNKNOWN if u.relaxed.channel == channel))
 
 
-def lists_laws_at_edges(listed: Iterable[Effect]) -> bool:
-    """Whether a file lists a law of light at edges: what is weighed is beyond that then."""
-    return any(r.spanned and r.channel == "mean" for e in listed for r in e.relaxed)
+def laws_stated(listed: Iterable[Effect]) -> str:
+    """Tell how a file states laws of light at edges: what is weighed is beyond that then.
+
+    Returns
+    -------
+    "" where it lists none; "listed" where it leaves nothing of one of them to its default, as after
+    measurements; else "nominal"
+    """
+    laws = [e for e in listed if any(r.spanned and r.channel == "mean" for r in e.relaxed)]
+    if not laws:
+        return ""
+    in_full = any(all(getattr(e, f.name) != f.default for f in fields(e)) for e in laws)
+    return "listed" if in_full else "nominal"
+
+
+def unlisted(key: str) -> str:
+    """Return a component's name without how the sensor's file states it."""
+    return key.removesuffix(" (listed)").removesuffix(" (nominal)")
 
 
 def with_pitches(

@@ -10,8 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from diagnosis.components.component import components_of
-from diagnosis.discrepancy.population import Population
+from diagnosis.discrepancy.population import (
+    ASPECTS,
+    Population,
+    Shares,
+    aspect_of,
+    tells_kind,
+)
 from diagnosis.evidence.candidates import Candidate
 from diagnosis.evidence.mean_causes import Scales
 from diagnosis.evidence.noise_and_loss_baselines import beside_baselines
@@ -20,7 +25,6 @@ from diagnosis.evidence.noise_and_loss_channels import Channel
 from diagnosis.evidence.posterior import Posterior, Term
 from diagnosis.evidence.seen import RATES, Seen, worlds_of
 from diagnosis.settings import SETTINGS
-from sensors.datasheet import Datasheet
 
 Floats = NDArray[np.float64]
 
@@ -103,61 +107,85 @@ def change_factors(
 
 
 def kinds_of(
-    population: Population, factors: Mapping[str, Floats], *, good: bool
-) -> Floats:
-    """Probability of each kind of instruments (K,), given the mean of one instrument's recordings.
+    population: Population, factors: Mapping[str, Floats], *, good: bool, columns: str = ""
+) -> Shares:
+    """Probability of each kind of instruments, given one instrument's recordings, by aspect.
 
-    How its noise and its losses go with profiles and columns depends on the size of a recording,
-    too: they don't tell a kind.
+    Before, an instrument is the likelier of a kind the more makes the kind is of.
 
     Parameters
     ----------
-    factors : of the mean's components
+    factors : of components of all channels
     good : whether the instrument was good then; else each component may have changed
+    columns : how its file says that columns lie; "" for not at all
     """
-    nats = np.zeros(len(population.kinds))
+    fitting = [not columns or k.columns in ("", columns) for k in population.kinds]
+    nats = {
+        aspect: np.where(fitting, np.log(population.makes), -np.inf) for aspect in ASPECTS
+    }
     changes = 0.0 if good else SETTINGS.prior_cause
     for name, likelihood in factors.items():
         weights = population.weights(name)
-        if weights is None:
+        if weights is None or not tells_kind(name):
             continue
         for k, own in enumerate(weights):
             changed = Scales(sizes=_sizes(name), weights={name: own}).changed(name)
             mixed = (1 - changes) * own + changes * changed
-            nats[k] += logsumexp(likelihood + np.log(np.maximum(mixed, 1e-300)))
-    return np.asarray(np.exp(nats - logsumexp(nats)))
+            nats[aspect_of(name)][k] += logsumexp(likelihood + np.log(np.maximum(mixed, 1e-300)))
+    return {aspect: np.exp(own - logsumexp(own)) for aspect, own in nats.items()}
 
 
 def informed(
-    population: Population, kinds: Floats, factors: Mapping[str, Floats]
+    population: Population, kinds: Shares, factors: Mapping[str, Floats]
 ) -> dict[str, Floats]:
     """Probability of each component's sizes in an instrument, given its baselines.
 
     Parameters
     ----------
-    kinds : probability of each kind of instruments (K,)
+    kinds : probability of each kind of instruments
     factors : log Bayes factor of each size of each component, of the baselines
     """
     out = population.of_kinds(kinds)
     for name, likelihood in factors.items():
+        shares = kinds[aspect_of(name)]
         weights = population.weights(name)
         if weights is None:
             flat = Scales(sizes=_sizes(name), weights={}).of(name)
-            weights = np.broadcast_to(flat, (len(kinds), len(flat)))
+            weights = np.broadcast_to(flat, (len(shares), len(flat)))
         log = np.log(np.maximum(weights, 1e-300)) + likelihood
         own = np.exp(log - logsumexp(log, axis=1, keepdims=True))
-        out[name] = kinds @ own
+        out[name] = shares @ own
     return out
+
+
+def told_by_changes(
+    population: Population, kinds: Shares, among: Mapping[str, Floats]
+) -> dict[str, Floats]:
+    """Probability of the sizes of an instrument's next change, given one between its baselines.
+
+    Whether changes of one instrument are alike or each as another instrument's isn't known: two
+    recordings may show another part of the field than the next two. As likely is either.
+
+    Parameters
+    ----------
+    population : of changes
+    among : log Bayes factor of each size of what later baselines have beside the first
+    """
+    any_instrument, this_one = population.of_kinds(kinds), informed(population, kinds, among)
+    return {
+        name: 0.5 * (own + any_instrument.get(name, own)) for name, own in this_one.items()
+    }
 
 
 def nats_of_size(population: Population, name: str, size: float) -> float:
     """Log Bayes factor of a cause whose whitened rms is known, against a good instrument's.
 
-    As probable as each kind are all kinds of instruments.
+    A kind is as probable as it is of many makes.
     """
     weights = population.weights(name)
+    shares = population.makes / population.makes.sum()
     scales = Scales(
-        sizes=SETTINGS.mean_sizes(), weights={} if weights is None else {name: weights.mean(axis=0)}
+        sizes=SETTINGS.mean_sizes(), weights={} if weights is None else {name: shares @ weights}
     )
     k = int(np.abs(np.log(scales.sizes / max(size, scales.sizes[0]))).argmin())
     good, changed = (np.maximum(w[k], 1e-300) for w in (scales.of(name), scales.changed(name)))
@@ -183,25 +211,6 @@ def alike_at_edges(
     upto = sizes <= SETTINGS.doubt_at_edges * float(np.linalg.norm(shown))
     for key in keys if upto.any() else ():
         out[key] = 0.5 * out[key] + 0.5 * upto / upto.sum()
-    return out
-
-
-def rectified(usual: Mapping[str, Floats], sheet: Datasheet) -> dict[str, Floats]:
-    """Let the noise change along the line as far as interpolation to even places makes it.
-
-    A share f of the way between independent readings their mean has the variance f² + (1 - f)² of
-    theirs: between 1 and 1/2. How f runs along the line is the lens's affair; values within a range
-    deviate from their mean by half of it at most (Popoviciu). Not every instrument interpolates so:
-    one in two is taken to.
-    """
-    out = dict(usual)
-    if sheet.columns != "even_x":
-        return out
-    upto = SETTINGS.rate_sizes() <= 0.5 * 0.5 * np.log(2.0)
-    for c in components_of("scale"):
-        key = f"scale: {c.name}"
-        if key in out and ("x" in c.relaxed.along or c.relaxed.each == "column"):
-            out[key] = 0.5 * out[key] + 0.5 * upto / upto.sum()
     return out
 
 

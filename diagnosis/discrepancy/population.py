@@ -7,7 +7,8 @@ instrument and the part. `python -m benchmarks.discrepancy` makes it.
 
 Which kind an instrument is of, its own recordings tell: where one has none of the locking, bow and
 slips that all of a kind have, it isn't of that kind (a mixture; Gelman et al., Bayesian Data
-Analysis, 2013, ch. 22).
+Analysis, 2013, ch. 22). What its mean is like off edges says nothing of its noise, its losses or
+its light at edges: of these each tells a kind of its own (`aspect_of`).
 """
 
 import json
@@ -20,9 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from diagnosis.components.component import components_of
+from diagnosis.components.component import components_of, unlisted
 
 Floats = NDArray[np.float64]
+Shares = Mapping[str, Floats]
+"""Probability of each kind (kinds,), by aspect."""
 SPREADS = (0.35, 0.5, 0.7, 1.0)
 """Standard deviations of the logarithm of the size among good instruments that are weighed."""
 SPREADS_OF_NOISE = (*SPREADS, 1.4, 2.0)
@@ -43,12 +46,14 @@ class Kind:
     weights : for each component's name, probability of each size
     changes : the same of what changes from one recording of an instrument and a part to another
     makes : how many makes its instruments are of
+    columns : how its files say that columns lie, which decides about its moiré; "" for either way
     """
 
     name: str
     weights: Mapping[str, Floats]
     changes: Mapping[str, Floats] = field(default_factory=dict)
     makes: int = 1
+    columns: str = ""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -92,10 +97,41 @@ class Population:
         """The same kinds of instruments, by what changes in them."""
         return Population(kinds=tuple(replace(k, weights=k.changes) for k in self.kinds))
 
-    def of_kinds(self, shares: Floats) -> dict[str, Floats]:
-        """Probabilities of each component's sizes where kinds have these probabilities (K,)."""
+    def of_kinds(self, shares: Shares) -> dict[str, Floats]:
+        """Probabilities of each component's sizes where kinds have these probabilities."""
         names = {n for k in self.kinds for n in k.weights}
-        return {n: shares @ w for n in sorted(names) if (w := self.weights(n)) is not None}
+        return {
+            n: shares[aspect_of(n)] @ w for n in sorted(names) if (w := self.weights(n)) is not None
+        }
+
+    @property
+    def makes(self) -> Floats:
+        """How many makes each kind is of, (kinds,)."""
+        return np.array([float(k.makes) for k in self.kinds])
+
+
+EDGES = "edges"
+ASPECTS = ("mean", EDGES, "scale", "missing", "outliers")
+"""What tells a kind, each by itself."""
+
+
+def aspect_of(component: str) -> str:
+    """Name what a component is an aspect of: the mean off edges, edges, or a channel."""
+    channel = component.rpartition(": ")[0]
+    if channel == "law" or " at edges" in component:
+        return EDGES
+    return {"": "mean", "spectrum": "scale"}.get(channel, channel)
+
+
+def tells_kind(component: str) -> bool:
+    """Whether a component's size doesn't depend on how many profiles and columns there are.
+
+    So does that of what is free for each of them.
+    """
+    channel, _, name = component.rpartition(": ")
+    known = {c.name: c.relaxed for c in components_of(channel or "mean")}
+    relaxed = known.get(unlisted(name).partition(" at ")[0])
+    return not channel or relaxed is None or not relaxed.each
 
 
 @cache
@@ -108,7 +144,7 @@ def _where(component: str) -> tuple[str, ...]:
     of the sensor's light, and noise on slopes, of the surface.
     """
     channel, _, name = component.rpartition(": ")
-    plain = name.removesuffix(" (listed)")
+    plain = unlisted(name)
     known = {c.name: c.relaxed for c in components_of(channel or "mean")}
     relaxed = known.get(plain.partition(" at ")[0])
     if channel in ("missing", "outliers", "law") or (relaxed is not None and relaxed.spanned):
@@ -130,6 +166,7 @@ def population() -> Population:
                 weights={n: np.array(w) for n, w in kind["components"].items()},
                 changes={n: np.array(w) for n, w in kind["changes"].items()},
                 makes=kind["makes"],
+                columns=kind["columns"],
             )
             for kind in json.loads(text)["kinds"]
         )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.special import logsumexp
 
-from diagnosis.components.component import Component, lists_laws_at_edges
+from diagnosis.components.component import Component, laws_stated
 from diagnosis.components.smooth import products
 from diagnosis.evidence.gram import Block, Gram
 from diagnosis.evidence.posterior import Cavity, Term
@@ -36,8 +36,8 @@ class Candidate:
     at : columns of the equations
     shapes : combinations of these columns, each a variant; None for the columns as they are
     labels : of the variants, a frequency or a place
-    listed : whether the sensor's file lists the effect, or laws of light at edges for one that is
-        weighed there: then a good instrument departs from that law, and not from none
+    listed : how the sensor's file lists the effect, or laws of light at edges for one that is
+        weighed there; "" for not at all. A good instrument departs from that law, and not from none
     at_edges : whether it is weighed on all readings, and not on those off edges alone
     """
 
@@ -48,7 +48,7 @@ class Candidate:
     shapes: tuple[Floats | None, ...] = (None,)
     labels: tuple[float, ...] = (0.0,)
     at_edges: bool = False
-    listed: bool = False
+    listed: str = ""
 
     @property
     def tried(self) -> int:
@@ -65,7 +65,7 @@ class Candidate:
     @property
     def key(self) -> str:
         """Name under which the population of good instruments holds it."""
-        return f"{self.name} (listed)" if self.listed else self.name
+        return f"{self.name} ({self.listed})" if self.listed else self.name
 
     def unclaimed(self) -> "Candidate":
         """Return the same as unknown physics."""
@@ -103,7 +103,7 @@ def candidates_of(
     times, ways : time (s) and travel (mm) of each recording's profiles
     """
     names = {e.name for e in listed}
-    edges = lists_laws_at_edges(listed)
+    laws = laws_stated(listed)
     by_name: dict[str, list[Block]] = {}
     for block in gram.blocks:
         by_name.setdefault(block.component.group, []).append(block)
@@ -127,7 +127,11 @@ def candidates_of(
             out.append(one)
             if component.relaxed.spanned:
                 out.append(replace(one, name=f"{name} at edges", at_edges=True))
-    return [replace(c, listed=c.effect in names or (c.at_edges and edges)) for c in out]
+    return [
+        replace(c, listed=laws if c.component.relaxed.spanned else "listed")
+        if c.at_edges or c.effect in names else c
+        for c in out
+    ]  # fmt: skip
 
 
 def _slower(

@@ -44,6 +44,15 @@ class Cause:
         """Return the cause with a doubt about its law."""
         return replace(self, doubt=f"{self.doubt} {why}".strip())
 
+    def at_most(self, probability: float) -> "Cause":
+        """Return the cause where all names together are no likelier than that."""
+        share = min(1.0, probability / max(1 - self.none_of_these, 1e-9))
+        return replace(
+            self, probability=share * self.probability,
+            alternatives=tuple((name, share * p) for name, p in self.alternatives),
+            none_of_these=1 - share * (1 - self.none_of_these),
+        )  # fmt: skip
+
     def unnamed(self) -> "Unexplained":
         """Return the component that it was found by, without a cause."""
         return Unexplained(

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.components.component import Component, lists_laws_at_edges
+from diagnosis.components.component import Component, laws_stated
 from diagnosis.evidence.known_size import factors_of_value
 from diagnosis.evidence.mean_causes import Scales
 from diagnosis.evidence.reported_causes import Cause
@@ -82,7 +82,7 @@ def laws_at_edges(
     without, count = few.most_probable(model), max(few.count(), 1)
     usual = 0.0 if before is None else before.most_probable(Model())
     unsure = math.hypot(1 / math.sqrt(count), SETTINGS.doubt * explained)
-    listed = lists_laws_at_edges(ws.patches[0].view.sensor.effects)
+    listed = laws_stated(ws.patches[0].view.sensor.effects)
     out = []
     for law in laws:
         fitted = fit_effect(CATALOGUE[law.effect], few, model, states, polish=False)
@@ -103,12 +103,17 @@ def laws_at_edges(
     return out
 
 
-def key_of(law: Component, *, listed: bool) -> str:
-    """Name under which the population holds what good instruments have of a law."""
-    return f"law: {law.effect}" + (" (listed)" if listed else "")
+def key_of(law: Component, *, listed: str) -> str:
+    """Name under which the population holds what good instruments have of a law.
+
+    Parameters
+    ----------
+    listed : how the sensor's file states laws at edges (`laws_stated`)
+    """
+    return f"law: {law.effect}" + (f" ({listed})" if listed else "")
 
 
-def may_be_named(law: Component, usual: Mapping[str, Floats], *, listed: bool) -> bool:
+def may_be_named(law: Component, usual: Mapping[str, Floats], *, listed: str) -> bool:
     """Whether any reading could make a law likelier than what a good instrument has of it.
 
     No Bayes factor of mixtures of the same sizes exceeds the largest ratio of their weights. Of a

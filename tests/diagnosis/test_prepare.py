@@ -70,3 +70,15 @@ def test_the_registered_pose_takes_the_misplacement_off(made: list[Recording]) -
 def test_no_recording_is_an_error_of_the_users() -> None:
     with pytest.raises(RecipeError, match="no recording to diagnose"):
         prepared(given([]), [], lambda _: None)
+
+
+def test_baselines_have_the_surface_s_part_of_their_brightness_too(made: list[Recording]) -> None:
+    speckled = np.random.default_rng(3).gamma(4.0, 0.25, made[1].depth_mm.shape)
+    one = replace(made[1], intensity=np.where(np.isfinite(made[1].depth_mm), speckled, np.nan))
+    ready = prepared(given([made[0], one], baselines=[one]), [], lambda _: None)
+    (found,) = (p.view.intensity for p in ready.patches if p.name == "r1")
+    (good,) = (p.view.intensity for p in ready.baseline)
+    assert good is not None
+    assert found is not None
+    assert good == pytest.approx(found, rel=1e-5, nan_ok=True)
+    assert np.nanstd(np.log(good)) < 0.3 * np.nanstd(np.log(one.intensity))

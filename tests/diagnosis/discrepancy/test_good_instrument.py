@@ -1,7 +1,5 @@
 """What an instrument has when it is good: sizes told by its own recordings."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -9,15 +7,14 @@ from diagnosis.components.component import Component
 from diagnosis.discrepancy.good_instrument import (
     alike_at_edges,
     informed,
+    kinds_of,
     mean_factors,
-    rectified,
 )
 from diagnosis.discrepancy.population import Kind, Population
 from diagnosis.evidence.candidates import Candidate
 from diagnosis.settings import SETTINGS
 from sensors.effects.relaxed import Relaxed
 from tests.support.linear_readings import LinearReadings
-from tests.support.small_parts import datasheet
 
 
 def likeliest(readings: LinearReadings, name: str) -> float:
@@ -51,26 +48,10 @@ def test_a_baseline_moves_the_probability_to_the_size_that_it_shows() -> None:
     readings = LinearReadings.drawn({"line_bow": 0.4}, seed=5)
     flat = np.full(readings.sizes.size, 1.0 / readings.sizes.size)
     kinds = Population(kinds=(Kind(name="any", weights={"line_bow": flat}),))
-    own = informed(kinds, np.ones(1), mean_factors(readings.seen))["line_bow"]
+    own = informed(kinds, kinds_of(kinds, {}, good=True), mean_factors(readings.seen))["line_bow"]
     assert own.sum() > 1 - 1e-9
     near = (readings.sizes > 0.1) & (readings.sizes < 1.6)
     assert own[near].sum() > 0.98
-
-
-def test_interpolated_profiles_have_noise_that_changes_along_the_line() -> None:
-    sizes = SETTINGS.rate_sizes()
-    sharp = np.zeros(sizes.size)
-    sharp[0] = 1.0
-    usual = {"scale: light_falloff": sharp, "scale: incidence_noise": sharp}
-    assert rectified(usual, datasheet()) == usual
-    even = rectified(usual, replace(datasheet(), columns="even_x"))
-    f = np.linspace(0.0, 1.0, 101)
-    evenly = np.std(0.5 * np.log(f**2 + (1.0 - f) ** 2))
-    halves = np.std([0.0, 0.5 * np.log(0.5)])  # half of the line at a reading, half between two
-    assert 0.1 < evenly < halves < 0.174
-    assert even["scale: light_falloff"][sizes < halves].sum() == pytest.approx(1.0)
-    assert even["scale: light_falloff"][sizes == 0.16] > 0.05
-    assert (even["scale: incidence_noise"] == sharp).all()
 
 
 def test_what_baselines_show_at_edges_any_law_there_may_have_a_share_of() -> None:

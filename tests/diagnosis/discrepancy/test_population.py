@@ -1,9 +1,11 @@
 """What is learnt of good instruments' discrepancy, and what baselines add."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from diagnosis.discrepancy.good_instrument import informed, kinds_of
+from diagnosis.discrepancy.good_instrument import informed, kinds_of, told_by_changes
 from diagnosis.discrepancy.population import Kind, Population, learnt, population
 from diagnosis.evidence.seen import RATES
 from diagnosis.settings import SETTINGS
@@ -63,7 +65,8 @@ def of_two(names: tuple[str, ...] = ("bow", "lens", "slips")) -> Population:
 
 def test_a_baseline_narrows_what_an_instrument_may_have() -> None:
     flat = Kind(name="any", weights={"bow": np.full(SIZES.size, 1 / SIZES.size)})
-    after = informed(Population(kinds=(flat,)), np.ones(1), {"bow": seen_as(1e-5)})
+    here = Population(kinds=(flat,))
+    after = informed(here, kinds_of(here, {}, good=True), {"bow": seen_as(1e-5)})
     assert after["bow"].sum() == pytest.approx(1.0)
     assert after["bow"][SIZES > 0.1].sum() < 1e-3
 
@@ -72,10 +75,13 @@ def test_recordings_show_their_kind() -> None:
     here = of_two()
     nothing = {n: seen_as(1e-5) for n in ("bow", "lens", "slips")}
     everything = {n: seen_as(0.1) for n in ("bow", "lens", "slips")}
-    assert kinds_of(here, nothing, good=False)[0] > 0.99
-    assert kinds_of(here, everything, good=False)[1] > 0.99
+    assert kinds_of(here, nothing, good=False)["mean"][0] > 0.99
+    assert kinds_of(here, everything, good=False)["mean"][1] > 0.99
+    # nor is it of a kind whose files say otherwise of the columns
+    even = Population(kinds=(here.kinds[0], replace(here.kinds[1], columns="even_x")))
+    assert kinds_of(even, everything, good=False, columns="even_angle")["mean"][1] == 0
     # one that has nothing else of the kind has changed
-    assert kinds_of(here, nothing | {"bow": seen_as(0.1)}, good=False)[0] > 0.8
+    assert kinds_of(here, nothing | {"bow": seen_as(0.1)}, good=False)["mean"][0] > 0.8
 
 
 def test_what_no_kind_was_seen_to_have_is_as_in_the_others() -> None:
@@ -133,3 +139,14 @@ def test_the_more_makes_were_seen_the_less_another_one_may_be_unlike_them() -> N
     assert weights is not None
     # one in ten makes is yet another; it has what is known of any component
     assert weights[:, 3] == pytest.approx(0.1 * 0.5)
+
+
+def test_one_small_change_is_no_promise_of_the_next() -> None:
+    flat = Kind(name="any", weights={"bow": np.full(SIZES.size, 1 / SIZES.size)})
+    here = Population(kinds=(flat,))
+    kinds = kinds_of(here, {}, good=True)
+    small = {"bow": seen_as(1e-5)}
+    told = told_by_changes(here, kinds, small)["bow"]
+    assert told.sum() == pytest.approx(1.0)
+    assert told[SIZES > 0.1].sum() == pytest.approx(0.5 * (SIZES > 0.1).mean(), abs=1e-3)
+    assert told[0] > 2 * flat.weights["bow"][0]

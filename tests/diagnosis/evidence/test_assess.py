@@ -62,7 +62,7 @@ def test_what_baselines_have_as_well_is_no_change() -> None:
     kinds = Population(kinds=(Kind(name="any", weights={"line_bow": any_size}),))
 
     def changed(baseline: LinearReadings) -> bool:
-        usual = informed(kinds, np.ones(1), mean_factors(baseline.seen))
+        usual = informed(kinds, kinds_of(kinds, {}, good=True), mean_factors(baseline.seen))
         return bool(assessed_mean(readings.seen, usual, baseline.seen).mean)
 
     assert changed(LinearReadings.drawn({}, seed=1))

@@ -37,7 +37,7 @@ def blurred() -> Workspace:
 def usual(size: float) -> dict[str, np.ndarray]:
     """Good instruments have that much of each law."""
     weights = np.exp(-0.5 * np.square(np.log(SIZES / size)))
-    return {key_of(law, listed=False): weights / weights.sum() for law in LAWS}
+    return {key_of(law, listed=""): weights / weights.sum() for law in LAWS}
 
 
 def by_effect(found: list[LawAtEdges]) -> dict[str, LawAtEdges]:
@@ -78,8 +78,8 @@ def test_a_law_needs_what_its_formula_needs() -> None:
 
 def test_no_law_is_tried_that_no_reading_could_name() -> None:
     law = LAWS[0]
-    known = key_of(law, listed=False)
+    known = key_of(law, listed="")
     anything = np.full(SIZES.size, 1 / SIZES.size)
-    assert may_be_named(law, usual(0.002), listed=False)
-    assert not may_be_named(law, {known: anything}, listed=False)
-    assert not may_be_named(law, usual(0.002), listed=True)  # nobody has seen one
+    assert may_be_named(law, usual(0.002), listed="")
+    assert not may_be_named(law, {known: anything}, listed="")
+    assert not may_be_named(law, usual(0.002), listed="listed")  # nobody has seen one
