@@ -121,8 +121,8 @@ def changes(inputs: Inputs, population: Population) -> Factors:
     usual = channels_seen(ready.baseline, ready.noise, Model(), now)
     shown = mean_factors(before)
     shown = shown | rate_factors(usual.values())
-    kinds = kinds_of(population, shown, good=True, columns=inputs.datasheet.columns)
-    own = informed(population, kinds, shown)
+    population = population.of_files(inputs.datasheet.columns)
+    own = informed(population, kinds_of(population, shown, good=True), shown)
     channels = channels_seen(patches, ready.noise, Model(), now)
     return (
         change_factors(now, before, channels, usual, own)

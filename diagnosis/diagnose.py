@@ -61,7 +61,7 @@ def diagnose(
     withheld = frozenset(withheld)
     notes: list[str] = []
     ready = prepared(inputs, notes, progress)
-    known = population()
+    known = population().of_files(inputs.datasheet.columns)
     by_form = delivered(
         ready.recorded.recordings, inputs.datasheet, notes, inputs.baselines,
         noise_mm=ready.noise.sd_mm, known=known,

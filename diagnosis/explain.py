@@ -324,16 +324,15 @@ def _good(
     -------
     of what it departs from the nominal model by; of what is weighed, changes beside baselines
     """
-    columns = ready.recorded.datasheet.columns
     if before is None:
         patches = [p for p in ready.patches if p.fit.any()]
         rates = rate_factors(channels_seen(patches, ready.noise, Model(), first).values())
-        kinds = kinds_of(population, mean_factors(first) | rates, good=False, columns=columns)
+        kinds = kinds_of(population, mean_factors(first) | rates, good=False)
         departures = population.of_kinds(kinds)
         return departures, departures
     factors = mean_factors(before)
     rates = rate_factors(baseline_channels.values())
-    kinds = kinds_of(population, factors | rates, good=True, columns=columns)
+    kinds = kinds_of(population, factors | rates, good=True)
     departures = informed(population, kinds, factors | rates)
     among = _changes_among(ready, first, departures)
     changes = departures | told_by_changes(population.of_changes, kinds, among)

@@ -106,9 +106,7 @@ def change_factors(
     return mean_factors(now, before, departures) | rate_factors(left)
 
 
-def kinds_of(
-    population: Population, factors: Mapping[str, Floats], *, good: bool, columns: str = ""
-) -> Shares:
+def kinds_of(population: Population, factors: Mapping[str, Floats], *, good: bool) -> Shares:
     """Probability of each kind of instruments, given one instrument's recordings, by aspect.
 
     Before, an instrument is the likelier of a kind the more makes the kind is of.
@@ -117,12 +115,8 @@ def kinds_of(
     ----------
     factors : of components of all channels
     good : whether the instrument was good then; else each component may have changed
-    columns : how its file says that columns lie; "" for not at all
     """
-    fitting = [not columns or k.columns in ("", columns) for k in population.kinds]
-    nats = {
-        aspect: np.where(fitting, np.log(population.makes), -np.inf) for aspect in ASPECTS
-    }
+    nats = {aspect: np.log(population.makes) for aspect in ASPECTS}
     changes = 0.0 if good else SETTINGS.prior_cause
     for name, likelihood in factors.items():
         weights = population.weights(name)
@@ -147,7 +141,7 @@ def informed(
     """
     out = population.of_kinds(kinds)
     for name, likelihood in factors.items():
-        shares = kinds[aspect_of(name)]
+        shares = population.having(name, kinds)
         weights = population.weights(name)
         if weights is None:
             flat = Scales(sizes=_sizes(name), weights={}).of(name)

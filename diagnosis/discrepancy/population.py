@@ -92,6 +92,10 @@ class Population:
             return np.full(like[0].size, 1.0 / like[0].size)
         return np.asarray(np.mean(like, axis=0)) if like else None
 
+    def of_files(self, columns: str) -> "Population":
+        """Kinds of instruments whose files say so of their columns."""
+        return Population(kinds=tuple(k for k in self.kinds if k.columns in ("", columns)))
+
     @property
     def of_changes(self) -> "Population":
         """The same kinds of instruments, by what changes in them."""
@@ -101,8 +105,18 @@ class Population:
         """Probabilities of each component's sizes where kinds have these probabilities."""
         names = {n for k in self.kinds for n in k.weights}
         return {
-            n: shares[aspect_of(n)] @ w for n in sorted(names) if (w := self.weights(n)) is not None
-        }
+            n: self.having(n, shares) @ w
+            for n in sorted(names) if (w := self.weights(n)) is not None
+        }  # fmt: skip
+
+    def having(self, component: str, shares: Shares) -> Floats:
+        """Probability of each kind (kinds,) of those that were seen to have a component.
+
+        Where a kind's recordings never showed how it has one, the kind has no say.
+        """
+        own = shares[aspect_of(component)]
+        told = own * [component in k.weights for k in self.kinds]
+        return np.asarray(told / told.sum()) if told.sum() > 0 else own
 
     @property
     def makes(self) -> Floats:

@@ -4,7 +4,7 @@ from sensors.recording import Recording
 from tests.support.diagnosis_of import diagnosis_of
 from tests.support.small_parts import VIEWS, datasheet, part, record
 
-NOISY_ENDS: dict[str, object] = {"name": "light_falloff", "share": 0.7}
+NOISY_ENDS: dict[str, object] = {"name": "light_falloff", "share": 0.7, "ends": 0.1}
 
 
 def test_noise_that_the_baselines_have_too_is_no_fault() -> None:

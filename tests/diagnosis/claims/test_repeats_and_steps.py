@@ -18,8 +18,9 @@ def delivered(
     baselines: list[Recording] | None = None, *, noise_mm: float = 0.01,
 ) -> list[FoundEffect]:  # fmt: skip
     return repeats_and_steps.delivered(
-        recordings, sheet, notes, baselines or [], noise_mm=noise_mm, known=population()
-    )
+        recordings, sheet, notes, baselines or [], noise_mm=noise_mm,
+        known=population().of_files(sheet.columns),
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ def test_baselines_show_what_a_population_hides(bowed: Prepared) -> None:
     """A bow of a fifth of the noise: usual among instruments, but new on this one."""
     fitted = [p for p in bowed.patches if p.fit.any()]
     now = seen(fitted, bowed.noise, Model())
-    usual = population()
+    usual = population().of_files("even_angle")
     kinds = kinds_of(usual, mean_factors(now), good=False)
     alone = assessed_mean(now, usual.of_kinds(kinds))
     before = seen(bowed.baseline, bowed.noise, Model(), like=now)
