@@ -138,9 +138,9 @@ def aspect_of(component: str) -> str:
 
 
 def tells_kind(component: str) -> bool:
-    """Whether a component's size doesn't depend on how many profiles and columns there are.
+    """Whether a component's size tells a kind.
 
-    So does that of what is free for each of them.
+    That of noise and losses that are free for each profile or column depends on how many there are.
     """
     channel, _, name = component.rpartition(": ")
     known = {c.name: c.relaxed for c in components_of(channel or "mean")}
