@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from challenge.baseline.shuffle import SHUFFLED, shuffle
+from challenge.proof.record_of_tests import commit
 from challenge.runs.measure import CHANGE, WAYS, folder
 from challenge.runs.measure import answers as answers_of
 from challenge.sets.processes import ONE_CORE
@@ -100,6 +101,14 @@ def accepts_baselines() -> bool:
     return "--baseline" in said.stdout
 
 
+def diagnosed_at(out: Path) -> str:
+    """Return the commits of a set's answers; of answers that don't say, the checkout's."""
+    here, found = commit(Path(__file__).parents[2]), set()
+    for file in sorted((out / "answers").glob("*/run.json")):
+        found.add(json.loads(file.read_text()).get("commit", here))
+    return ", ".join(sorted(found)) or here
+
+
 def _record(answers: Path, name: str) -> dict[str, Any]:
     file = answers / name / "run.json"
     return dict(json.loads(file.read_text())) if file.exists() else {}
@@ -151,6 +160,7 @@ def _diagnose(
                 shutil.copyfile(here / "diagnosis" / kept, answer / kept)
     if code == 0 and not (answer / "diagnosis.json").exists():
         code, tail = 3, "no diagnosis.json\n" + tail
-    record = {"code": code, "seconds": seconds, "began": begin, "said": tail}
+    record = {"code": code, "seconds": seconds, "began": begin, "said": tail,
+              "commit": commit(Path(__file__).parents[2])}
     write_whole(answer / "run.json", json.dumps(record).encode())
     return code, seconds

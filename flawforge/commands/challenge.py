@@ -225,14 +225,15 @@ def _step(arguments: argparse.Namespace) -> int:
 def _judge(arguments: argparse.Namespace) -> int:
     from challenge.judging.judge import judge, population_of
     from challenge.proof.page import Judged, write_page
-    from challenge.proof.record_of_tests import commit, enter
+    from challenge.proof.record_of_tests import enter
     from challenge.proof.scoreboard import figures, table
+    from challenge.runs.run import diagnosed_at
     from challenge.sets.populations import needs_aggregate
 
     tests = [folder for folder in arguments.set if needs_aggregate(population_of(folder))]
     if tests and arguments.write is not None and arguments.record is None:
         raise ValueError(f"--write: {tests[0]} is a test set: --record and --reason enter its run")
-    version, judged = commit(Path(__file__).parents[1]), []
+    judged, versions = [], dict.fromkeys(diagnosed_at(folder) for folder in arguments.set)
     for folder in arguments.set:
         whole = arguments.aggregate or (folder in tests and arguments.write is not None)
         scored = judge(folder, partial=arguments.partial, aggregate=whole)
@@ -241,9 +242,10 @@ def _judge(arguments: argparse.Namespace) -> int:
         for line in board:
             print(line)
         if arguments.record is not None and (folder in tests or len(arguments.set) == 1):
+            version = diagnosed_at(folder)
             enter(arguments.record, reason=arguments.reason, commit=version, lines=board)
     if arguments.write is not None:
-        write_page(judged, arguments.write, commit=version)
+        write_page(judged, arguments.write, commit=", ".join(versions))
     return 0
 
 
