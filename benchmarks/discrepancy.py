@@ -122,8 +122,7 @@ def changes(inputs: Inputs, population: Population) -> Factors:
     now = seen(patches, ready.noise, Model())
     before = seen(ready.baseline, ready.noise, Model(), like=now)
     usual = channels_seen(ready.baseline, ready.noise, Model(), now)
-    shown = mean_factors(before)
-    shown = shown | rate_factors(usual.values())
+    shown = mean_factors(before) | rate_factors(usual.values())
     population = population.of_files(inputs.datasheet.columns)
     own = informed(population, kinds_of(population, shown, good=True), shown)
     channels = channels_seen(patches, ready.noise, Model(), now)
@@ -208,13 +207,12 @@ def _of_folders(root: Path) -> list[_Group]:
     by_places: dict[str, list[Path]] = {}
     for folder in good_folders(root):
         truth = json.loads((folder / "truth.json").read_text(encoding="utf-8"))
-        places = f", {truth['places']}" if made == OF_MAKES else ""
-        if places.endswith(NOT_GOOD):
-            continue
-        by_places.setdefault(places, []).append(folder)
+        places = truth["places"] if made == OF_MAKES else ""
+        if places != NOT_GOOD:
+            by_places.setdefault(places, []).append(folder)
     return [
         _Group(
-            name=f"{made}{places}: {len(folders)} good instruments",
+            name=f"{', '.join(filter(None, (made, places)))}: {len(folders)} good instruments",
             makes=len(folders) if made == OF_MAKES else 1,
             columns=Datasheet.load(folders[0] / "sensor.yaml").columns,
             instruments=[partial(inputs_of, folder) for folder in folders],

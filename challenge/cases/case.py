@@ -12,7 +12,7 @@ from challenge.cases.devices import Scans, draw_earlier_scans, draw_scans
 from challenge.cases.makes import Make, first_make, other_make
 from challenge.cases.nominal import NoiseLaw, listed_noise, repeatability_um, usual_effects
 from challenge.cases.parts import SHAPES, plate, solid_of
-from challenge.cases.seeds import child, number
+from challenge.cases.seeds import child, log_uniform, number
 from challenge.cases.switches import DECOY, SINGLE, UNKNOWN, Switch, World
 from challenge.instrument.instrument import Casts, Instrument, Path, Solid
 from challenge.instrument.optical_surface import OpticalSurface
@@ -22,7 +22,7 @@ from challenge.instrument.stripes import first_hits
 SWITCHES: dict[str, Switch] = {**SINGLE, **UNKNOWN, **DECOY}
 RECORDINGS = ("a", "b", "c")
 PLATES = ("plate-1", "plate-2")
-BASELINES = ("base-1", "base-2")
+BASELINES: tuple[str, ...] = ("base-1", "base-2")
 MAKES = "makes"
 """Family of a case whose instrument is of any make; such cases only calibrate."""
 EDGE_ON_SHARE = 0.003
@@ -132,7 +132,7 @@ def stage(secret: Secret) -> Staged:
     wanted = [SWITCHES[name] for name in secret.switches]
     slow = [switch.slow for switch in wanted if switch.slow is not None]
     if slow and slow[0]:
-        rate = float(np.exp(child(secret.seed, "rate").uniform(np.log(2.0), np.log(5.0))))
+        rate = log_uniform(child(secret.seed, "rate"), 2.0, 5.0)
         scans = replace(scans, paths=tuple(replace(p, rate_hz=rate) for p in scans.paths))
     off = World(device=device, surface=OpticalSurface(), solid=shape, nominal=shape, scans=scans,
                 seed=secret.seed)  # fmt: skip

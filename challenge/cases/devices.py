@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from challenge.cases.seeds import log_uniform
 from challenge.instrument.calibration import CalibrationPlan
 from challenge.instrument.camera import Camera
 from challenge.instrument.frames import Faults
@@ -97,9 +98,7 @@ def draw_scans(
     """
     pitch = float(rng.uniform(0.085, 0.115))
     # slow stages and fast ones: nothing about a case may be read from its speed
-    rate = float(np.exp(rng.uniform(np.log(2.0), np.log(5.0)))) if rng.random() < 0.4 else float(
-        np.exp(rng.uniform(np.log(100), np.log(500)))
-    )
+    rate = log_uniform(rng, *((2.0, 5.0) if rng.random() < 0.4 else (100.0, 500.0)))
     profiles = int(rng.integers(140, 181))
     turns = rng.permutation(_TURNS_DEG)[:count] + rng.uniform(-15, 15, count)
     if aligned:

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 from challenge.instrument.instrument import Instrument, Path, Solid
 
+OPTIONAL = ("line_width_um", "wavelength_nm", "exposure_s", "camera_rows", "repeatability_um")
+"""Keys that a maker's file may leave out; about half of them are, but for the first family."""
+
 
 def write_recording(
     file: FilePath,

@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from challenge.cases.devices import Z_RANGE_MM, draw_instrument
+from challenge.cases.files import OPTIONAL
+from challenge.cases.seeds import log_uniform
 from challenge.instrument.calibration import CalibrationPlan
-from challenge.instrument.camera import Camera
+from challenge.instrument.camera import PUPIL, Camera
 from challenge.instrument.frames import Faults
 from challenge.instrument.instrument import Instrument
 from challenge.instrument.motion import Motion
@@ -24,8 +26,7 @@ from challenge.instrument.sheet import LaserSheet
 
 Floats = NDArray[np.float64]
 Readings = NDArray[np.float32]
-OPTIONAL = ("line_width_um", "wavelength_nm", "exposure_s", "camera_rows", "repeatability_um")
-"""Keys that a file of another make has with a probability of a half each."""
+
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -116,9 +117,10 @@ def other_make(rng: np.random.Generator) -> Make:
     """Draw an instrument of any make, in good order."""
     distance, theta = float(rng.uniform(90, 220)), radians(rng.uniform(18, 34))
     columns, pitch = int(rng.integers(160, 257)), float(rng.uniform(0.08, 0.13))
-    waist, wavelength = _log(rng, 0.028, 0.085), float(rng.choice([405e-6, 450e-6, 520e-6, 660e-6]))
-    sin_u = _log(rng, 0.004, 0.0085)
-    grain = 0.2156 * wavelength / sin_u / np.sqrt(2)
+    waist = log_uniform(rng, 0.028, 0.085)
+    wavelength = float(rng.choice([405e-6, 450e-6, 520e-6, 660e-6]))
+    sin_u = log_uniform(rng, 0.004, 0.0085)
+    grain = PUPIL * wavelength / sin_u / np.sqrt(2)
     # a line is at least three quarters of a pixel wide (sd), or the finder locks to the rows
     row = hypot(waist * cos(theta), grain) / float(rng.uniform(0.75, 1.5))
     rows = int(8 * ceil(1.25 * Z_RANGE_MM * sin(theta) / row / 8))
@@ -128,7 +130,7 @@ def other_make(rng: np.random.Generator) -> Make:
         row_pitch_mm=row, sin_u=sin_u, smile=float(rng.uniform(-4, 4)),
         keystone=float(rng.uniform(-1, 1)), barrel=float(rng.uniform(-1.5, 1.5)),
         fill=float(rng.uniform(0.2, 0.6)), bits=int(rng.choice([8, 10, 12])),
-        read_noise_e=_log(rng, 5, 25),
+        read_noise_e=log_uniform(rng, 5, 25),
     )  # fmt: skip
     places = str(rng.choice(["angle", "nearest", "linear"]))
     left_out = tuple(key for key in OPTIONAL if rng.random() < 0.5)
@@ -138,18 +140,15 @@ def other_make(rng: np.random.Generator) -> Make:
             wavelength_mm=wavelength, m_squared=float(rng.uniform(1.1, 1.6)), exposure_s=5e-5,
         ),
         camera=camera,
-        finder=PeakFinder(kind=str(rng.choice(KINDS)), threshold=_log(rng, 0.012, 0.06),
+        finder=PeakFinder(kind=str(rng.choice(KINDS)), threshold=log_uniform(rng, 0.012, 0.06),
                           fraction_bits=int(rng.choice([5, 6, 8]))),
         # the line's light falls off towards its ends
         faults=Faults(window_dip=float(rng.uniform(-0.5, 0.0)), window_width=0.6),
-        motion=Motion(shake_mm=_log(rng, 5e-5, 5e-4), shake_hz=float(rng.uniform(5, 60)),
-                      ripple_mm=_log(rng, 2e-4, 2e-3), ripple_period_mm=float(rng.uniform(2, 8))),
+        motion=Motion(shake_mm=log_uniform(rng, 5e-5, 5e-4), shake_hz=float(rng.uniform(5, 60)),
+                      ripple_mm=log_uniform(rng, 2e-4, 2e-3),
+                      ripple_period_mm=float(rng.uniform(2, 8))),
         plan=CalibrationPlan(heights=21, frames=16),
         z_range_mm=Z_RANGE_MM,
         step_mm=float(rng.choice([0.00025, 0.001, 0.004])),
     )  # fmt: skip
     return Make(device=device, artefact=False, places=places, left_out=left_out)
-
-
-def _log(rng: np.random.Generator, low: float, high: float) -> float:
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))

@@ -113,11 +113,10 @@ def usual_effects(
         The well-made, calibrated instrument.
     """
     camera, sheet = device.camera, device.sheet
-    still = replace(device, motion=type(device.motion)())
     noise, law = listed_noise(device, rng)
     grain = camera.amplitude_spread_mm(sheet.wavelength_mm) / np.sqrt(2)
     footprint = float(np.hypot(camera.column_pitch_mm / np.sqrt(12), grain))
-    edges = edge_figures(still, rng, along_um=1e3 * footprint)
+    edges = edge_figures(_still(device), rng, along_um=1e3 * footprint)
     return [*edges.entries(device, 1e3 * footprint), noise], law
 
 
@@ -125,9 +124,13 @@ def listed_noise(
     device: Instrument, rng: np.random.Generator
 ) -> tuple[dict[str, Any], NoiseLaw]:
     """Return the file's entry of the noise on slopes, and the fit behind it."""
-    still = replace(device, motion=type(device.motion)())
-    law = noise_law(partial(noise_on_plane, still, rng=rng))
+    law = noise_law(partial(noise_on_plane, _still(device), rng=rng))
     return {"name": "incidence_noise", "exponent": law.exponent, "lean": law.lean}, law
+
+
+def _still(device: Instrument) -> Instrument:
+    """Return the instrument on a perfect stage."""
+    return replace(device, motion=type(device.motion)())
 
 
 def repeatability_um(

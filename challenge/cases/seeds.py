@@ -15,3 +15,8 @@ def child(seed: int, *name: str) -> np.random.Generator:
 def number(seed: int, *name: str) -> int:
     """Return a 31-bit number of one named purpose."""
     return int(child(seed, *name).integers(2**31))
+
+
+def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
+    """Draw a number whose logarithm is uniform between two bounds."""
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))

@@ -11,6 +11,8 @@ import manifold3d
 import numpy as np
 from numpy.typing import NDArray
 
+from challenge.cases.seeds import log_uniform
+
 Floats = NDArray[np.float64]
 
 KINDS = ("dent", "pit", "scratch", "crack")
@@ -59,7 +61,7 @@ class Flaw:
 def draw_flaw(kind: str, size: str, rng: np.random.Generator) -> Flaw:
     """Draw a flaw of one kind and size in a random direction."""
     length, width, depth = (
-        float(np.exp(rng.uniform(np.log(low), np.log(high)))) for low, high in RANGES[kind, size]
+        log_uniform(rng, low, high) for low, high in RANGES[kind, size]
     )
     heading = rng.uniform(0, 2 * np.pi)
     step = 0.08 if kind == "pit" else 0.25

@@ -10,15 +10,14 @@ from pathlib import Path as FilePath
 import numpy as np
 from numpy.typing import NDArray
 
+from challenge.cases.case import BASELINES as BASELINES
 from challenge.cases.seeds import child, number
 from challenge.payoff.family import Ready, World, first_solid
 from challenge.payoff.sights import UprightCamera
 from challenge.payoff.specimens import Specimen, make_specimen
-from challenge.second import case
 from challenge.second.case import stage, travel_over, write
 from challenge.second.facets import Facets
 
-BASELINES: tuple[str, ...] = case.BASELINES
 PROFILES, LEAN_DEG = 120, 6.0
 DOUBLED = 1
 """A fault is twice as large as the strong ones of sealed cases, which are made to be concealed."""

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from challenge.cases.seeds import log_uniform
+
 Floats = NDArray[np.float64]
 DRAWN: dict[str, tuple[float, float]] = {
     "turn_deg": (20.0, 180.0), "tilt_deg": (3.0, 9.0), "shift_mm": (1.0, 4.0),
@@ -87,5 +89,5 @@ def drawn(rng: np.random.Generator) -> Change:
     key, sign = str(rng.choice(KEYS)), float(rng.choice([-1, 1]))
     low, high = DRAWN[key]
     if key == "slower":
-        return Change(slower=float(np.exp(rng.uniform(np.log(low), np.log(high)))))
+        return Change(slower=log_uniform(rng, low, high))
     return Change(**{key: sign * float(rng.uniform(low, high))})

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from challenge.cases import files
-from challenge.cases.case import PLATES, RECORDINGS, Secret
+from challenge.cases.case import BASELINES, PLATES, RECORDINGS, Secret
 from challenge.cases.nominal import NoiseLaw
 from challenge.cases.parts import SHAPES, plate, solid_of
 from challenge.cases.seeds import child, number
@@ -26,14 +26,11 @@ from challenge.second.slit import Slit
 from challenge.second.switches import FAULTS
 from challenge.second.world import Parameters, World, placed
 
-BASELINES = ("base-1", "base-2")
 SIZES = (0.2, 0.4, 0.8)
 """Of weak, medium and strong faults: about half of them are concealed from the paper's checks."""
 MISPLACED_RAD, MISPLACED_MM = 3.5e-4, 0.03
 LEAST_READ = 0.02
 """Share of readings below which a recording is of nothing: the part was out of range."""
-OPTIONAL = ("line_width_um", "wavelength_nm", "exposure_s", "camera_rows", "repeatability_um")
-"""Keys that a maker's file may leave out; about half of them are."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -139,7 +136,7 @@ def stage(secret: Secret, meshes: Path | None = None) -> Staged:
     for name, fault in zip(secret.switches, faults, strict=True):
         size = SIZES[secret.strength] * 2**secret.doubled
         on = fault.apply(on, size, child(secret.seed, "fault", name))
-    dropped = child(secret.seed, "file").permutation(OPTIONAL)[: len(OPTIONAL) // 2]
+    dropped = child(secret.seed, "file").permutation(files.OPTIONAL)[: len(files.OPTIONAL) // 2]
     good = calibrated(off, secret.seed)
     return Staged(
         on=calibrated(on, secret.seed), off=good, plates=plates,

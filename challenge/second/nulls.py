@@ -7,11 +7,11 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from challenge.cases.case import RECORDINGS, Secret
+from challenge.cases.case import BASELINES, RECORDINGS, Secret
 from challenge.cases.nulls import NULL_LIMIT
 from challenge.cases.seeds import child, number
 from challenge.cases.truth import levelled
-from challenge.second.case import BASELINES, Staged
+from challenge.second.case import Staged
 from challenge.second.device import expected
 from challenge.second.edges import off_edges
 from challenge.second.world import World

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from diagnosis.components.component import components_of, unlisted
+from sensors.effects.relaxed import Relaxed
 
 Floats = NDArray[np.float64]
 Shares = Mapping[str, Floats]
@@ -142,10 +143,15 @@ def tells_kind(component: str) -> bool:
 
     That of noise and losses that are free for each profile or column depends on how many there are.
     """
+    relaxed = _relaxed(component)
+    return aspect_of(component) in ("mean", EDGES) or relaxed is None or not relaxed.each
+
+
+def _relaxed(component: str) -> Relaxed | None:
+    """Return the form of a component; None where its name is no component's."""
     channel, _, name = component.rpartition(": ")
     known = {c.name: c.relaxed for c in components_of(channel or "mean")}
-    relaxed = known.get(unlisted(name).partition(" at ")[0])
-    return not channel or relaxed is None or not relaxed.each
+    return known.get(unlisted(name).partition(" at ")[0])
 
 
 @cache
@@ -158,9 +164,7 @@ def _where(component: str) -> tuple[str, ...]:
     of the sensor's light, and noise on slopes, of the surface.
     """
     channel, _, name = component.rpartition(": ")
-    plain = unlisted(name)
-    known = {c.name: c.relaxed for c in components_of(channel or "mean")}
-    relaxed = known.get(plain.partition(" at ")[0])
+    plain, relaxed = unlisted(name), _relaxed(component)
     if channel in ("missing", "outliers", "law") or (relaxed is not None and relaxed.spanned):
         return channel, name
     if not channel or relaxed is None:

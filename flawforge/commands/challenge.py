@@ -233,7 +233,7 @@ def _judge(arguments: argparse.Namespace) -> int:
     tests = [folder for folder in arguments.set if needs_aggregate(population_of(folder))]
     if tests and arguments.write is not None and arguments.record is None:
         raise ValueError(f"--write: {tests[0]} is a test set: --record and --reason enter its run")
-    judged, versions = [], dict.fromkeys(diagnosed_at(folder) for folder in arguments.set)
+    judged, versions = [], {folder: diagnosed_at(folder) for folder in arguments.set}
     for folder in arguments.set:
         whole = arguments.aggregate or (folder in tests and arguments.write is not None)
         scored = judge(folder, partial=arguments.partial, aggregate=whole)
@@ -242,10 +242,10 @@ def _judge(arguments: argparse.Namespace) -> int:
         for line in board:
             print(line)
         if arguments.record is not None and (folder in tests or len(arguments.set) == 1):
-            version = diagnosed_at(folder)
+            version = versions[folder]
             enter(arguments.record, reason=arguments.reason, commit=version, lines=board)
     if arguments.write is not None:
-        write_page(judged, arguments.write, commit=", ".join(versions))
+        write_page(judged, arguments.write, commit=", ".join(dict.fromkeys(versions.values())))
     return 0
 
 

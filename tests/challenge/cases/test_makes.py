@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from challenge.cases.makes import OPTIONAL, Make, first_make, other_make
+from challenge.cases.files import OPTIONAL
+from challenge.cases.makes import Make, first_make, other_make
 
 
 def make_of(places: str) -> Make:

@@ -12,6 +12,7 @@ import yaml
 
 from challenge.baseline.shuffle import shuffle
 from challenge.cases.case import SWITCHES, Secret
+from challenge.cases.files import OPTIONAL
 from challenge.cases.parts import SHAPES
 from challenge.judging.judge import judge
 from challenge.judging.score import judge_case
@@ -75,7 +76,7 @@ def test_a_full_set_has_every_kind_on_parts_that_show_it():
 def test_a_null_lies_on_its_part_within_how_parts_are_misplaced(sealed):
     folder = sealed / "cases" / "case-001"
     stated = yaml.safe_load((folder / "sensor.yaml").read_text())
-    assert sum(key not in stated for key in second.OPTIONAL) == 2
+    assert sum(key not in stated for key in OPTIONAL) == 2
     sheet = Datasheet.load(folder / "sensor.yaml")
     import trimesh
 
