@@ -45,9 +45,6 @@ from sensors.datasheet import Datasheet
 from sensors.recording import Recording
 from tests.support.small_parts import VIEWS, datasheet, part, record
 
-NOT_GOOD = "nearest"
-"""Places of other makes whose readings are the nearest ray's: off by up to half a pitch along the
-line, which on slopes is more than a null may be off."""
 SIMULATED = ("domes", "steps", "bowl", "wedge", "valley")
 
 
@@ -201,23 +198,21 @@ class _Group:
 def _of_folders(root: Path) -> list[_Group]:
     """Instruments of a calibration population's folders.
 
-    Of other makes those are a kind whose profiles are brought to even places in the same way.
+    Those whose columns are rays are a kind, those with readings at even places another.
     """
     made = json.loads((root / "population.json").read_text(encoding="utf-8"))["name"]
-    by_places: dict[str, list[Path]] = {}
+    by_columns: dict[str, list[Path]] = {}
     for folder in good_folders(root):
-        truth = json.loads((folder / "truth.json").read_text(encoding="utf-8"))
-        places = truth["places"] if made == OF_MAKES else ""
-        if places != NOT_GOOD:
-            by_places.setdefault(places, []).append(folder)
+        columns = Datasheet.load(folder / "sensor.yaml").columns
+        by_columns.setdefault(columns, []).append(folder)
     return [
         _Group(
-            name=f"{', '.join(filter(None, (made, places)))}: {len(folders)} good instruments",
+            name=f"{made}, {columns}: {len(folders)} good instruments",
             makes=len(folders) if made == OF_MAKES else 1,
-            columns=Datasheet.load(folders[0] / "sensor.yaml").columns,
+            columns=columns,
             instruments=[partial(inputs_of, folder) for folder in folders],
         )
-        for places, folders in sorted(by_places.items())
+        for columns, folders in sorted(by_columns.items())
     ]
 
 

@@ -259,8 +259,9 @@ def write(secret: Secret, staged: Staged, folder: FilePath) -> None:
     sheet = files.datasheet(
         staged.good, world.scans.paths[0], staged.effects, round(repeat, 3)
     )
-    if make.even_x_mm() is not None:
-        sheet["columns"] = "even_x"
+    even = make.even_x_mm()
+    if even is not None:
+        sheet |= {"columns": "even_x", "points_per_profile": even.size}
     files.write_yaml(
         folder / "sensor.yaml", {k: v for k, v in sheet.items() if k not in make.left_out}
     )

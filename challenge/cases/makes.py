@@ -28,7 +28,6 @@ Floats = NDArray[np.float64]
 Readings = NDArray[np.float32]
 
 
-
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Make:
     """An instrument, and what its maker delivers and states.
@@ -40,25 +39,25 @@ class Make:
     artefact
         Whether the maker scanned an artefact of edges and states what it showed; else the file
         has nominal figures.
-    places
-        ``angle``: columns are rays. ``nearest`` and ``linear``: readings at even x, the nearest
-        one or between the two beside.
+    even_step
+        Step between the even places to which readings are interpolated, of the step between rays
+        at the working distance; None where columns are rays.
     left_out
         Keys that the file leaves out.
     """
 
     device: Instrument
     artefact: bool = True
-    places: str = "angle"
+    even_step: float | None = None
     left_out: tuple[str, ...] = ()
 
     def even_x_mm(self) -> Floats | None:
-        """Even places (columns,) along the line at the working distance; None for rays."""
+        """Even places (places,) along the line at the working distance; None for rays."""
         camera = self.device.camera
-        if self.places == "angle":
+        if self.even_step is None:
             return None
         half = camera.working_distance_mm * np.tan(camera.fov_rad / 2)
-        return np.linspace(-half, half, camera.columns)
+        return np.linspace(-half, half, 1 + int((camera.columns - 1) / self.even_step))
 
     def delivered(self, depth_mm: Readings, bright: Readings) -> tuple[Readings, Readings]:
         """Bring depth and brightness (profiles, columns) to the places that the file states."""
@@ -67,7 +66,7 @@ class Make:
             return depth_mm, bright
         ray = np.tan(self.device.camera.angles_rad())
         pairs = [
-            _at_places(even, z * ray, z, b, between=self.places == "linear")
+            _at_places(even, z * ray, z, b)
             for z, b in zip(depth_mm.astype(np.float64), bright.astype(np.float64), strict=True)
         ]
         depth, light = (np.stack(values).astype(np.float32) for values in zip(*pairs, strict=True))
@@ -88,21 +87,17 @@ class Make:
         ]  # fmt: skip
 
 
-def _at_places(
-    even: Floats, x: Floats, z: Floats, bright: Floats, *, between: bool
-) -> tuple[Floats, Floats]:
-    """One profile's readings at even places; NaN beside a missing one."""
+def _at_places(even: Floats, x: Floats, z: Floats, bright: Floats) -> tuple[Floats, Floats]:
+    """One profile's readings between the two beside each even place; NaN beside a missing one."""
     read = np.flatnonzero(np.isfinite(z))
     read = read[np.argsort(x[read], kind="stable")]
     nothing = np.full(even.size, np.nan)
     if read.size < 2:
         return nothing, np.zeros(even.size)
-    pitch = even[1] - even[0]
+    pitch = max(even[1] - even[0], np.median(np.diff(x[read])))
     right = np.clip(np.searchsorted(x[read], even), 1, read.size - 1)
     a, b = read[right - 1], read[right]
     share = np.clip((even - x[a]) / np.maximum(x[b] - x[a], 1e-9), 0.0, 1.0)
-    if not between:
-        share = np.round(share)
     gap = np.maximum((1 - share > 0) * np.abs(even - x[a]), (share > 0) * np.abs(x[b] - even))
     depth = np.where(gap < 1.5 * pitch, z[a] * (1 - share) + z[b] * share, np.nan)
     return depth, bright[a] * (1 - share) + bright[b] * share
@@ -132,7 +127,7 @@ def other_make(rng: np.random.Generator) -> Make:
         fill=float(rng.uniform(0.2, 0.6)), bits=int(rng.choice([8, 10, 12])),
         read_noise_e=log_uniform(rng, 5, 25),
     )  # fmt: skip
-    places = str(rng.choice(["angle", "nearest", "linear"]))
+    rays = rng.integers(3) == 0
     left_out = tuple(key for key in OPTIONAL if rng.random() < 0.5)
     device = Instrument(
         sheet=LaserSheet(
@@ -151,4 +146,6 @@ def other_make(rng: np.random.Generator) -> Make:
         z_range_mm=Z_RANGE_MM,
         step_mm=float(rng.choice([0.00025, 0.001, 0.004])),
     )  # fmt: skip
-    return Make(device=device, artefact=False, places=places, left_out=left_out)
+    # the rays' own step would put each place near the working distance on a ray
+    even_step = None if rays else log_uniform(rng, 0.7, 1.5)
+    return Make(device=device, artefact=False, even_step=even_step, left_out=left_out)

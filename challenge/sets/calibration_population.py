@@ -116,8 +116,7 @@ def _make_one(folder: Path, secret: Secret) -> None:
         raise RuntimeError(f"{folder.name}: {_TRIES} draws in a row were no valid set")
     write(secret, staged, folder)
     name = OF_MAKES if secret.family == MAKES else POPULATION
-    known: dict[str, Any] = {"population": name, "secret": asdict(secret),
-                             "places": staged.make.places}
+    known: dict[str, Any] = {"population": name, "secret": asdict(secret)}
     if check is not None:
         known["null"] = {k: float(v) for k, v in asdict(check).items()}
     write_whole(folder / "truth.json", json.dumps(known, indent=1).encode())

@@ -7,9 +7,9 @@ from challenge.cases.files import OPTIONAL
 from challenge.cases.makes import Make, first_make, other_make
 
 
-def make_of(places: str) -> Make:
+def make_of(even_step: float) -> Make:
     device = other_make(np.random.default_rng(3)).device
-    return Make(device=device, artefact=False, places=places)
+    return Make(device=device, artefact=False, even_step=even_step)
 
 
 def tilted(make: Make, slope: float) -> np.ndarray:
@@ -19,20 +19,21 @@ def tilted(make: Make, slope: float) -> np.ndarray:
     return (camera.working_distance_mm / (1 - slope * ray))[None].repeat(3, 0).astype(np.float32)
 
 
-@pytest.mark.parametrize(("places", "error_pitches"), [("linear", 1e-3), ("nearest", 0.55)])
-def test_a_plane_at_even_places_is_the_plane(places, error_pitches):
-    make, slope = make_of(places), 0.2
+@pytest.mark.parametrize("even_step", [0.7, 1.0, 1.5])
+def test_a_plane_at_even_places_is_the_plane(even_step):
+    make, slope = make_of(even_step), 0.2
     depth, light = make.delivered(tilted(make, slope), np.ones((3, make.device.camera.columns)))
     x = make.even_x_mm()
     truth = make.device.camera.working_distance_mm + slope * x
     inside = np.abs(x) < 0.9 * np.abs(x).max()
-    pitch = x[1] - x[0]
-    assert np.abs(depth - truth)[:, inside].max() < error_pitches * pitch * slope + 1e-5
+    rays = np.tan(make.device.camera.angles_rad()) * make.device.camera.working_distance_mm
+    assert x[1] - x[0] == pytest.approx(even_step * (rays[-1] - rays[0]) / (rays.size - 1), rel=0.01)
+    assert np.abs(depth - truth)[:, inside].max() < 1e-4
     assert (light[np.isfinite(depth)] == 1).all()
 
 
 def test_no_reading_is_made_where_none_is_near():
-    make = make_of("linear")
+    make = make_of(1.0)
     depth = tilted(make, 0.0)
     depth[:, 40:60] = np.nan
     found, light = make.delivered(depth, np.ones_like(depth))
@@ -51,7 +52,8 @@ def test_rays_are_delivered_as_they_are():
 def test_makes_differ_and_state_nominal_widths():
     made = [other_make(np.random.default_rng(k)) for k in range(40)]
     assert len({m.device.finder.kind for m in made}) == 5
-    assert {m.places for m in made} == {"angle", "nearest", "linear"}
+    steps = [m.even_step for m in made if m.even_step is not None]
+    assert 0 < len(steps) < 40 and max(steps) > 1.3 > 0.8 > min(steps)
     assert set().union(*(m.left_out for m in made)) == set(OPTIONAL)
     waists = [m.device.sheet.waist_mm for m in made]
     assert max(waists) > 2 * min(waists)
