@@ -7,7 +7,8 @@ r"""What good instruments depart by: learn it from the calibration population an
 
 Only good instruments are used: folders whose truth hides nothing. Each gives, for each component
 of the diagnosis, the likelihood of each size; the mixing distribution over sizes is kept. The same
-is kept of changes: of what the other recordings have beside the first one, taken as a baseline.
+is kept of changes, of what the other recordings have beside the first one, taken as a baseline: by
+how many steps of the grid they differ from what that one shows.
 Each population is a kind of instruments of its own; with `--makes` each is of another make.
 """
 
@@ -25,20 +26,21 @@ from benchmarks.other_formulas.tolerances import good_instrument
 from challenge.sets.calibration_population import OF_MAKES
 from diagnosis.claims.lay import LAY, lay_of
 from diagnosis.claims.plate_noise import level_change
-from diagnosis.data.patch import Patch, all_fitted
+from diagnosis.data.patch import all_fitted
 from diagnosis.discrepancy.good_instrument import (
     change_factors,
     informed,
     kinds_of,
     mean_factors,
     rate_factors,
+    told,
 )
-from diagnosis.discrepancy.population import Kind, Population, learnt
+from diagnosis.discrepancy.population import Kind, Population, learnt, steps_to
 from diagnosis.evidence.noise_level import AGAINST_PLATES, level_factors, level_unsure
-from diagnosis.evidence.seen import Seen, channels_seen, seen
+from diagnosis.evidence.seen import channels_seen, seen
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
-from diagnosis.physics.laws_at_edges import known_laws, laws_at_edges
+from diagnosis.physics.laws_at_edges import factors_at_edges
 from diagnosis.prepare import Inputs, Prepared, prepared
 from pipeline.parts.part import load_part
 from sensors.datasheet import Datasheet
@@ -82,23 +84,12 @@ def departures(inputs: Inputs) -> Factors:
     one = seen(patches, ready.noise, Model())
     channels = channels_seen(patches, ready.noise, Model(), one)
     found = mean_factors(one) | rate_factors(channels.values())
+    ws = Workspace.build(patches, ready.noise)
     if ready.nominal is not None:
-        ws = Workspace.build(patches, ready.noise)
         change = level_change(ws, Model(), ready.nominal.sd_mm)
         unsure = np.hypot(change.unsure, level_unsure(ready.nominal))
         found[AGAINST_PLATES] = level_factors(change.log, float(unsure))
-    return found | lay_factors(ready) | law_factors(ready, patches, one)
-
-
-def law_factors(
-    ready: Prepared, patches: Sequence[Patch], now: Seen, before: Sequence[Patch] = ()
-) -> Factors:
-    """Likelihood of each size of what each law of light at edges seems to do."""
-    laws = laws_at_edges(
-        known_laws(now.components, ready.recorded.datasheet), Workspace.build(patches, ready.noise),
-        Model(), Workspace.build(before, ready.noise) if before else None,
-    )  # fmt: skip
-    return {law.key: law.factors for law in laws}
+    return found | lay_factors(ready) | factors_at_edges(one.components, ws)
 
 
 def lay_factors(ready: Prepared) -> Factors:
@@ -110,10 +101,16 @@ def lay_factors(ready: Prepared) -> Factors:
     return {} if lay is None else {LAY: lay[1]}
 
 
-def changes(inputs: Inputs, population: Population) -> Factors:
-    """Likelihood of each size of what its other recordings have beside the first one."""
-    first, *others = inputs.recordings
-    beside = replace(inputs, recordings=others, holdout=[first], baselines=[first])
+def changes(inputs: Inputs, population: Population, kind: Kind) -> Factors:
+    """Likelihood of each number of steps from what the first recording shows to what others change.
+
+    Parameters
+    ----------
+    population : by which the first recording is a baseline
+    kind : which the instrument is of
+    """
+    earlier, *others = inputs.recordings
+    beside = replace(inputs, recordings=others, holdout=[earlier], baselines=[earlier])
     ready = prepared(beside, [], lambda _: None)
     patches = [p for p in ready.patches if p.fit.any()]
     now = seen(patches, ready.noise, Model())
@@ -122,12 +119,19 @@ def changes(inputs: Inputs, population: Population) -> Factors:
     shown = mean_factors(before) | rate_factors(usual.values())
     population = population.of_files(inputs.datasheet.columns)
     own = informed(population, kinds_of(population, shown, good=True), shown)
+    first = Workspace.build(ready.baseline, ready.noise)
+    shown |= factors_at_edges(before.components, first)
     channels = channels_seen(patches, ready.noise, Model(), now)
-    return (
+    found = (
         change_factors(now, before, channels, usual, own)
         | lay_factors(ready)
-        | law_factors(ready, patches, now, ready.baseline)
+        | factors_at_edges(now.components, Workspace.build(patches, ready.noise), first)
     )
+    return {
+        name: steps_to(told(kind.weights[name], shown.get(name, np.zeros(factors.size))), factors)
+        for name, factors in found.items()
+        if name in kind.weights
+    }
 
 
 def simulated(seed: int) -> Inputs:
@@ -177,7 +181,8 @@ def main() -> None:
         for g, w in zip(groups, departing, strict=True)
     ))  # fmt: skip
     changing = learnt([
-        work(delayed(_changes_of)(make, known) for make in g.instruments) for g in groups
+        work(delayed(_changes_of)(make, known, kind) for make in g.instruments)
+        for g, kind in zip(groups, known.kinds, strict=True)
     ])  # fmt: skip
     known = Population(
         kinds=tuple(replace(k, changes=c) for k, c in zip(known.kinds, changing, strict=True))
@@ -220,8 +225,8 @@ def _departures_of(make: Callable[[], Inputs]) -> Factors:
     return departures(make())
 
 
-def _changes_of(make: Callable[[], Inputs], known: Population) -> Factors:
-    return changes(make(), known)
+def _changes_of(make: Callable[[], Inputs], known: Population, kind: Kind) -> Factors:
+    return changes(make(), known, kind)
 
 
 def written(population: Population) -> str:

@@ -31,12 +31,12 @@ from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.joint_fit import among_laws, fit_laws, refit, strongest_law
 from diagnosis.physics.laws_at_edges import (
+    factors_at_edges,
     known_laws,
     laws_at_edges,
     may_be_named,
-    strongest_at_edges,
+    unusual_at_edges,
 )
-from diagnosis.physics.linear_fit import Fitted
 from diagnosis.physics.remainder import curves_of, remainder
 from diagnosis.prepare import Prepared
 from diagnosis.reregister.reregistration import reregistered
@@ -104,7 +104,7 @@ def explain(
         named, unexplained = reported(found)
         further = _further(state, found, named, good, notes, progress)
         if further is None:
-            further = _by_law(state, found, good, notes, progress)
+            further = _by_law_at_edges(state, found, None, good, notes, progress)
         if further is None:
             break
         before_law = _before_law(state, found, further)
@@ -199,23 +199,88 @@ def _further(
         curve = state.model.curve.beside(curves_of(rest, state.now, good.noise.sd_mm))
         causes = tuple(_beside_curve(c, rest) for c in state.causes)
         return _seen_again(state, replace(state.model, curve=curve), causes, good.noise)
-    return _with_laws(state, found, new, good, notes, progress) if new else None
+    for cause in new:
+        if _is_law(cause):
+            return _by_law_at_edges(state, found, cause, good, notes, progress)
+        return _by_law(state, found, cause, good.noise, notes, progress)
+    return None
 
 
 def _by_law(
-    state: State, found: Assessment, good: _Good, notes: list[str], progress: Progress
-) -> State | None:
-    """Explain what stands out at edges alone by the law that is least usual; None if nothing.
+    state: State,
+    found: Assessment,
+    cause: Cause,
+    noise: NoiseModel,
+    notes: list[str],
+    progress: Progress,
+) -> State:
+    """Fit the law of a cause that was weighed by a free curve, and look again."""
+    progress(f"fitting {cause.name}")
+    completing = _completed(state, cause, noise, notes)
+    model, fitted = fit_laws([cause], fitted_part(completing.patches, noise), state.model)
+    if state.causes:
+        model, fitted = _without_remainders(state.model, model, fitted, notes)
+        if not fitted:
+            return replace(completing, refuted=state.refuted | {cause.name})
+    return _explained_by(completing, found, model, fitted, noise)
 
-    One such law is asked for: what it leaves resembles the others. None is tried that no reading
-    could name.
+
+def _by_law_at_edges(
+    state: State,
+    found: Assessment,
+    cause: Cause | None,
+    good: _Good,
+    notes: list[str],
+    progress: Progress,
+) -> State | None:
+    """Explain what stands out at edges by one law, and look again; None where nothing does.
+
+    Of the laws that good instruments have less of, the one that explains most; of those whose size
+    can't tell, it as well. What one leaves resembles the others: no second one is asked for that
+    columns at points of the grids don't show.
+
+    Parameters
+    ----------
+    cause : as such columns show it; None where they show none
     """
-    laws = _nameable(_laws_of(state, found), state, good)
-    if state.gained > 0 or not laws:
+    laws = _laws_of(state, found)
+    nameable = _nameable(laws, state, good)
+    if cause is None and (state.gained > 0 or not nameable):
         return None
     progress("trying laws at edges")
-    cause = _weighed_itself(laws, state, good)
-    return None if cause is None else _with_laws(state, found, [cause], good, notes, progress)
+    unusual = unusual_at_edges(
+        laws_at_edges(
+            nameable, fitted_part(state.patches, good.noise), state.model, good.baseline,
+            explained=state.explained,
+        ),
+        good.scales,
+    )  # fmt: skip
+    itself = {c.name: c.probability for c in unusual}
+    usual = {law.effect for law in nameable} - itself.keys()
+    everything = state.refuted | {law.effect for law in laws}
+    if cause is None or cause.name in usual:
+        if not unusual:  # good instruments do as much of it at edges, and of what resembles it
+            return None if cause is None else replace(state, refuted=everything)
+        cause = unusual[0]
+    state = _completed(state, cause, good.noise, notes)
+    ws = fitted_part(state.patches, good.noise)
+    cause, gain, known = among_laws(
+        cause, [law for law in laws if law.effect not in usual], ws, state.model,
+        known=state.fitted_here(),
+    )  # fmt: skip
+    state = replace(state, tried=Tried(beside=state.model, patches=state.patches, laws=known))
+    if state.gained > 0 and gain <= SETTINGS.doubt_of_laws * state.gained:
+        # no more than what a law at edges leaves where its formula is another
+        return replace(state, refuted=everything | {cause.name})
+    cause = cause.at_most(itself.get(cause.name, 1.0))
+    model, fitted = fit_laws([cause], ws, state.model, known=known)
+    if fitted[0].doubt or cause.name not in model.names():
+        # what was weighed is the law itself at points of its grid: fitted, it does next to nothing,
+        # and of those beside it none does more
+        refuted = (everything if gain > 0 else state.refuted) | {cause.name}
+        return replace(state, refuted=refuted)
+    again = _explained_by(state, found, model, fitted, good.noise)
+    return replace(again, gained=state.gained + gain)
 
 
 def _nameable(laws: Sequence[Component], state: State, good: _Good) -> list[Component]:
@@ -224,65 +289,21 @@ def _nameable(laws: Sequence[Component], state: State, good: _Good) -> list[Comp
     return [c for c in laws if may_be_named(c, good.scales, listed=listed)]
 
 
-def _weighed_itself(laws: Sequence[Component], state: State, good: _Good) -> Cause | None:
-    """Weigh laws at edges by what they do themselves; None where good instruments have as much."""
-    seen_by_laws = laws_at_edges(
-        laws, fitted_part(state.patches, good.noise), state.model, good.baseline,
-        explained=state.explained,
-    )  # fmt: skip
-    return strongest_at_edges(seen_by_laws, good.scales)
-
-
-def _with_laws(
-    state: State,
-    found: Assessment,
-    new: Sequence[Cause],
-    good: _Good,
-    notes: list[str],
-    progress: Progress,
-) -> State:
-    """Fit the law of the first of new causes, or of the one at edges that is likelier; look again.
-
-    Of laws of light at edges one is fitted, others are fitted together.
-    """
-    explained = float(np.sqrt(state.explained**2 + sum(m.size**2 for m in found.mean)))
-    progress(f"fitting {new[0].name}")
+def _completed(state: State, cause: Cause, noise: NoiseModel, notes: list[str]) -> State:
+    """Complete the sensor's file where a law needs what it leaves out."""
     recorded, patches = completed(
-        state.recorded, state.patches, new, good.noise, state.model, notes
+        state.recorded, state.patches, [cause], noise, state.model, notes
     )
-    state = replace(state, recorded=recorded, patches=patches)
-    gain, known = 0.0, dict[str, Fitted]()
-    ws = fitted_part(patches, good.noise)
-    laws = _laws_of(state, found)
-    if _is_law(new[0]):
-        named_by_law, gain, known = among_laws(
-            new[0], laws, ws, state.model, known=state.fitted_here()
-        )
-        state = replace(state, tried=Tried(beside=state.model, patches=patches, laws=known))
-        if state.gained > 0 and gain <= SETTINGS.doubt_of_laws * state.gained:
-            # no more than what a law at edges leaves where its formula is another
-            return replace(state, refuted=state.refuted | {new[0].name, *(c.effect for c in laws)})
-        new = [named_by_law]
-        best = [c for c in laws if c.effect == named_by_law.name and gain > 0]
-        if best := _nameable(best, state, good):
-            itself = _weighed_itself(best, state, good)
-            if itself is None:
-                # good instruments do as much of it at edges, and of what resembles it
-                return replace(state, refuted=state.refuted | {c.effect for c in laws})
-            new = [named_by_law.at_most(itself.probability)]
-    model, new = fit_laws(new, ws, state.model, known=known)
-    without = replace(state, refuted=state.refuted | {new[0].name})
-    if _is_law(new[0]) and (new[0].doubt or new[0].name not in model.names()):
-        # what was weighed is the law itself at points of its grid: fitted, it does next to nothing,
-        # and of those beside it none does more
-        beside = {c.effect for c in laws} if gain > 0 else set()
-        return replace(without, refuted=without.refuted | beside)
-    if state.causes:
-        model, new = _without_remainders(state.model, model, new, notes)
-        if not new:
-            return without
-    again = _seen_again(state, model, (*state.causes, *new), good.noise)
-    return replace(again, explained=explained, gained=state.gained + gain)
+    return replace(state, recorded=recorded, patches=patches)
+
+
+def _explained_by(
+    state: State, found: Assessment, model: Model, new: Sequence[Cause], noise: NoiseModel
+) -> State:
+    """Take a model with new causes for true and look again."""
+    explained = float(np.sqrt(state.explained**2 + sum(m.size**2 for m in found.mean)))
+    again = _seen_again(state, model, (*state.causes, *new), noise)
+    return replace(again, explained=explained)
 
 
 def _laws_of(state: State, found: Assessment) -> list[Component]:
@@ -335,7 +356,8 @@ def _good(
     kinds = kinds_of(population, factors | rates, good=True)
     departures = informed(population, kinds, factors | rates)
     among = _changes_among(ready, first, departures)
-    changes = departures | told_by_changes(population.of_changes, kinds, among)
+    laws = factors_at_edges(before.components, Workspace.build(ready.baseline, ready.noise))
+    changes = departures | told_by_changes(population, kinds, factors | rates | laws, among)
     departures, changes = (
         alike_at_edges(one, factors, before.candidates) for one in (departures, changes)
     )

@@ -14,6 +14,7 @@ from diagnosis.discrepancy.population import (
     ASPECTS,
     Population,
     Shares,
+    after_steps,
     aspect_of,
     tells_kind,
 )
@@ -141,34 +142,56 @@ def informed(
     """
     out = population.of_kinds(kinds)
     for name, likelihood in factors.items():
-        shares = population.having(name, kinds)
-        weights = population.weights(name)
-        if weights is None:
-            flat = Scales(sizes=_sizes(name), weights={}).of(name)
-            weights = np.broadcast_to(flat, (len(shares), len(flat)))
-        log = np.log(np.maximum(weights, 1e-300)) + likelihood
-        own = np.exp(log - logsumexp(log, axis=1, keepdims=True))
-        out[name] = shares @ own
+        own = told(_of_each_kind(population, name), likelihood)
+        out[name] = population.having(name, kinds) @ own
     return out
 
 
-def told_by_changes(
-    population: Population, kinds: Shares, among: Mapping[str, Floats]
-) -> dict[str, Floats]:
-    """Probability of the sizes of an instrument's next change, given one between its baselines.
+def told(weights: Floats, likelihood: Floats) -> Floats:
+    """Probability (..., S) of each size given its likelihood (S,), by log factors."""
+    log = np.log(np.maximum(weights, 1e-300)) + likelihood
+    return np.asarray(np.exp(log - logsumexp(log, axis=-1, keepdims=True)))
 
-    Whether changes of one instrument are alike or each as another instrument's isn't known: two
-    recordings may show another part of the field than the next two. As likely is either.
+
+def told_by_changes(
+    population: Population,
+    kinds: Shares,
+    factors: Mapping[str, Floats],
+    among: Mapping[str, Floats],
+) -> dict[str, Floats]:
+    """Probability of the sizes of an instrument's next change, by component, given its baselines.
+
+    What an instrument has little of changes by little. Whether changes of one instrument are alike
+    or each as another instrument's isn't known: two recordings may show another part of the field
+    than the next two. As likely is either.
 
     Parameters
     ----------
-    population : of changes
-    among : log Bayes factor of each size of what later baselines have beside the first
+    factors : log Bayes factor of each size of each component, of the baselines
+    among : the same of what later baselines have beside the first
     """
-    any_instrument, this_one = population.of_kinds(kinds), informed(population, kinds, among)
-    return {
-        name: 0.5 * (own + any_instrument.get(name, own)) for name, own in this_one.items()
-    }
+    changes, out = population.of_changes, {}
+    for name in {n: None for k in changes.kinds for n in k.weights} | dict.fromkeys(among):
+        steps = changes.weights(name)
+        if steps is None:
+            continue
+        own = _of_each_kind(population, name)
+        if name in factors:
+            own = told(own, factors[name])
+        usual = after_steps(own, steps)
+        shares = changes.having(name, kinds)
+        this = told(usual, among[name]) if name in among else usual
+        out[name] = 0.5 * shares @ (this + usual)
+    return out
+
+
+def _of_each_kind(population: Population, name: str) -> Floats:
+    """Probability (kinds, S) of a component's sizes; small ones where no kind has its like."""
+    weights = population.weights(name)
+    if weights is None:
+        flat = Scales(sizes=_sizes(name), weights={}).of(name)
+        weights = np.broadcast_to(flat, (len(population.kinds), len(flat)))
+    return weights
 
 
 def nats_of_size(population: Population, name: str, size: float) -> float:

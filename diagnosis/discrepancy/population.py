@@ -3,7 +3,8 @@
 `discrepancy.json` holds kinds of instruments and, for each component of each kind, the probability
 of each size of a grid: a lognormal distribution over instruments, fitted to the likelihood of the
 sizes in each one's recordings; and the same of changes, in recordings beside an earlier one of the
-instrument and the part. `python -m benchmarks.discrepancy` makes it.
+instrument and the part, by steps of the grid from what the earlier one shows: what an instrument
+has little of changes by little. `python -m benchmarks.discrepancy` makes it.
 
 Which kind an instrument is of, its own recordings tell: where one has none of the locking, bow and
 slips that all of a kind have, it isn't of that kind (a mixture; Gelman et al., Bayesian Data
@@ -45,9 +46,10 @@ class Kind:
     ----------
     name : of the recordings that it was learnt from
     weights : for each component's name, probability of each size
-    changes : the same of what changes from one recording of an instrument and a part to another
+    changes : the same (2 sizes - 1,) of steps of the grid of sizes, from what an instrument has to
+        what changes from one of its recordings of a part to another
     makes : how many makes its instruments are of
-    columns : how its files say that columns lie, which decides about its moiré; "" for either way
+    columns : how its files say that columns lie, which decides about its noise; "" for either way
     """
 
     name: str
@@ -94,8 +96,19 @@ class Population:
         return np.asarray(np.mean(like, axis=0)) if like else None
 
     def of_files(self, columns: str) -> "Population":
-        """Kinds of instruments whose files say so of their columns."""
-        return Population(kinds=tuple(k for k in self.kinds if k.columns in ("", columns)))
+        """Keep silent of the noise of kinds whose files say otherwise of their columns.
+
+        Readings between two rays have less noise than those on a ray.
+        """
+
+        def told(by: Mapping[str, Floats]) -> Mapping[str, Floats]:
+            return {n: w for n, w in by.items() if aspect_of(n) != "scale"}
+
+        return Population(kinds=tuple(
+            k if k.columns in ("", columns)
+            else replace(k, weights=told(k.weights), changes=told(k.changes))
+            for k in self.kinds
+        ))  # fmt: skip
 
     @property
     def of_changes(self) -> "Population":
@@ -189,6 +202,37 @@ def population() -> Population:
             for kind in json.loads(text)["kinds"]
         )
     )
+
+
+def steps_to(own: Floats, factors: Floats) -> Floats:
+    """Log factors (..., 2 S - 1) of how many steps lie between two sizes, down to the least first.
+
+    Parameters
+    ----------
+    own : probability of each size (..., S) of the first
+    factors : log factors (S,) of each size of the second
+    """
+    log = np.log(np.maximum(own, 1e-300))
+    return np.asarray(logsumexp(log[..., None, :] + factors[_ends(own.shape[-1])], axis=-1))
+
+
+def after_steps(own: Floats, steps: Floats) -> Floats:
+    """Probability (..., S) of the second size, from that of the first and of each number of steps.
+
+    Parameters
+    ----------
+    own : (..., S)
+    steps : (..., 2 S - 1)
+    """
+    pairs = steps[..., :, None] * own[..., None, :]
+    ends = _ends(own.shape[-1])
+    return np.stack([(pairs * (ends == k)).sum(axis=(-2, -1)) for k in range(own.shape[-1])], -1)
+
+
+def _ends(count: int) -> NDArray[np.int64]:
+    """Size (2 S - 1, S) to which each number of steps leads from each; none leads off the grid."""
+    sizes = np.arange(count)
+    return np.asarray(np.clip(sizes + np.arange(1 - count, count)[:, None], 0, count - 1))
 
 
 def learnt(kinds: Sequence[Sequence[Mapping[str, Floats]]]) -> list[dict[str, Floats]]:

@@ -103,6 +103,19 @@ def laws_at_edges(
     return out
 
 
+def factors_at_edges(
+    components: Sequence[Component], ws: Workspace, before: Workspace | None = None
+) -> dict[str, Floats]:
+    """Log Bayes factors of the sizes of each known law, by its key, beside the nominal model.
+
+    Parameters
+    ----------
+    before : of baselines, beyond which a law is looked for
+    """
+    laws = known_laws(components, ws.patches[0].view.datasheet)
+    return {law.key: law.factors for law in laws_at_edges(laws, ws, Model(), before)}
+
+
 def key_of(law: Component, *, listed: str) -> str:
     """Name under which the population holds what good instruments have of a law.
 
@@ -127,10 +140,8 @@ def may_be_named(law: Component, usual: Mapping[str, Floats], *, listed: str) ->
     return SETTINGS.probability(most, law.effect) > SETTINGS.reported
 
 
-def strongest_at_edges(
-    laws: Sequence[LawAtEdges], usual: Mapping[str, Floats]
-) -> Cause | None:
-    """Return the law that good instruments have least of as a cause, if that is likelier than not.
+def unusual_at_edges(laws: Sequence[LawAtEdges], usual: Mapping[str, Floats]) -> list[Cause]:
+    """List as causes the laws of which good instruments likely have less, the least usual first.
 
     Parameters
     ----------
@@ -138,14 +149,15 @@ def strongest_at_edges(
     """
     scales = Scales(sizes=SETTINGS.mean_sizes(), weights=usual)
     nats = {law.key: scales.nats(law.key, law.factors) for law in laws if law.gain > 0}
-    best = max(laws, key=lambda law: nats.get(law.key, -math.inf), default=None)
-    if best is None or best.key not in nats:
-        return None
-    probability = SETTINGS.probability(nats[best.key], best.component.effect)
-    if probability <= SETTINGS.reported:
-        return None
-    return Cause(
-        name=best.component.effect, channel="mean", probability=probability, alternatives=(),
-        none_of_these=1 - probability, nats=nats[best.key], size=best.size,
-        component=best.component,
-    )  # fmt: skip
+    found = []
+    for law in sorted(laws, key=lambda law: -nats.get(law.key, -math.inf)):
+        if law.key not in nats:
+            continue
+        probability = SETTINGS.probability(nats[law.key], law.component.effect)
+        if probability > SETTINGS.reported:
+            found.append(Cause(
+                name=law.component.effect, channel="mean", probability=probability,
+                alternatives=(), none_of_these=1 - probability, nats=nats[law.key], size=law.size,
+                component=law.component,
+            ))  # fmt: skip
+    return found

@@ -1,12 +1,18 @@
 """What is learnt of good instruments' discrepancy, and what baselines add."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from diagnosis.discrepancy.good_instrument import informed, kinds_of, told_by_changes
-from diagnosis.discrepancy.population import Kind, Population, learnt, population
+from diagnosis.discrepancy.population import (
+    Kind,
+    Population,
+    after_steps,
+    learnt,
+    population,
+    steps_to,
+)
 from diagnosis.evidence.seen import RATES
 from diagnosis.settings import SETTINGS
 
@@ -77,12 +83,16 @@ def test_recordings_show_their_kind() -> None:
     everything = {n: seen_as(0.1) for n in ("bow", "lens", "slips")}
     assert kinds_of(here, nothing, good=False)["mean"][0] > 0.99
     assert kinds_of(here, everything, good=False)["mean"][1] > 0.99
-    # nor is it of a kind whose files say otherwise of the columns
-    even = Population(kinds=(here.kinds[0], replace(here.kinds[1], columns="even_x")))
-    assert [k.name for k in even.of_files("even_angle").kinds] == ["perfect"]
-    assert len(even.of_files("even_x").kinds) == 2
     # one that has nothing else of the kind has changed
     assert kinds_of(here, nothing | {"bow": seen_as(0.1)}, good=False)["mean"][0] > 0.8
+
+
+def test_a_kind_says_nothing_of_the_noise_where_columns_lie_otherwise() -> None:
+    flat = np.full(3, 1 / 3)
+    own = Kind(name="a", weights={"bow": flat, "scale: light_falloff": flat}, columns="even_x")
+    here = Population(kinds=(own,))
+    assert here.of_files("even_x").kinds[0].weights.keys() == own.weights.keys()
+    assert here.of_files("even_angle").kinds[0].weights.keys() == {"bow"}
 
 
 def test_what_no_kind_was_seen_to_have_is_as_in_the_others() -> None:
@@ -142,12 +152,46 @@ def test_the_more_makes_were_seen_the_less_another_one_may_be_unlike_them() -> N
     assert weights[:, 3] == pytest.approx(0.1 * 0.5)
 
 
+def steps_of(share: dict[int, float]) -> np.ndarray:
+    """Probability of numbers of steps."""
+    out = np.zeros(2 * SIZES.size - 1)
+    for steps, probability in share.items():
+        out[SIZES.size - 1 + steps] = probability
+    return out
+
+
+def test_steps_lead_from_one_size_to_another_and_back() -> None:
+    own = np.eye(SIZES.size)[4]
+    two_down = steps_of({-2: 1.0})
+    assert after_steps(own, two_down) == pytest.approx(np.eye(SIZES.size)[2])
+    # none leads off the grid
+    assert after_steps(own, steps_of({-9: 1.0})) == pytest.approx(np.eye(SIZES.size)[0])
+    found = steps_to(own, np.log(np.where(np.arange(SIZES.size) == 2, 1.0, 1e-9)))
+    assert found.argmax() == SIZES.size - 1 - 2
+    kinds = np.stack([own, own])
+    assert after_steps(kinds, np.stack([two_down, two_down])).shape == kinds.shape
+
+
+def test_what_an_instrument_has_little_of_changes_by_little() -> None:
+    flat = np.full(SIZES.size, 1 / SIZES.size)
+    half = steps_of({-1: 1.0})
+    here = Population(kinds=(Kind(name="any", weights={"bow": flat}, changes={"bow": half}),))
+    kinds = kinds_of(here, {}, good=True)
+    for shown in (0.002, 0.2):
+        changing = told_by_changes(here, kinds, {"bow": seen_as(shown)}, {})["bow"]
+        assert changing.sum() == pytest.approx(1.0)
+        typical = float(np.exp(changing @ np.log(SIZES)))
+        # a kind that is unlike this make has half of the weight, and changes by the same steps
+        assert typical == pytest.approx(shown / 2, rel=0.5)
+
+
 def test_one_small_change_is_no_promise_of_the_next() -> None:
-    flat = Kind(name="any", weights={"bow": np.full(SIZES.size, 1 / SIZES.size)})
-    here = Population(kinds=(flat,))
+    flat = np.full(SIZES.size, 1 / SIZES.size)
+    same = steps_of({0: 1.0})
+    here = Population(kinds=(Kind(name="any", weights={"bow": flat}, changes={"bow": same}),))
     kinds = kinds_of(here, {}, good=True)
     small = {"bow": seen_as(1e-5)}
-    told = told_by_changes(here, kinds, small)["bow"]
+    told = told_by_changes(here, kinds, {}, small)["bow"]
     assert told.sum() == pytest.approx(1.0)
     assert told[SIZES > 0.1].sum() == pytest.approx(0.5 * (SIZES > 0.1).mean(), abs=1e-3)
-    assert told[0] > 2 * flat.weights["bow"][0]
+    assert told[0] > 2 / SIZES.size
