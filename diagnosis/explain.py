@@ -31,6 +31,7 @@ from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.joint_fit import among_laws, fit_laws, refit, strongest_law
 from diagnosis.physics.laws_at_edges import (
+    LawAtEdges,
     factors_at_edges,
     known_laws,
     laws_at_edges,
@@ -248,13 +249,7 @@ def _by_law_at_edges(
     if cause is None and (state.gained > 0 or not nameable):
         return None
     progress("trying laws at edges")
-    unusual = unusual_at_edges(
-        laws_at_edges(
-            nameable, fitted_part(state.patches, good.noise), state.model, good.baseline,
-            explained=state.explained,
-        ),
-        good.scales,
-    )  # fmt: skip
+    unusual = _unusual(nameable, laws, state, good) if nameable else []
     itself = {c.name: c.probability for c in unusual}
     usual = {law.effect for law in nameable} - itself.keys()
     everything = state.refuted | {law.effect for law in laws}
@@ -287,6 +282,31 @@ def _nameable(laws: Sequence[Component], state: State, good: _Good) -> list[Comp
     """Pick the laws at edges whose own size could tell that they are no good instrument's."""
     listed = laws_stated(state.patches[0].view.sensor.effects)
     return [c for c in laws if may_be_named(c, good.scales, listed=listed)]
+
+
+def _unusual(
+    nameable: Sequence[Component], laws: Sequence[Component], state: State, good: _Good
+) -> list[Cause]:
+    """List the laws of which good instruments have less as causes, the least usual first.
+
+    Where a law that good instruments have as much of explains most, it is in the model while the
+    others are weighed: they resemble it.
+    """
+    ws, model = fitted_part(state.patches, good.noise), state.model
+
+    def weighed(laws: Sequence[Component], model: Model) -> tuple[list[Cause], list[LawAtEdges]]:
+        seen_by = laws_at_edges(laws, ws, model, good.baseline, explained=state.explained)
+        may = [law for law in seen_by if law.component in nameable]
+        return unusual_at_edges(may, good.scales), seen_by
+
+    unusual, seen_by = weighed(laws, model)
+    most = max(seen_by, key=lambda law: law.gain)
+    names = [c.name for c in unusual]
+    if not unusual or most.fitted is None or most.component.effect in names:
+        return unusual
+    beside = ws.levelled(model.with_effect(most.fitted.effect, most.fitted.own))
+    still, _ = weighed([law for law in nameable if law.effect in names], beside)
+    return still
 
 
 def _completed(state: State, cause: Cause, noise: NoiseModel, notes: list[str]) -> State:

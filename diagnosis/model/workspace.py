@@ -158,12 +158,13 @@ class Workspace:
         ]
 
     def most_probable(self, model: Model) -> float:
-        """Log density of the readings that may be fitted, noise at edges as large as suits them.
+        """Log density of the readings that may be fitted, noise, and at edges, as large as suits.
 
         No edge is placed to a fraction of the spot: what readings scatter by there beyond the noise
         is no merit of a law that adds noise.
         """
-        predictions, masks = self.predict(model), self.masks()
+        predictions = self.predict(self.levelled(model, shaped=True))
+        masks = self.masks()
         moved = self._placed_by(predictions, masks)
 
         def density(factor: float) -> float:

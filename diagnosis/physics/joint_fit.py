@@ -133,10 +133,9 @@ def among_laws(
         most = max((f.gain for f in fitted.values()), default=0.0)
         if name == cause.name or rough[name].gain > SETTINGS.physics.promising * most:
             fitted[name] = law(name, polish=True) or rough[name]
-    without = few.most_probable(few.levelled(model, shaped=True))
+    without = few.most_probable(model)
     gains = {
-        n: few.most_probable(few.levelled(model.with_effect(f.effect, f.own), shaped=True))
-        - without - f.free
+        n: few.most_probable(model.with_effect(f.effect, f.own)) - without - f.free
         for n, f in fitted.items()
     }  # fmt: skip
     best = max(gains.values(), default=0.0)

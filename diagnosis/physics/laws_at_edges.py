@@ -2,8 +2,8 @@
 
 Where light lives on edges and in corners, depths depart by many times the noise, and a law's
 columns at points of its grid tell little of what the law does. Each law is tried itself, at points
-of its grid. The whitened rms of what it explains of N readings, the noise at edges as large as
-suits with it and without, is
+of its grid. The whitened rms of what it explains of N readings, the noise, and that at edges, as
+large as suits with it and without, is
 
     r = (2 gain / N)^½,
 
@@ -26,6 +26,7 @@ from diagnosis.evidence.reported_causes import Cause
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.physics.effect_fit import fit_effect
+from diagnosis.physics.linear_fit import Fitted
 from diagnosis.settings import SETTINGS
 from sensors.datasheet import Datasheet
 from sensors.effects import CATALOGUE
@@ -43,6 +44,7 @@ class LawAtEdges:
     gain : nats, less the numbers fitted
     size : whitened rms of what it explains
     factors : log Bayes factor of each size of the grid against none, (S,)
+    fitted : None where it can't act
     """
 
     component: Component
@@ -50,6 +52,7 @@ class LawAtEdges:
     gain: float
     size: float
     factors: Floats
+    fitted: Fitted | None
 
 
 def known_laws(components: Sequence[Component], sheet: Datasheet) -> list[Component]:
@@ -88,17 +91,17 @@ def laws_at_edges(
         fitted = fit_effect(CATALOGUE[law.effect], few, model, states, polish=False)
         gain = square = 0.0
         if fitted is not None and not fitted.effect.is_null:
-            whole = few.levelled(model.with_effect(fitted.effect, fitted.own))
-            gain = few.most_probable(whole) - without - fitted.free
+            whole = few.most_probable(model.with_effect(fitted.effect, fitted.own))
+            gain = whole - without - fitted.free
             square = 2 * max(gain, 0.0) / count
             if before is not None:
-                alone = before.levelled(Model().with_effect(fitted.effect.shared()))
-                same = before.most_probable(alone) - usual
+                alone = before.most_probable(Model().with_effect(fitted.effect.shared()))
+                same = alone - usual
                 square -= 2 * max(same, 0.0) / max(before.count(), 1)
         size = math.sqrt(max(square, 0.0))
         out.append(LawAtEdges(
             component=law, key=key_of(law, listed=listed), gain=gain, size=size,
-            factors=factors_of_value(size, unsure, SETTINGS.mean_sizes()),
+            factors=factors_of_value(size, unsure, SETTINGS.mean_sizes()), fitted=fitted,
         ))  # fmt: skip
     return out
 
