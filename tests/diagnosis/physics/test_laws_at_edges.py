@@ -1,5 +1,7 @@
 """Laws of light at edges, weighed by what they do themselves."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -68,6 +70,15 @@ def test_what_baselines_have_as_well_is_no_change(blurred: Workspace) -> None:
     assert spot.component.effect == "finite_spot"
     assert spot.gain > 50
     assert spot.size == pytest.approx(0.0, abs=1e-6)
+
+
+def test_baselines_with_less_noise_show_no_law(blurred: Workspace, sharp: Workspace) -> None:
+    quiet = Workspace.build(sharp.patches, replace(sharp.noise, sd_mm=2 * sharp.noise.sd_mm))
+    alone, beside = (
+        by_effect(laws_at_edges(LAWS, blurred, Model(), before=before))["finite_spot"].size
+        for before in (None, quiet)
+    )
+    assert beside > 0.9 * alone
 
 
 def test_a_law_needs_what_its_formula_needs() -> None:

@@ -1,0 +1,211 @@
+"""One more law: of a cause that a free curve shows, or of light at edges."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis.components.component import Component, laws_stated
+from diagnosis.evidence.assess import Assessment
+from diagnosis.evidence.reported_causes import Cause
+from diagnosis.evidence.seen import seen
+from diagnosis.explanation import Progress, State, Tried, completed, fitted_part
+from diagnosis.fields import Field
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
+from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.physics.joint_fit import among_laws, fit_laws, refit
+from diagnosis.physics.laws_at_edges import (
+    LawAtEdges,
+    known_laws,
+    laws_at_edges,
+    may_be_named,
+    unusual_at_edges,
+)
+from diagnosis.reregister.reregistration import reregistered
+from diagnosis.settings import SETTINGS
+from sensors.view.covariates import COVARIATES
+
+MOVED_WITH_PLACEMENT = {c.name for c in COVARIATES.values() if c.place}
+"""Covariates of effects that are fitted again where the recordings lie then."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Good:
+    """What an instrument in good order has.
+
+    Attributes
+    ----------
+    scales : probability of each component's sizes
+    baseline : its recordings, where there are some
+    """
+
+    noise: NoiseModel
+    scales: Mapping[str, Field]
+    baseline: Workspace | None
+
+
+def by_law(
+    state: State,
+    found: Assessment,
+    cause: Cause,
+    noise: NoiseModel,
+    notes: list[str],
+    progress: Progress,
+) -> State:
+    """Fit the law of a cause that was weighed by a free curve, and look again."""
+    progress(f"fitting {cause.name}")
+    completing = _completed(state, cause, noise, notes)
+    model, fitted = fit_laws([cause], fitted_part(completing.patches, noise), state.model)
+    if state.causes:
+        model, fitted = _without_remainders(state.model, model, fitted, notes)
+        if not fitted:
+            return replace(completing, refuted=state.refuted | {cause.name})
+    return _explained_by(completing, found, model, fitted, noise)
+
+
+def by_law_at_edges(
+    state: State,
+    found: Assessment,
+    cause: Cause | None,
+    good: Good,
+    notes: list[str],
+    progress: Progress,
+) -> State | None:
+    """Explain what stands out at edges by one law, and look again; None where nothing does.
+
+    Of the laws that good instruments have less of, the one that explains most; of those whose size
+    can't tell, it as well. What one leaves resembles the others: no second one is asked for that
+    columns at points of the grids don't show.
+
+    Parameters
+    ----------
+    cause : as such columns show it; None where they show none
+    """
+    laws = _laws_of(state, found)
+    nameable = _nameable(laws, state, good)
+    if cause is None and (state.gained > 0 or not nameable):
+        return None
+    progress("trying laws at edges")
+    unusual = _unusual(nameable, laws, state, good) if nameable else []
+    itself = {c.name: c.probability for c in unusual}
+    usual = {law.effect for law in nameable} - itself.keys()
+    everything = state.refuted | {law.effect for law in laws}
+    if cause is None or cause.name in usual:
+        if not unusual:  # good instruments do as much of it at edges, and of what resembles it
+            return None if cause is None else replace(state, refuted=everything)
+        cause = unusual[0]
+    state = _completed(state, cause, good.noise, notes)
+    ws = fitted_part(state.patches, good.noise)
+    cause, gain, known = among_laws(
+        cause, [law for law in laws if law.effect not in usual], ws, state.model,
+        known=state.fitted_here(),
+    )  # fmt: skip
+    state = replace(state, tried=Tried(beside=state.model, patches=state.patches, laws=known))
+    if state.gained > 0 and gain <= SETTINGS.doubt_of_laws * state.gained:
+        # no more than what a law at edges leaves where its formula is another
+        return replace(state, refuted=everything | {cause.name})
+    cause = cause.at_most(itself.get(cause.name, 1.0))
+    model, fitted = fit_laws([cause], ws, state.model, known=known)
+    if fitted[0].doubt or cause.name not in model.names():
+        # what was weighed is the law itself at points of its grid: fitted, it does next to nothing,
+        # and of those beside it none does more
+        refuted = (everything if gain > 0 else state.refuted) | {cause.name}
+        return replace(state, refuted=refuted)
+    again = _explained_by(state, found, model, fitted, good.noise)
+    return replace(again, gained=state.gained + gain)
+
+
+def _nameable(laws: Sequence[Component], state: State, good: Good) -> list[Component]:
+    """Pick the laws at edges whose own size could tell that they are no good instrument's."""
+    listed = laws_stated(state.patches[0].view.sensor.effects)
+    return [c for c in laws if may_be_named(c, good.scales, listed=listed)]
+
+
+def _unusual(
+    nameable: Sequence[Component], laws: Sequence[Component], state: State, good: Good
+) -> list[Cause]:
+    """List the laws of which good instruments have less as causes, the least usual first.
+
+    Where a law that good instruments have as much of explains most, it is in the model while the
+    others are weighed: they resemble it.
+    """
+    ws, model = fitted_part(state.patches, good.noise), state.model
+
+    def weighed(laws: Sequence[Component], model: Model) -> tuple[list[Cause], list[LawAtEdges]]:
+        seen_by = laws_at_edges(laws, ws, model, good.baseline, explained=state.explained)
+        may = [law for law in seen_by if law.component in nameable]
+        return unusual_at_edges(may, good.scales), seen_by
+
+    unusual, seen_by = weighed(laws, model)
+    most = max(seen_by, key=lambda law: law.gain)
+    names = [c.name for c in unusual]
+    if not unusual or most.fitted is None or most.component.effect in names:
+        return unusual
+    beside = ws.levelled(model.with_effect(most.fitted.effect, most.fitted.own))
+    still, _ = weighed([law for law in nameable if law.effect in names], beside)
+    return still
+
+
+def _completed(state: State, cause: Cause, noise: NoiseModel, notes: list[str]) -> State:
+    """Complete the sensor's file where a law needs what it leaves out."""
+    recorded, patches = completed(
+        state.recorded, state.patches, [cause], noise, state.model, notes
+    )
+    return replace(state, recorded=recorded, patches=patches)
+
+
+def _explained_by(
+    state: State, found: Assessment, model: Model, new: Sequence[Cause], noise: NoiseModel
+) -> State:
+    """Take a model with new causes for true and look again."""
+    explained = float(np.sqrt(state.explained**2 + sum(m.size**2 for m in found.mean)))
+    again = seen_again(state, model, (*state.causes, *new), noise)
+    return replace(again, explained=explained)
+
+
+def _laws_of(state: State, found: Assessment) -> list[Component]:
+    """Components of laws at edges that may be named yet, by what the sensor's file states."""
+    free = {*found.effects["mean"].values()} - {*state.names, *state.refuted, ""}
+    known = known_laws(state.now.components, state.recorded.datasheet)
+    return [c for c in known if c.effect in free]
+
+
+def seen_again(
+    state: State, model: Model, causes: tuple[Cause, ...], noise: NoiseModel
+) -> State:
+    """Place the recordings under a model and look at them again."""
+    patches, placed = reregistered(model, state.patches, state.recorded, state.placed, noise)
+    ws = fitted_part(patches, noise)
+    if _needs_refit(model):
+        model = refit(ws.thin(SETTINGS.fitted_readings), model)
+    # baselines were seen under the nominal model: beside a law they say nothing more
+    return replace(
+        state, patches=patches, placed=placed, model=model, causes=causes,
+        now=seen(ws.patches, noise, model), before=None,
+    )  # fmt: skip
+
+
+def is_law(cause: Cause) -> bool:
+    """Whether a cause was weighed by its law, and not by a free curve."""
+    return cause.component is not None and cause.component.relaxed.spanned
+
+
+def _without_remainders(
+    before: Model, model: Model, new: Sequence[Cause], notes: list[str]
+) -> tuple[Model, list[Cause]]:
+    """Drop later causes whose laws explain next to nothing: what others leave isn't their doing."""
+    kept = [c for c in new if not c.doubt]
+    for cause in new:
+        if cause.doubt:
+            notes.append(
+                f"what the laws found leave goes with what {cause.name} follows, but its law "
+                "explains none of it: taken for a remainder"
+            )
+            if cause.name not in before.names():
+                model = model.without(cause.name)
+    return model, kept
+
+
+def _needs_refit(model: Model) -> bool:
+    return any(e.covariate in MOVED_WITH_PLACEMENT for e in model.effects)
