@@ -18,6 +18,7 @@ from diagnosis.physics.laws_at_edges import (
 )
 from diagnosis.settings import SETTINGS
 from sensors.effects.finite_spot import FiniteSpot
+from sensors.effects.motion_blur import MotionBlur
 from tests.support.effect_case import bench_workspace, taken_with
 from tests.support.small_parts import datasheet
 
@@ -72,12 +73,14 @@ def test_what_baselines_have_as_well_is_no_change(blurred: Workspace) -> None:
     assert spot.size == pytest.approx(0.0, abs=1e-6)
 
 
-def test_baselines_with_less_noise_show_no_law(blurred: Workspace, sharp: Workspace) -> None:
+def test_baselines_with_less_noise_show_no_law(sharp: Workspace) -> None:
+    moved = taken_with(bench_workspace("steps"), "steps", MotionBlur(exposure_ms=7.0))
     quiet = Workspace.build(sharp.patches, replace(sharp.noise, sd_mm=2 * sharp.noise.sd_mm))
     alone, beside = (
-        by_effect(laws_at_edges(LAWS, blurred, Model(), before=before))["finite_spot"].size
+        by_effect(laws_at_edges(LAWS, moved, Model(), before=before))["motion_blur"].size
         for before in (None, quiet)
     )
+    assert alone > 0.1
     assert beside > 0.9 * alone
 
 
