@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import logsumexp
 
+from diagnosis.data.patch import all_fitted
 from diagnosis.evidence.assess import weighed_again
 from diagnosis.evidence.mean_causes import Member
 from diagnosis.evidence.reported_causes import Cause
@@ -29,10 +30,7 @@ def weighed_on_all(
     places = {c.name: m for c in explanation.causes for m in _places(c, explanation.members)}
     if not places:
         return explanation
-    everything = [
-        replace(p, fit=np.ones_like(p.fit), scored=np.zeros_like(p.scored)) for p in ready.patches
-    ]
-    now = seen(everything, ready.noise, Model())
+    now = seen(all_fitted(ready.patches), ready.noise, Model())
     before = seen(ready.baseline, ready.noise, Model(), like=now) if ready.baseline else None
     members = weighed_again(
         explanation.members, now, explanation.departures if before is None else explanation.scales,

@@ -91,7 +91,7 @@ class Population:
         """
         where = _where(component)
         like = [w for k in self.kinds for name, w in k.weights.items() if _where(name) == where]
-        if like and where[0] == "law":
+        if like and where[0] == LAW:
             return np.full(like[0].size, 1.0 / like[0].size)
         return np.asarray(np.mean(like, axis=0)) if like else None
 
@@ -138,6 +138,8 @@ class Population:
         return np.array([float(k.makes) for k in self.kinds])
 
 
+LAW = "law"
+"""Before the name of a law of light at edges whose own size it is."""
 EDGES = "edges"
 ASPECTS = ("mean", EDGES, "scale", "missing", "outliers")
 """What tells a kind, each by itself."""
@@ -146,7 +148,7 @@ ASPECTS = ("mean", EDGES, "scale", "missing", "outliers")
 def aspect_of(component: str) -> str:
     """Name what a component is an aspect of: the mean off edges, edges, or a channel."""
     channel = component.rpartition(": ")[0]
-    if channel == "law" or " at edges" in component:
+    if channel == LAW or " at edges" in component:
         return EDGES
     return {"": "mean", "spectrum": "scale"}.get(channel, channel)
 
@@ -178,7 +180,7 @@ def _where(component: str) -> tuple[str, ...]:
     """
     channel, _, name = component.rpartition(": ")
     plain, relaxed = unlisted(name), _relaxed(component)
-    if channel in ("missing", "outliers", "law") or (relaxed is not None and relaxed.spanned):
+    if channel in ("missing", "outliers", LAW) or (relaxed is not None and relaxed.spanned):
         return channel, name
     if not channel or relaxed is None:
         return channel, "", "", name[len(plain) :]
