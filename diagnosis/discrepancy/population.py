@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from diagnosis.components.component import components_of, unlisted
+from diagnosis.settings import SETTINGS
 from sensors.effects.relaxed import Relaxed
 
 Floats = NDArray[np.float64]
@@ -87,13 +88,15 @@ class Population:
     def _like(self, component: str) -> Floats | None:
         """Mean of the probabilities of all components that are weighed alike.
 
-        What instruments of another make do at edges is anything: no law of light is like another.
+        No law of light at edges is like another: an instrument of an unlike make has what changed
+        ones have. No size is then more than K + 1 times likelier in a changed instrument.
         """
         where = _where(component)
         like = [w for k in self.kinds for name, w in k.weights.items() if _where(name) == where]
-        if like and where[0] == LAW:
-            return np.full(like[0].size, 1.0 / like[0].size)
-        return np.asarray(np.mean(like, axis=0)) if like else None
+        if not like:
+            return None
+        mean = np.asarray(np.mean(like, axis=0))
+        return changed(mean) if where[0] == LAW else mean
 
     def of_files(self, columns: str) -> "Population":
         """Keep silent of the noise of kinds whose files say otherwise of their columns.
@@ -136,6 +139,27 @@ class Population:
     def makes(self) -> Floats:
         """How many makes each kind is of, (kinds,)."""
         return np.array([float(k.makes) for k in self.kinds])
+
+
+def usual(weights: Floats) -> int:
+    """Return the number of the size that most good instruments stay below.
+
+    Parameters
+    ----------
+    weights : probability of each size of a grid, each twice the one before
+    """
+    within = int(np.searchsorted(np.cumsum(weights), SETTINGS.most_instruments))
+    return min(within, weights.size - 1)
+
+
+def changed(weights: Floats) -> Floats:
+    """Probability of a change's size: the smaller the likelier, above the usual one.
+
+    They fall with the root of the size, which spans several orders.
+    """
+    steps = np.arange(weights.size)
+    above = np.where(steps > usual(weights), 2.0 ** (-steps / 2), 1e-12)
+    return np.asarray(above / above.sum())
 
 
 LAW = "law"

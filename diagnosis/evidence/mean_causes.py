@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from diagnosis.discrepancy.population import changed, usual
 from diagnosis.evidence.candidates import Candidate
 from diagnosis.evidence.posterior import Posterior, Term
 from diagnosis.evidence.seen import World
@@ -51,13 +52,8 @@ class Scales:
         return out
 
     def changed(self, name: str) -> Floats:
-        """Return the probabilities of a change's size: the smaller the likelier, above usual ones.
-
-        They fall with the root of the size, which spans several orders.
-        """
-        above = self.sizes > self.typical(name)
-        weights = np.where(above, self.sizes**-0.5, 1e-12)
-        return np.asarray(weights / weights.sum())
+        """Return the probabilities of a change's size."""
+        return changed(self.of(name))
 
     def nats(self, name: str, factors: Floats) -> float:
         """Log Bayes factor of a change, from those of its sizes (S,), against a good instrument.
@@ -69,9 +65,7 @@ class Scales:
 
     def typical(self, name: str) -> float:
         """Return the size that most good instruments stay below."""
-        share = np.cumsum(self.of(name))
-        k = int(np.searchsorted(share, SETTINGS.most_instruments))
-        return float(self.sizes[min(k, len(self.sizes) - 1)])
+        return float(self.sizes[usual(self.of(name))])
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

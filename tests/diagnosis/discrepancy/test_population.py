@@ -9,6 +9,7 @@ from diagnosis.discrepancy.population import (
     Kind,
     Population,
     after_steps,
+    changed,
     learnt,
     population,
     steps_to,
@@ -130,14 +131,17 @@ def test_an_instrument_may_be_unlike_all_kinds() -> None:
     assert here.weights("scale: never seen") is None
 
 
-def test_one_make_says_nothing_of_what_others_do_at_edges() -> None:
-    """Half of the weight allows anything."""
+@pytest.mark.parametrize("makes", [1, 70])
+def test_at_edges_an_unlike_make_is_as_a_changed_one(makes: int) -> None:
+    """No size there is more than K + 1 times likelier in a changed instrument, of K makes."""
     sharp = np.array([0.9, 0.1, 0.0, 0.0])
-    one = Population(kinds=(Kind(name="a", weights={"law: finite_spot": sharp}),
+    one = Population(kinds=(Kind(name="a", weights={"law: finite_spot": sharp}, makes=makes),
                             Kind(name="b", weights={})))  # fmt: skip
     weights = one.weights("law: finite_spot")
     assert weights is not None
-    assert weights[0] == pytest.approx(0.5 * sharp + 0.125)
+    assert weights[0] == pytest.approx((makes * sharp + changed(sharp)) / (makes + 1))
+    ratio = changed(sharp) / weights[0]
+    assert ratio.max() == pytest.approx(makes + 1, rel=1e-3)
 
 
 def test_the_more_makes_were_seen_the_less_another_one_may_be_unlike_them() -> None:
