@@ -50,7 +50,8 @@ class Kind:
     changes : the same (2 sizes - 1,) of steps of the grid of sizes, from what an instrument has to
         what changes from one of its recordings of a part to another
     makes : how many makes its instruments are of
-    columns : how its files say that columns lie, which decides about its noise; "" for either way
+    columns : how its files say that columns lie, which decides about its noise and losses; "" for
+        either way
     """
 
     name: str
@@ -99,13 +100,13 @@ class Population:
         return changed(mean) if where[0] == LAW else mean
 
     def of_files(self, columns: str) -> "Population":
-        """Keep silent of the noise of kinds whose files say otherwise of their columns.
+        """Keep kinds silent of noise, losses and outliers whose files say otherwise of columns.
 
-        Readings between two rays have less noise than those on a ray.
+        A reading between two rays has less noise than one on a ray, and is lost with either.
         """
 
         def told(by: Mapping[str, Floats]) -> Mapping[str, Floats]:
-            return {n: w for n, w in by.items() if aspect_of(n) != "scale"}
+            return {n: w for n, w in by.items() if aspect_of(n) in ("mean", EDGES)}
 
         return Population(kinds=tuple(
             k if k.columns in ("", columns)
