@@ -116,7 +116,7 @@ def _draw_second(master: int, counts: dict[str, int], meshes: Sequence[str]) -> 
     while sum(kind == "two" for kind, _ in wanted) < counts["two"]:
         pair = tuple(str(n) for n in rng.choice(names, 2, replace=False))
         first, other = (set(second.SINGLE[n].accept) for n in pair)
-        if _shapes(pair) and not first & other and not _same_screw(*pair):
+        if second_shapes(pair) and not first & other and not _same_screw(*pair):
             wanted.append(("two", pair))
     for kind, group in (("unknown", second.UNKNOWN), ("decoy", second.DECOY),
                         ("undecidable", SECOND_UNDECIDABLE)):  # fmt: skip
@@ -124,7 +124,7 @@ def _draw_second(master: int, counts: dict[str, int], meshes: Sequence[str]) -> 
         wanted += [(kind, (pool[k % len(pool)],)) for k in range(counts[kind])]
     cases = []
     for kind, switches in wanted:
-        shape = str(rng.choice(sorted(_shapes(switches))))
+        shape = str(rng.choice(sorted(second_shapes(switches))))
         anywhere = not any(second.FAULTS[n].shapes or second.FAULTS[n].built for n in switches)
         if meshes and rng.random() < MESHED and anywhere:
             shape = MARK + str(rng.choice(list(meshes)))
@@ -145,7 +145,7 @@ def _strength(kind: str, rng: np.random.Generator) -> int:
     return int(rng.choice([1, 2] if kind in ("unknown", "undecidable") else [0, 1, 1, 2]))
 
 
-def _shapes(switches: tuple[str, ...]) -> set[str]:
+def second_shapes(switches: tuple[str, ...]) -> set[str]:
     """Parts on which all of some faults of the second family show."""
     found = set(SHAPES)
     for name in switches:

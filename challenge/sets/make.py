@@ -24,7 +24,7 @@ from challenge.second.meshes import files as mesh_files
 from challenge.second.nulls import LEAST_BLOCKS
 from challenge.second.nulls import check_null as check_second_null
 from challenge.second.truth import facts as second_facts
-from challenge.sets.draw import FULL, counts_of, draw, entropy
+from challenge.sets.draw import FULL, counts_of, draw, entropy, second_shapes
 from challenge.sets.populations import TEST, VALIDATION, needs_aggregate
 from challenge.sets.processes import in_processes
 from challenge.sets.sealed import MESHES, PROTOCOL, seal, write_whole
@@ -212,6 +212,9 @@ def _make_second(out: Path, name: str, secret: Secret) -> None:
             known = {"told_apart_z": told, "redrawn": attempt} if told > 0 else {}
             if told <= TOLD:
                 break
+            # a part that tells the two apart may do so on any draw
+            shape = str(again.choice(sorted(second_shapes(secret.switches))))
+            secret = replace(secret, shape=shape)
         shutil.rmtree(aside)
         secret = replace(secret, seed=int(again.integers(2**62)), doubled=0)
     else:
