@@ -14,7 +14,6 @@ import numpy as np
 from challenge.cases.case import Secret, stage, write
 from challenge.cases.imitation import IMITATES, TOLD, told_apart
 from challenge.cases.nulls import check_null
-from challenge.cases.parts import SHAPES
 from challenge.cases.seeds import child
 from challenge.cases.truth import Facts, facts
 from challenge.judging.score import ORACLE_SEES, moves_readings
@@ -187,36 +186,30 @@ def _make_second(out: Path, name: str, secret: Secret) -> None:
     again = child(secret.seed, "again")
     known: dict[str, Any] = {}
     for attempt in range(_TRIES):
+        # what fails on one part again and again may fail on every draw of it
+        other_part = attempt >= _TRIES // 2
         try:
             staged = second.stage(secret, out / MESHES)
         except ValueError:  # the part's booleans failed
-            secret = replace(secret, seed=int(again.integers(2**62)))
+            secret = _redrawn(secret, again, other_part=other_part)
             continue
         second.write(secret, staged, aside)
-        if not second.all_read(aside):  # nobody hands in a recording of nothing
-            shutil.rmtree(aside)
-            secret = replace(secret, seed=int(again.integers(2**62)))
-            continue
-        if secret.kind == "null":
-            check = check_second_null(secret, staged, aside)
-            known = {"null": asdict(check), "redrawn": attempt}
-            if check.holds:
-                break
-            # a mesh without places off edges is no null on any draw
-            few = check.blocks < LEAST_BLOCKS
-            shape = str(again.choice(list(SHAPES))) if few else secret.shape
-            secret = replace(secret, shape=shape)
-        else:
-            secret, staged, seen = _seen_second(out, secret, staged, aside)
-            told = _told_second(secret, staged, seen)
-            known = {"told_apart_z": told, "redrawn": attempt} if told > 0 else {}
-            if told <= TOLD:
-                break
-            # a part that tells the two apart may do so on any draw
-            shape = str(again.choice(sorted(second_shapes(secret.switches))))
-            secret = replace(secret, shape=shape)
+        if second.all_read(aside):  # nobody hands in a recording of nothing
+            if secret.kind == "null":
+                check = check_second_null(secret, staged, aside)
+                known = {"null": asdict(check), "redrawn": attempt}
+                if check.holds:
+                    break
+                # a mesh without places off edges is no null on any draw
+                other_part |= check.blocks < LEAST_BLOCKS
+            else:
+                secret, staged, seen = _seen_second(out, secret, staged, aside)
+                told = _told_second(secret, staged, seen)
+                known = {"told_apart_z": told, "redrawn": attempt} if told > 0 else {}
+                if told <= TOLD:
+                    break
         shutil.rmtree(aside)
-        secret = replace(secret, seed=int(again.integers(2**62)), doubled=0)
+        secret = _redrawn(secret, again, other_part=other_part)
     else:
         raise RuntimeError(f"{name}: {_TRIES} draws in a row were no valid case")
     if secret.kind != "null":
@@ -224,6 +217,14 @@ def _make_second(out: Path, name: str, secret: Secret) -> None:
     second.withhold(secret, aside)
     aside.replace(folder)
     _seal(out, name, secret, {**known, **second.known_of(secret, staged)})
+
+
+def _redrawn(secret: Secret, rng: np.random.Generator, *, other_part: bool) -> Secret:
+    """Draw a case of the second family again, from the same part or from another one."""
+    shape = secret.shape
+    if other_part:
+        shape = str(rng.choice(sorted(second_shapes(secret.switches))))
+    return replace(secret, shape=shape, seed=int(rng.integers(2**62)), doubled=0)
 
 
 def _seen_second(
