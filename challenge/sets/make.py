@@ -191,7 +191,7 @@ def _make_second(out: Path, name: str, secret: Secret) -> None:
         try:
             staged = second.stage(secret, out / MESHES)
         except ValueError:  # the part's booleans failed
-            secret = _redrawn(secret, again, other_part=other_part)
+            secret = redrawn(secret, again, other_part=other_part)
             continue
         second.write(secret, staged, aside)
         if second.all_read(aside):  # nobody hands in a recording of nothing
@@ -209,7 +209,7 @@ def _make_second(out: Path, name: str, secret: Secret) -> None:
                 if told <= TOLD:
                     break
         shutil.rmtree(aside)
-        secret = _redrawn(secret, again, other_part=other_part)
+        secret = redrawn(secret, again, other_part=other_part)
     else:
         raise RuntimeError(f"{name}: {_TRIES} draws in a row were no valid case")
     if secret.kind != "null":
@@ -219,7 +219,7 @@ def _make_second(out: Path, name: str, secret: Secret) -> None:
     _seal(out, name, secret, {**known, **second.known_of(secret, staged)})
 
 
-def _redrawn(secret: Secret, rng: np.random.Generator, *, other_part: bool) -> Secret:
+def redrawn(secret: Secret, rng: np.random.Generator, *, other_part: bool) -> Secret:
     """Draw a case of the second family again, from the same part or from another one."""
     shape = secret.shape
     if other_part:

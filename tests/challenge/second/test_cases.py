@@ -223,3 +223,16 @@ def test_a_recording_of_nothing_makes_no_case(tmp_path):
     with h5py.File(tmp_path / "b.h5", "r+") as stored:
         stored["depth"][:] = np.nan
     assert not second.all_read(tmp_path)
+
+
+def test_what_fails_again_and_again_is_drawn_from_a_part_that_shows_it_too():
+    rng = np.random.default_rng(2)
+    stepped = next(name for name, fault in FAULTS.items() if fault.shapes)
+    secret = Secret(
+        kind="one", switches=(stepped,), strength=1, shape="mesh of a file", recordings=3, seed=1,
+        family="second", doubled=2,
+    )  # fmt: skip
+    same = making.redrawn(secret, rng, other_part=False)
+    assert (same.shape, same.doubled) == (secret.shape, 0)
+    assert same.seed != secret.seed
+    assert making.redrawn(secret, rng, other_part=True).shape in FAULTS[stepped].shapes
