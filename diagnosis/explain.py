@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from diagnosis.discrepancy.population import Population
-from diagnosis.discrepancy.usual_sizes import usual_sizes
 from diagnosis.evidence.assess import Assessment, assessed_mean
 from diagnosis.evidence.mean_causes import Member
 from diagnosis.evidence.reported_causes import Cause, Unexplained, not_yet_named, reported
@@ -18,6 +17,7 @@ from diagnosis.physics.joint_fit import strongest_law
 from diagnosis.physics.remainder import curves_of, remainder
 from diagnosis.prepare import Prepared
 from diagnosis.settings import SETTINGS
+from diagnosis.usual_sizes import usual_sizes
 
 TRAVEL_OFF = (
     "the sensor's way is longer, shorter or in another direction than the poses say: the placement "

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from diagnosis.components.component import components_of, unlisted
-from diagnosis.settings import SETTINGS
+from diagnosis.evidence.changed_sizes import changed
 from sensors.effects.relaxed import Relaxed
 
 Floats = NDArray[np.float64]
@@ -140,27 +140,6 @@ class Population:
     def makes(self) -> Floats:
         """How many makes each kind is of, (kinds,)."""
         return np.array([float(k.makes) for k in self.kinds])
-
-
-def usual(weights: Floats) -> int:
-    """Return the number of the size that most good instruments stay below.
-
-    Parameters
-    ----------
-    weights : probability of each size of a grid, each twice the one before
-    """
-    within = int(np.searchsorted(np.cumsum(weights), SETTINGS.most_instruments))
-    return min(within, weights.size - 1)
-
-
-def changed(weights: Floats) -> Floats:
-    """Probability of a change's size: the smaller the likelier, above the usual one.
-
-    They fall with the root of the size, which spans several orders.
-    """
-    steps = np.arange(weights.size)
-    above = np.where(steps > usual(weights), 2.0 ** (-steps / 2), 1e-12)
-    return np.asarray(above / above.sum())
 
 
 LAW = "law"

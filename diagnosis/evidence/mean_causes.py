@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from diagnosis.discrepancy.population import changed, usual
 from diagnosis.evidence.candidates import Candidate
+from diagnosis.evidence.changed_sizes import changed, usual
 from diagnosis.evidence.posterior import Posterior, Term
 from diagnosis.evidence.seen import World
 from diagnosis.settings import SETTINGS

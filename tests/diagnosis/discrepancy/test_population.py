@@ -9,11 +9,11 @@ from diagnosis.discrepancy.population import (
     Kind,
     Population,
     after_steps,
-    changed,
     learnt,
     population,
     steps_to,
 )
+from diagnosis.evidence.changed_sizes import changed
 from diagnosis.evidence.seen import RATES
 from diagnosis.settings import SETTINGS
 

@@ -1,0 +1,30 @@
+"""Sizes that a change may have, given those that good instruments have.
+
+Sizes lie on a grid, each twice the one before.
+"""
+
+import numpy as np
+
+from diagnosis.fields import Field
+from diagnosis.settings import SETTINGS
+
+
+def usual(weights: Field) -> int:
+    """Return the number of the size that most good instruments stay below.
+
+    Parameters
+    ----------
+    weights : probability of each size
+    """
+    within = int(np.searchsorted(np.cumsum(weights), SETTINGS.most_instruments))
+    return min(within, weights.size - 1)
+
+
+def changed(weights: Field) -> Field:
+    """Probability of a change's size: the smaller the likelier, above the usual one.
+
+    They fall with the root of the size, which spans several orders.
+    """
+    steps = np.arange(weights.size)
+    above = np.where(steps > usual(weights), 2.0 ** (-steps / 2), 1e-12)
+    return np.asarray(above / above.sum())
