@@ -4,6 +4,7 @@ Only this module uses universal-pathlib, which gives objects the methods of `pat
 the package of the store (s3fs). A folder needs neither.
 """
 
+import logging
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -34,6 +35,7 @@ def place(given: str | Path) -> Path:
     with reached(given):
         from upath import UPath
 
+        logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # the error says what was lost
         found: Any = UPath(str(given).rstrip("/"), use_listings_cache=False)
         if isinstance(found, os.PathLike):  # file://
             return Path(found)

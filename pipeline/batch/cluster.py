@@ -73,7 +73,10 @@ def cluster(address: str, wanted: Mapping[str, str]) -> Iterator[Any]:
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # the error says it
         try:
             yield client
-        except (CancelledError, CommClosedError):
+        except (CancelledError, CommClosedError, OSError) as error:
+            lost = isinstance(error, CancelledError | CommClosedError)
+            if not lost and "trying to connect" not in str(error):  # Dask has no type for it
+                raise
             raise RecipeError(
                 "the Dask scheduler was lost", where="--scheduler", value=address,
                 allowed=f"a scheduler that runs; {GOES_ON}",
