@@ -153,11 +153,12 @@ def _further(
         curve = state.model.curve.beside(curves_of(rest, state.now, good.noise.sd_mm))
         causes = tuple(_beside_curve(c, rest) for c in state.causes)
         return seen_again(state, replace(state.model, curve=curve), causes, good.noise)
-    for cause in new:
-        if is_law(cause):
-            return by_law_at_edges(state, found, cause, good, notes, progress)
-        return by_law(state, found, cause, good.noise, notes, progress)
-    return None
+    if not new:
+        return None
+    (cause,) = new
+    if is_law(cause):
+        return by_law_at_edges(state, found, cause, good, notes, progress)
+    return by_law(state, found, cause, good.noise, notes, progress)
 
 
 def curved(model: Model) -> set[str]:

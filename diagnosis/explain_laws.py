@@ -56,11 +56,13 @@ def by_law(
     """Fit the law of a cause that was weighed by a free curve, and look again."""
     progress(f"fitting {cause.name}")
     completing = _completed(state, cause, noise, notes)
-    model, fitted = fit_laws([cause], fitted_part(completing.patches, noise), state.model)
-    if state.causes:
-        model, fitted = _without_remainders(state.model, model, fitted, notes)
-        if not fitted:
-            return replace(completing, refuted=state.refuted | {cause.name})
+    model, (fitted,) = fit_laws([cause], fitted_part(completing.patches, noise), state.model)
+    if state.causes and fitted.doubt:
+        notes.append(
+            f"what the laws found leave goes with what {cause.name} follows, but its law "
+            "explains none of it: taken for a remainder"
+        )
+        return replace(completing, refuted=state.refuted | {cause.name})
     return _explained_by(completing, found, model, fitted, noise)
 
 
@@ -106,8 +108,8 @@ def by_law_at_edges(
         # no more than what a law at edges leaves where its formula is another
         return replace(state, refuted=everything | {cause.name})
     cause = cause.at_most(itself.get(cause.name, 1.0))
-    model, fitted = fit_laws([cause], ws, state.model, known=known)
-    if fitted[0].doubt or cause.name not in model.names():
+    model, (fitted,) = fit_laws([cause], ws, state.model, known=known)
+    if fitted.doubt or cause.name not in model.names():
         # what was weighed is the law itself at points of its grid: fitted, it does next to nothing,
         # and of those beside it none does more
         refuted = (everything if gain > 0 else state.refuted) | {cause.name}
@@ -156,11 +158,11 @@ def _completed(state: State, cause: Cause, noise: NoiseModel, notes: list[str]) 
 
 
 def _explained_by(
-    state: State, found: Assessment, model: Model, new: Sequence[Cause], noise: NoiseModel
+    state: State, found: Assessment, model: Model, new: Cause, noise: NoiseModel
 ) -> State:
-    """Take a model with new causes for true and look again."""
+    """Take a model with a new cause for true and look again."""
     explained = float(np.sqrt(state.explained**2 + sum(m.size**2 for m in found.mean)))
-    again = seen_again(state, model, (*state.causes, *new), noise)
+    again = seen_again(state, model, (*state.causes, new), noise)
     return replace(again, explained=explained)
 
 
@@ -189,22 +191,6 @@ def seen_again(
 def is_law(cause: Cause) -> bool:
     """Whether a cause was weighed by its law, and not by a free curve."""
     return cause.component is not None and cause.component.relaxed.spanned
-
-
-def _without_remainders(
-    before: Model, model: Model, new: Sequence[Cause], notes: list[str]
-) -> tuple[Model, list[Cause]]:
-    """Drop later causes whose laws explain next to nothing: what others leave isn't their doing."""
-    kept = [c for c in new if not c.doubt]
-    for cause in new:
-        if cause.doubt:
-            notes.append(
-                f"what the laws found leave goes with what {cause.name} follows, but its law "
-                "explains none of it: taken for a remainder"
-            )
-            if cause.name not in before.names():
-                model = model.without(cause.name)
-    return model, kept
 
 
 def _needs_refit(model: Model) -> bool:

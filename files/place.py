@@ -35,10 +35,10 @@ def place(given: str | Path) -> Path:
     with reached(given):
         from upath import UPath
 
-        logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # the error says what was lost
         found: Any = UPath(str(given).rstrip("/"), use_listings_cache=False)
         if isinstance(found, os.PathLike):  # file://
             return Path(found)
+        logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # the error says what was lost
         found.exists()
     return cast(Path, found)
 

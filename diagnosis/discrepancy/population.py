@@ -211,15 +211,15 @@ def population() -> Population:
 
 
 def steps_to(own: Floats, factors: Floats) -> Floats:
-    """Log factors (..., 2 S - 1) of how many steps lie between two sizes, down to the least first.
+    """Log factors (2 S - 1,) of how many steps lie between two sizes, those downwards first.
 
     Parameters
     ----------
-    own : probability of each size (..., S) of the first
+    own : probability of each size (S,) of the first
     factors : log factors (S,) of each size of the second
     """
     log = np.log(np.maximum(own, 1e-300))
-    return np.asarray(logsumexp(log[..., None, :] + factors[_ends(own.shape[-1])], axis=-1))
+    return np.asarray(logsumexp(log + factors[_ends(own.size)], axis=1))
 
 
 def after_steps(own: Floats, steps: Floats) -> Floats:

@@ -1,6 +1,5 @@
 """What is learnt of good instruments' discrepancy, and what baselines add."""
 
-
 import numpy as np
 import pytest
 
