@@ -12,7 +12,6 @@ from diagnosis.explain_laws import Good, by_law, by_law_at_edges, is_law, seen_a
 from diagnosis.explain_rates import explain_rates
 from diagnosis.explanation import Explanation, Progress, State, fitted_part
 from diagnosis.model.model import Model
-from diagnosis.model.workspace import Workspace
 from diagnosis.physics.joint_fit import strongest_law
 from diagnosis.physics.remainder import curves_of, remainder
 from diagnosis.prepare import Prepared
@@ -51,9 +50,7 @@ def explain(
         recorded=ready.recorded, patches=ready.patches, placed=ready.placed, model=Model(),
         causes=(), first=first, now=first, before=before,
     )  # fmt: skip
-    good = Good(
-        noise=noise, scales=scales, baseline=Workspace.build(baseline, noise) if baseline else None
-    )
+    good = Good(noise=noise, scales=scales, baseline=baseline)
     members: tuple[Member, ...] = ()
     unexplained: list[Unexplained] = []
     before_law: _BeforeLaw | None = None

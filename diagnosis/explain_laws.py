@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.components.component import Component, laws_stated
+from diagnosis.data.patch import Patch
 from diagnosis.evidence.assess import Assessment
 from diagnosis.evidence.reported_causes import Cause
 from diagnosis.evidence.seen import seen
@@ -14,6 +15,7 @@ from diagnosis.fields import Field
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.physics.assumed_camera import seen_by
 from diagnosis.physics.joint_fit import among_laws, fit_laws, refit
 from diagnosis.physics.laws_at_edges import (
     LawAtEdges,
@@ -24,6 +26,7 @@ from diagnosis.physics.laws_at_edges import (
 )
 from diagnosis.reregister.reregistration import reregistered
 from diagnosis.settings import SETTINGS
+from sensors.datasheet import Datasheet
 from sensors.view.covariates import COVARIATES
 
 MOVED_WITH_PLACEMENT = {c.name for c in COVARIATES.values() if c.place}
@@ -42,7 +45,13 @@ class Good:
 
     noise: NoiseModel
     scales: Mapping[str, Field]
-    baseline: Workspace | None
+    baseline: Sequence[Patch]
+
+    def seen_by(self, sheet: Datasheet) -> Workspace | None:
+        """Look at its recordings with another sensor's file; None where there are none."""
+        if not self.baseline:
+            return None
+        return Workspace.build(seen_by(self.baseline, sheet), self.noise)
 
 
 def by_law(
@@ -133,14 +142,15 @@ def _unusual(
     others are weighed: they resemble it.
     """
     ws, model = fitted_part(state.patches, good.noise), state.model
+    before = good.seen_by(state.recorded.datasheet)
 
     def weighed(laws: Sequence[Component], model: Model) -> tuple[list[Cause], list[LawAtEdges]]:
-        seen_by = laws_at_edges(laws, ws, model, good.baseline, explained=state.explained)
-        may = [law for law in seen_by if law.component in nameable]
-        return unusual_at_edges(may, good.scales), seen_by
+        found = laws_at_edges(laws, ws, model, before, explained=state.explained)
+        may = [law for law in found if law.component in nameable]
+        return unusual_at_edges(may, good.scales), found
 
-    unusual, seen_by = weighed(laws, model)
-    most = max(seen_by, key=lambda law: law.gain)
+    unusual, found = weighed(laws, model)
+    most = max(found, key=lambda law: law.gain)
     names = [c.name for c in unusual]
     if not unusual or most.fitted is None or most.component.effect in names:
         return unusual

@@ -726,6 +726,11 @@ class Settings:
         default=0.5, unit="1", low=0.0,
         source="by convention",
     )  # fmt: skip
+    stands_out: float = quantity(
+        "evidence from which what a good instrument has is more than chance",
+        default=1.0, unit="nats", low=0.0,
+        source="by convention: e times as probable as none",
+    )  # fmt: skip
     doubt: float = quantity(
         "share of an explained signal by which its law may be wrong",
         default=0.03, unit="1", low=0.0,

@@ -4,7 +4,7 @@ Nothing is fitted to these. What they add to the evidence of a cause is how well
 given the fitted ones: its coefficients are integrated.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -37,11 +37,13 @@ def weighed_on_all(
         before, departures=explanation.departures, withheld=withheld,
     )  # fmt: skip
     again = {m.candidate.name: m for m in members}
-    causes, model = [], explanation.model
+    causes: list[Cause] = []
+    model = explanation.model
     for cause in explanation.causes:
         place = places.get(cause.name)
         anew = None if place is None else again.get(place.candidate.name)
-        causes.append(cause if anew is None else _shared_anew(cause, anew, members, now))
+        others = {c.name for c in explanation.causes if c is not cause} | {c.name for c in causes}
+        causes.append(cause if anew is None else _shared_anew(cause, anew, members, now, others))
     renamed = [c for was, c in zip(explanation.causes, causes, strict=True) if was.name != c.name]
     if not renamed:
         return replace(explanation, causes=tuple(causes))
@@ -72,12 +74,18 @@ def _places(cause: Cause, members: Sequence[Member]) -> list[Member]:
     return [m for m in found[:1] if not m.candidate.component.relaxed.spanned]
 
 
-def _shared_anew(cause: Cause, member: Member, members: Sequence[Member], now: Seen) -> Cause:
+def _shared_anew(
+    cause: Cause, member: Member, members: Sequence[Member], now: Seen, others: Collection[str]
+) -> Cause:
     """Share the probability of a cause and its alternatives as all readings weigh them.
 
     Others of the set keep their names.
+
+    Parameters
+    ----------
+    others : names of the other causes
     """
-    taken = {m.candidate.effect for m in members if m is not member}
+    taken = {m.candidate.effect for m in members if m is not member} | {*others} - {cause.name}
     named = {n: p for n, p in [(cause.name, cause.probability), *cause.alternatives]
              if n not in taken}  # fmt: skip
     ways = {

@@ -69,7 +69,7 @@ def mean_factors(
             now = posteriors()
             found = {c.name: factors(c, now) for c in waiting}
             best = max(waiting, key=lambda c: float(found[c.name].max()))
-            if found[best.name].max() < 1.0:
+            if found[best.name].max() < SETTINGS.stands_out:
                 break
             grown[best.at.tobytes()] = Term(at=best.at), float(sizes[found[best.name].argmax()])
             waiting = [c for c in waiting if not np.array_equal(c.at, best.at)]
@@ -224,7 +224,8 @@ def alike_at_edges(
     """
     out, sizes = dict(usual), SETTINGS.mean_sizes()
     keys = [c.key for c in candidates if c.at_edges and c.key in factors]
-    shown = [sizes[int(factors[k].argmax())] for k in keys if factors[k].max() >= 1.0]
+    plain = [factors[k] for k in keys if factors[k].max() >= SETTINGS.stands_out]
+    shown = [sizes[int(one.argmax())] for one in plain]
     upto = sizes <= SETTINGS.doubt_at_edges * float(np.linalg.norm(shown))
     for key in keys if upto.any() else ():
         out[key] = 0.5 * out[key] + 0.5 * upto / upto.sum()

@@ -76,7 +76,7 @@ def weighed_again(
         if m.candidate.name in candidates
         and m.variant < len(candidates[m.candidate.name].shapes)
     ]
-    return search.weighed(known)
+    return search.weighed(known, search.usual_beside(known))
 
 
 def _search(

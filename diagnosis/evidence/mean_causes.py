@@ -1,9 +1,11 @@
 """Which causes the readings need: a search over sets by evidence, and probabilities.
 
 A cause is present where the evidence for a change of its component beats the evidence for what a
-good instrument has of it. Sets grow by the cause with the largest posterior odds; each member is
-then weighed against its absence and against every other cause in its place, the rest kept. These
-conditional weights are the reported probabilities; causes that share them can't be told apart.
+good instrument has of it. Sets grow by the cause with the largest posterior odds; where none beats
+what good instruments have, by the component that they have and that explains most: whatever is
+weighed next is weighed beside it. Each cause is then weighed against its absence and against every
+other one in its place, the rest kept. These conditional weights are the reported probabilities;
+causes that share them can't be told apart.
 """
 
 from collections.abc import Mapping, Sequence
@@ -114,6 +116,20 @@ class Weighed:
     size: float
 
 
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Weighing:
+    """Candidates beside a set.
+
+    Attributes
+    ----------
+    causes : by name, each against a good instrument
+    usual : what a good instrument has that explains most; None where that is no more than chance
+    """
+
+    causes: Mapping[str, Weighed]
+    usual: Active | None
+
+
 class CauseSearch:
     """Search over sets of candidates.
 
@@ -174,8 +190,8 @@ class CauseSearch:
 
     def weigh(
         self, posteriors: Mapping[bool, Posterior], candidates: Sequence[Candidate]
-    ) -> dict[str, Weighed]:
-        """Weigh candidates beside a set: each against a good instrument, by name.
+    ) -> Weighing:
+        """Weigh candidates beside a set, each against a good instrument.
 
         A good instrument departs in one of the components more than most do; the one that explains
         the readings best stands for it. Where there are baselines it departs as they do, and
@@ -183,17 +199,23 @@ class CauseSearch:
         """
         sizes = self.scales.sizes
         found: dict[str, tuple[float, int, float]] = {}
-        nothing = 0.0
+        nothing, usual = 0.0, None
         for c in candidates:
-            factors, usual = c.log_factors(posteriors[c.at_edges].cavity(Term(at=c.at)), sizes)
+            factors, over = c.log_factors(posteriors[c.at_edges].cavity(Term(at=c.at)), sizes)
             quiet = np.log(np.maximum(self.scales.of(c.key), 1e-300))
-            nothing = max(nothing, float(logsumexp(usual + quiet)))
-            variant, k = np.unravel_index(int(np.argmax(factors)), factors.shape)
-            nats = float(logsumexp(usual + np.log(self.scales.changed(c.key))))
-            found[c.name] = nats, int(variant), float(sizes[k])
-        return {
-            n: Weighed(nats=nats - nothing, variant=v, size=s) for n, (nats, v, s) in found.items()
-        }
+            good = float(logsumexp(over + quiet))
+            if good > nothing:
+                nothing, usual = good, _likeliest(c, factors + quiet, sizes)
+            nats = float(logsumexp(over + np.log(self.scales.changed(c.key))))
+            _, variant, size = _likeliest(c, factors, sizes)
+            found[c.name] = nats, variant, size
+        return Weighing(
+            causes={
+                n: Weighed(nats=nats - nothing, variant=v, size=s)
+                for n, (nats, v, s) in found.items()
+            },
+            usual=usual if nothing >= SETTINGS.stands_out else None,
+        )
 
     def log_odds(self, candidate: Candidate) -> float:
         """Log odds of a candidate before any reading."""
@@ -202,51 +224,79 @@ class CauseSearch:
     def search(self) -> list[Member]:
         """Find the most probable set and weigh its members."""
         active: list[Active] = []
-        for _ in range(SETTINGS.most_causes):
-            taken = {c.effect or c.name for c, _, _ in active}
-            free = [c for c in self.candidates if (c.effect or c.name) not in taken]
-            best = self._best(active, free)
-            if best is None:
+        usual: list[Active] = []
+        while len(active) < SETTINGS.most_causes:
+            taken = {_cause(c) for c, _, _ in (*active, *usual)}
+            free = [c for c in self.candidates if _cause(c) not in taken]
+            best, habit = self._best([*usual, *active], free)
+            if best is not None:
+                active.append(best)
+                if best[0].component.relaxed.spanned:
+                    break  # a few points of its grid aren't its law: fit that before going on
+                active = self._resized(active, usual)
+            elif habit is not None:
+                usual.append(habit)
+            else:
                 break
-            active.append(best)
-            if best[0].component.relaxed.spanned:
-                break  # a few points of its grid aren't its law: fit that before going on
-            active = self._resized(active)
-        return self.weighed(active)
+        return self.weighed(active, usual)
 
-    def _best(self, active: list[Active], free: Sequence[Candidate]) -> Active | None:
-        """Return the candidate of the largest odds beside a set; None where none has any.
+    def usual_beside(self, active: Sequence[Active]) -> list[Active]:
+        """List what a good instrument has beside a set, one after the other."""
+        usual: list[Active] = []
+        while True:
+            taken = {_cause(c) for c, _, _ in (*active, *usual)}
+            free = [c for c in self.candidates if _cause(c) not in taken]
+            habit = self.weigh(self.posteriors([*usual, *active]), free).usual
+            if habit is None:
+                return usual
+            usual.append(habit)
+
+    def _best(
+        self, active: Sequence[Active], free: Sequence[Candidate]
+    ) -> tuple[Active | None, Active | None]:
+        """Pick the candidate of the largest odds beside a set; None where none has any.
 
         The first choice tells how large the signal is; the second is made with its law in doubt.
+
+        Returns
+        -------
+        the candidate; where there is none, what good instruments have that explains most
         """
         tried: list[Active] = []
         for _ in range(2):
-            weighed = self.weigh(self.posteriors(active, tried), free)
+            weighing = self.weigh(self.posteriors(active, tried), free)
+            weighed = weighing.causes
             best = max(free, key=lambda c: weighed[c.name].nats + self.log_odds(c), default=None)
             if best is None or weighed[best.name].nats + self.log_odds(best) <= 0:
-                return None
+                return None, weighing.usual
             tried = [(best, weighed[best.name].variant, weighed[best.name].size)]
-        return tried[0]
+        return tried[0], None
 
-    def _resized(self, active: list[Active]) -> list[Active]:
+    def _resized(self, active: Sequence[Active], usual: Sequence[Active]) -> list[Active]:
         """Give each member the size and form that suit it best beside the others."""
         out = list(active)
         for i, (c, _, _) in enumerate(out):
             if len(out) > 1:
-                w = self.weigh(self.posteriors(out[:i] + out[i + 1 :]), [c])[c.name]
+                beside = self.posteriors([*usual, *out[:i], *out[i + 1 :]])
+                w = self.weigh(beside, [c]).causes[c.name]
                 out[i] = (c, w.variant, w.size)
         return out
 
-    def weighed(self, active: list[Active]) -> list[Member]:
-        """Weigh each member of a set against its absence and each other cause in its place."""
+    def weighed(self, active: Sequence[Active], usual: Sequence[Active]) -> list[Member]:
+        """Weigh each member of a set against its absence and each other cause in its place.
+
+        Parameters
+        ----------
+        usual : what a good instrument has beside them
+        """
         members = []
-        whole = self.posteriors(active) if active else {}
+        whole = self.posteriors([*usual, *active]) if active else {}
         for i, (c, v, s) in enumerate(active):
-            rest = active[:i] + active[i + 1 :]
-            taken = {(o.effect or o.name) for o, _, _ in rest}
-            free = [o for o in self.candidates if (o.effect or o.name) not in taken]
+            rest = [*usual, *active[:i], *active[i + 1 :]]
+            taken = {_cause(o) for o, _, _ in rest}
+            free = [o for o in self.candidates if _cause(o) not in taken]
             without = self.posteriors(rest, [(c, v, s)])
-            weighed = self.weigh(without, free)
+            weighed = self.weigh(without, free).causes
             odds = {o.name: weighed[o.name].nats + self.log_odds(o) for o in free} | {"": 0.0}
             members.append(
                 Member(
@@ -256,3 +306,14 @@ class CauseSearch:
                 )  # fmt: skip
             )
         return members
+
+
+def _likeliest(candidate: Candidate, factors: Floats, sizes: Floats) -> Active:
+    """Pick the form and size of the largest log factor (V, S)."""
+    variant, k = np.unravel_index(int(np.argmax(factors)), factors.shape)
+    return candidate, int(variant), float(sizes[k])
+
+
+def _cause(candidate: Candidate) -> str:
+    """Name what a candidate is a form of: one form of it is in a set at most."""
+    return candidate.effect or candidate.name

@@ -73,7 +73,7 @@ class Sized:
     @property
     def stands_out(self) -> bool:
         """Whether some size is more probable than none by a nat."""
-        return bool(self.factors.max() >= 1.0)
+        return bool(self.factors.max() >= SETTINGS.stands_out)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -134,47 +134,58 @@ class RateSearch:
 
     def weigh(
         self, responses: Responses, candidates: Sequence[RateCandidate]
-    ) -> dict[str, _Weighed]:
+    ) -> tuple[dict[str, _Weighed], RateCandidate | None]:
         """Weigh candidates, each against a good instrument, by name.
 
         No law is exact: what follows nearly the same curve as the best is as good. That holds for
         what a good instrument has as well as for a cause.
+
+        Returns
+        -------
+        candidates by name; what a good instrument has that explains most, None where that is no
+        more than chance
         """
         made = {c.name: self.sizes(responses, c) for c in candidates}
         if not made:
-            return {}
+            return {}, None
         best = max(made.values(), key=lambda one: float(one.factors.max()))
         alike = responses.information() * (SETTINGS.doubt_of_rates * best.size) ** 2 / 2
         found: dict[str, _Weighed] = {}
-        nothing = 0.0
+        nothing, usual = 0.0, None
         for c in candidates:
             one = made[c.name]
             less = float(best.factors.max() - one.factors.max())
             factors = one.factors + min(alike, less)
             quiet = np.log(np.maximum(self.scales.of(c.key), 1e-300))
-            nothing = max(nothing, float(logsumexp(factors + quiet)))
+            good = float(logsumexp(factors + quiet))
+            if good > nothing:
+                nothing, usual = good, c
             found[c.name] = _Weighed(
                 nats=float(logsumexp(factors + np.log(self.scales.changed(c.key)))),
                 gain=one.gain, variant=one.variant, size=one.size, change=one.change,
             )  # fmt: skip
-        return {n: replace(w, nats=w.nats - nothing) for n, w in found.items()}
+        weighed = {n: replace(w, nats=w.nats - nothing) for n, w in found.items()}
+        return weighed, usual if nothing >= SETTINGS.stands_out else None
 
     def search(self) -> list[RateMember]:
-        """Find causes until none has odds above one."""
+        """Find causes until none has odds above one, beside what a good instrument has."""
         responses = self.channel.responses
         found: list[RateMember] = []
-        for _ in range(SETTINGS.most_causes):
-            free = [
-                c for c in self.channel.candidates
-                if c.name not in {f.candidate.name for f in found}
-            ]  # fmt: skip
-            free = [c.unclaimed() if c.component.effect in self.withheld else c for c in free]
-            weighed = self.weigh(responses, free)
+        free = [
+            c.unclaimed() if c.component.effect in self.withheld else c
+            for c in self.channel.candidates
+        ]
+        while len(found) < SETTINGS.most_causes:
+            weighed, usual = self.weigh(responses, free)
             odds = {c.name: weighed[c.name].nats + SETTINGS.log_odds(c.component.effect)
                     for c in free}  # fmt: skip
             best = max(free, key=lambda c: odds[c.name], default=None)
             if best is None or odds[best.name] <= 0:
-                break
+                if usual is None:
+                    break
+                responses = responses.moved(weighed[usual.name].change)
+                free = [c for c in free if c is not usual]
+                continue
             total = logsumexp([0.0, *odds.values()])
             shares = {n: float(np.exp(x - total)) for n, x in odds.items()}
             w = weighed[best.name]
@@ -184,6 +195,7 @@ class RateSearch:
                 change=w.change,
             ))  # fmt: skip
             responses = responses.moved(w.change)
+            free = [c for c in free if c is not best]
         return found
 
 

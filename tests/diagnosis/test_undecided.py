@@ -22,3 +22,12 @@ def test_held_out_readings_give_the_name_to_the_likelier_of_two() -> None:
     assert [c.name for c in decided.causes] == ["line_bow"]
     assert decided.model.names() == found.model.names()
     assert 0.6 < decided.causes[0].probability <= 0.9
+
+
+def test_no_two_causes_get_one_name() -> None:
+    bent = ready([{"name": "line_bow", "sag_um": 40.0}], 7)
+    found = explain(bent, population().of_files("even_angle"), notes=[], progress=lambda _: None)
+    (bow,) = found.causes
+    other = replace(bow, name="form_error", probability=0.5, alternatives=(("line_bow", 0.4),))
+    both = weighed_on_all(replace(found, causes=(bow, other)), bent, frozenset())
+    assert [c.name for c in both.causes] == ["line_bow", "form_error"]

@@ -60,6 +60,16 @@ def test_usual_departures_are_no_causes() -> None:
     assert [len(s.search()) for s in searches] == [1, 0]
 
 
+def test_a_cause_is_found_beside_what_a_good_instrument_has_more_of() -> None:
+    readings = LinearReadings.drawn({"line_bow": 0.3, "form_error": 0.1}, seed=4)
+    worlds = dict.fromkeys((False, True), World(found=readings.gram.equations))
+    usual = np.where(np.isclose(readings.sizes, 0.256), 1.0, 0.0)
+    scales = Scales(sizes=readings.sizes, weights={"line_bow": usual})
+    (found,) = CauseSearch(worlds, readings.candidates, scales, scales).search()
+    assert found.candidate.effect == "form_error"
+    assert found.shares["form_error"] > 0.99
+
+
 def test_what_no_size_explains_is_no_change() -> None:
     sizes = SETTINGS.mean_sizes()
     scales = Scales(sizes=sizes, weights={})

@@ -72,3 +72,21 @@ def test_what_a_good_instrument_has_explains_a_curve_that_is_nearly_its_own() ->
         )
         found = [m.candidate.component.effect for m in search.search()]
         assert bool(found) is bool(names)
+
+
+def test_a_cause_is_found_beside_what_a_good_instrument_has_more_of() -> None:
+    bent = U**2 - np.mean(U**2)
+    bent /= np.sqrt(np.mean(bent**2))
+    both = (0.3 * LINEAR + 0.1 * bent)[:, None]
+    channel = channel_with(1.0, "scale", "incidence_noise", both, seed=4)
+    (one,) = channel.candidates
+    usual, rare = (
+        replace(one, component=component("scale", effect),
+                variants=(replace(one.variants[0], columns=column[:, None]),))
+        for effect, column in (("incidence_noise", LINEAR), ("light_falloff", bent))
+    )  # fmt: skip
+    sizes = SETTINGS.rate_sizes()
+    often, none = 1.0 * np.isclose(sizes, 0.32), np.eye(sizes.size)[0]
+    scales = Scales(sizes=sizes, weights={usual.key: often, rare.key: none})
+    found = RateSearch(replace(channel, candidates=(usual, rare)), scales).search()
+    assert [m.candidate.component.effect for m in found] == ["light_falloff"]
