@@ -106,7 +106,7 @@ class Population:
         """
 
         def told(by: Mapping[str, Floats]) -> Mapping[str, Floats]:
-            return {n: w for n, w in by.items() if aspect_of(n) in ("mean", EDGES)}
+            return {n: w for n, w in by.items() if aspect_of(n) == EDGES}
 
         return Population(kinds=tuple(
             k if k.columns in ("", columns)

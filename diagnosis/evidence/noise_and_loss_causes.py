@@ -133,12 +133,16 @@ class RateSearch:
         )  # fmt: skip
 
     def weigh(
-        self, responses: Responses, candidates: Sequence[RateCandidate]
+        self, responses: Responses, candidates: Sequence[RateCandidate], explained: float = 0.0
     ) -> tuple[dict[str, _Weighed], RateCandidate | None]:
         """Weigh candidates, each against a good instrument, by name.
 
         No law is exact: what follows nearly the same curve as the best is as good. That holds for
-        what a good instrument has as well as for a cause.
+        what a good instrument has as well as for a cause, and for what the laws before leave.
+
+        Parameters
+        ----------
+        explained : size of what the responses were moved by
 
         Returns
         -------
@@ -149,9 +153,12 @@ class RateSearch:
         if not made:
             return {}, None
         best = max(made.values(), key=lambda one: float(one.factors.max()))
-        alike = responses.information() * (SETTINGS.doubt_of_rates * best.size) ** 2 / 2
+        alike, left = (
+            responses.information() * (SETTINGS.doubt_of_rates * size) ** 2 / 2
+            for size in (best.size, explained)
+        )
         found: dict[str, _Weighed] = {}
-        nothing, usual = 0.0, None
+        nothing, usual = left, None
         for c in candidates:
             one = made[c.name]
             less = float(best.factors.max() - one.factors.max())
@@ -165,25 +172,41 @@ class RateSearch:
                 gain=one.gain, variant=one.variant, size=one.size, change=one.change,
             )  # fmt: skip
         weighed = {n: replace(w, nats=w.nats - nothing) for n, w in found.items()}
-        return weighed, usual if nothing >= SETTINGS.stands_out else None
+        return weighed, usual if nothing >= left + SETTINGS.stands_out else None
+
+    def _beside(
+        self, responses: Responses, usual: RateCandidate, as_weighed: _Weighed
+    ) -> Responses:
+        """Move responses by what a good instrument has of a component, its level included.
+
+        What changes losses or noise somewhere by so much may change all of them by as much.
+        """
+        variant = usual.variants[as_weighed.variant]
+        x = np.concatenate([variant.level, variant.columns], axis=1)
+        level_sd = np.hypot(self.channel.level_sd, as_weighed.size)
+        sd = np.concatenate([level_sd, np.full(variant.columns.shape[1], as_weighed.size)])
+        found = mode(responses.in_cells(variant.owner, variant.count), x, sd)
+        return responses.moved((x @ found.coefficients)[variant.owner])
 
     def search(self) -> list[RateMember]:
         """Find causes until none has odds above one, beside what a good instrument has."""
         responses = self.channel.responses
         found: list[RateMember] = []
+        explained = 0.0
         free = [
             c.unclaimed() if c.component.effect in self.withheld else c
             for c in self.channel.candidates
         ]
         while len(found) < SETTINGS.most_causes:
-            weighed, usual = self.weigh(responses, free)
+            weighed, usual = self.weigh(responses, free, explained)
             odds = {c.name: weighed[c.name].nats + SETTINGS.log_odds(c.component.effect)
                     for c in free}  # fmt: skip
             best = max(free, key=lambda c: odds[c.name], default=None)
             if best is None or odds[best.name] <= 0:
                 if usual is None:
                     break
-                responses = responses.moved(weighed[usual.name].change)
+                responses = self._beside(responses, usual, weighed[usual.name])
+                explained = float(np.hypot(explained, weighed[usual.name].size))
                 free = [c for c in free if c is not usual]
                 continue
             total = logsumexp([0.0, *odds.values()])
@@ -195,6 +218,7 @@ class RateSearch:
                 change=w.change,
             ))  # fmt: skip
             responses = responses.moved(w.change)
+            explained = float(np.hypot(explained, w.size))
             free = [c for c in free if c is not best]
         return found
 
