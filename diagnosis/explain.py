@@ -149,13 +149,13 @@ def _further(
     if rest is not None and all(rest.size >= c.size for c in new):
         curve = state.model.curve.beside(curves_of(rest, state.now, good.noise.sd_mm))
         causes = tuple(_beside_curve(c, rest) for c in state.causes)
-        return seen_again(state, replace(state.model, curve=curve), causes, good.noise)
+        return seen_again(state, replace(state.model, curve=curve), causes, good)
     if not new:
         return None
     (cause,) = new
     if is_law(cause):
         return by_law_at_edges(state, found, cause, good, notes, progress)
-    return by_law(state, found, cause, good.noise, notes, progress)
+    return by_law(state, found, cause, good, notes, progress)
 
 
 def curved(model: Model) -> set[str]:

@@ -9,7 +9,7 @@ from diagnosis.components.component import Component, laws_stated
 from diagnosis.data.patch import Patch
 from diagnosis.evidence.assess import Assessment
 from diagnosis.evidence.reported_causes import Cause
-from diagnosis.evidence.seen import seen
+from diagnosis.evidence.seen import Seen, seen
 from diagnosis.explanation import Progress, State, Tried, completed, fitted_part
 from diagnosis.fields import Field
 from diagnosis.model.model import Model
@@ -53,26 +53,33 @@ class Good:
             return None
         return Workspace.build(seen_by(self.baseline, sheet), self.noise)
 
+    def seen_like(self, now: Seen, sheet: Datasheet) -> Seen | None:
+        """Look at the mean of its recordings, in the components of others; None of none."""
+        if not self.baseline:
+            return None
+        return seen(seen_by(self.baseline, sheet), self.noise, Model(), like=now)
+
 
 def by_law(
     state: State,
     found: Assessment,
     cause: Cause,
-    noise: NoiseModel,
+    good: Good,
     notes: list[str],
     progress: Progress,
 ) -> State:
     """Fit the law of a cause that was weighed by a free curve, and look again."""
     progress(f"fitting {cause.name}")
-    completing = _completed(state, cause, noise, notes)
-    model, (fitted,) = fit_laws([cause], fitted_part(completing.patches, noise), state.model)
+    completing = _completed(state, cause, good.noise, notes)
+    ws = fitted_part(completing.patches, good.noise)
+    model, (fitted,) = fit_laws([cause], ws, state.model)
     if state.causes and fitted.doubt:
         notes.append(
             f"what the laws found leave goes with what {cause.name} follows, but its law "
             "explains none of it: taken for a remainder"
         )
         return replace(completing, refuted=state.refuted | {cause.name})
-    return _explained_by(completing, found, model, fitted, noise)
+    return _explained_by(completing, found, model, fitted, good)
 
 
 def by_law_at_edges(
@@ -123,7 +130,7 @@ def by_law_at_edges(
         # and of those beside it none does more
         refuted = (everything if gain > 0 else state.refuted) | {cause.name}
         return replace(state, refuted=refuted)
-    again = _explained_by(state, found, model, fitted, good.noise)
+    again = _explained_by(state, found, model, fitted, good)
     return replace(again, gained=state.gained + gain)
 
 
@@ -168,11 +175,11 @@ def _completed(state: State, cause: Cause, noise: NoiseModel, notes: list[str]) 
 
 
 def _explained_by(
-    state: State, found: Assessment, model: Model, new: Cause, noise: NoiseModel
+    state: State, found: Assessment, model: Model, new: Cause, good: Good
 ) -> State:
     """Take a model with a new cause for true and look again."""
     explained = float(np.sqrt(state.explained**2 + sum(m.size**2 for m in found.mean)))
-    again = seen_again(state, model, (*state.causes, new), noise)
+    again = seen_again(state, model, (*state.causes, new), good)
     return replace(again, explained=explained)
 
 
@@ -183,18 +190,20 @@ def _laws_of(state: State, found: Assessment) -> list[Component]:
     return [c for c in known if c.effect in free]
 
 
-def seen_again(
-    state: State, model: Model, causes: tuple[Cause, ...], noise: NoiseModel
-) -> State:
-    """Place the recordings under a model and look at them again."""
+def seen_again(state: State, model: Model, causes: tuple[Cause, ...], good: Good) -> State:
+    """Place the recordings under a model and look at them again.
+
+    What their laws leave is held against the same baselines: these have none of the causes.
+    """
+    noise = good.noise
     patches, placed = reregistered(model, state.patches, state.recorded, state.placed, noise)
     ws = fitted_part(patches, noise)
     if _needs_refit(model):
         model = refit(ws.thin(SETTINGS.fitted_readings), model)
-    # baselines were seen under the nominal model: beside a law they say nothing more
+    now = seen(ws.patches, noise, model)
     return replace(
-        state, patches=patches, placed=placed, model=model, causes=causes,
-        now=seen(ws.patches, noise, model), before=None,
+        state, patches=patches, placed=placed, model=model, causes=causes, now=now,
+        before=good.seen_like(now, state.recorded.datasheet),
     )  # fmt: skip
 
 

@@ -70,7 +70,7 @@ class State:
     Attributes
     ----------
     first, now : recordings under the nominal model, and under the model
-    before : baselines, while the model is nominal
+    before : baselines, in the components that recordings have now
     explained : whitened rms of what the laws explain
     gained : what laws of light at edges gain, nats
     refuted : effects whose laws, fitted, do nothing here: what goes with them is a remainder

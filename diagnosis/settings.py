@@ -648,8 +648,8 @@ class Settings:
     )  # fmt: skip
     envelope: int = quantity(
         "polynomial order of an oscillation's slow change",
-        default=2, unit="", low=1, whole=True,
-        source="a decay within a recording",
+        default=8, unit="", low=1, whole=True,
+        source="knocks that ring: decays within a fifth of a recording",
     )  # fmt: skip
     band_step: float = quantity(
         "step of the frequencies tried, over the longest recording",

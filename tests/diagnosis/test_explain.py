@@ -75,3 +75,10 @@ def test_what_a_line_does_at_edges_is_named_and_sharp_edges_need_no_law() -> Non
     assert cause.component.relaxed.spanned
     sharp = explained(ready([], 5, name="steps"))
     assert (sharp.causes, sharp.unexplained) == ((), ())
+
+
+def test_a_second_cause_is_held_against_the_baselines_too() -> None:
+    """A bow that a good instrument could have, and this one's baselines have not."""
+    shaken = {"name": "stage_vibration", "amplitude_um": 6.0, "frequency_hz": 40.0}
+    one = ready([shaken, {"name": "line_bow", "sag_um": 1.5}], 7, baselines=True)
+    assert {c.name for c in explained(one).causes} == {"stage_vibration", "line_bow"}
