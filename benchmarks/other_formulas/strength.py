@@ -1,10 +1,11 @@
 """Whitened signal to noise of what formulas change, pose projected out, edges included.
 
-The noise's covariance is known exactly (speckle.py), so that this is a closed calculation: sqrt of
+The pose is where the part lies, which every diagnosis has to fit: turned and shifted in its own
+frame, so that a tilt along the travel is none of a drift's or a bend's signal. The noise's covariance is known exactly (speckle.py), so that this is a closed calculation: sqrt of
 twice the expected log likelihood ratio between the recordings with and without the change.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +37,7 @@ class Hidden:
         jump = np.max([np.abs(np.nan_to_num(view.cast(*d) - view.depth)) for d in near], axis=0)
         self.weight = np.where(self.edge, 1 / np.hypot(1.0, jump / self.sd), 1.0)
         self.covariance = Covariance(nominal.noise, self.use)
-        self.columns = self._rigid()
+        self.columns = self._rigid(self.moved)
         self.solved = np.stack([self.covariance.solve(c) for c in self.columns])
         self.gram = self.columns @ self.solved.T
 
@@ -47,24 +48,36 @@ class Hidden:
             np.where(self.edge, self.weight * np.clip(z, -EDGE_CAP_SD, EDGE_CAP_SD), z)[self.use]
         )
 
-    def _rigid(self) -> Floats:
-        """Change with each rigid movement about the part's middle, by central differences.
+    def _rigid(self, moved: Callable[[Floats], Floats]) -> Floats:
+        """Change with each rigid movement, by central differences.
 
         Shifts are of half a pitch, so that an edge's readings flip in proportion to them.
         """
         steps = np.diag([1e-3, 1e-3, PITCH_MM / 40, PITCH_MM / 2, PITCH_MM / 2, 1e-2])
         return np.stack([
-            (self.capped(self.moved(step)) - self.capped(self.moved(-step))) / (2 * step.sum())
+            (self.capped(moved(step)) - self.capped(moved(-step))) / (2 * step.sum())
             for step in steps
         ])  # fmt: skip
 
     def moved(self, rigid: Floats) -> Floats:
-        """Change of the depth (n, m) with a rigid movement (3 rad, 3 mm) of the sensor, mm."""
+        """Change of the depth (n, m) with a movement (3 rad, 3 mm) of the part, mm.
+
+        About its origin, which is in the middle of it.
+        """
         view = self.nominal.view
-        wrong = np.eye(4)
-        wrong[:3, :3] = Rotation.from_rotvec(rigid[:3]).as_matrix()
-        wrong[:3, 3] = self.middle - wrong[:3, :3] @ self.middle + rigid[3:]
-        return np.asarray(view.seen_from(view.scan.true_poses @ wrong) - view.depth)
+        return np.asarray(
+            view.seen_from(_movement(rigid, np.zeros(3)) @ view.scan.true_poses) - view.depth
+        )
+
+    def seated(self, rigid: Floats) -> Floats:
+        """Change of the depth (n, m) with a movement (3 rad, 3 mm) of the sensor, mm.
+
+        About the middle of its measuring range.
+        """
+        view = self.nominal.view
+        return np.asarray(
+            view.seen_from(view.scan.true_poses @ _movement(rigid, self.middle)) - view.depth
+        )
 
     @property
     def middle(self) -> Floats:
@@ -80,7 +93,9 @@ class Hidden:
         rigid = np.concatenate([Rotation.from_matrix(turn).as_rotvec(), shift])
         unit = np.repeat([MISPLACED_RAD, MISPLACED_MM], 3)
         # (U² + G⁻¹)⁻¹ without G⁻¹: a part may leave a direction open
-        gram = unit[:, None] * self.gram * unit
+        columns = self._rigid(self.seated)
+        gram = columns @ np.stack([self.covariance.solve(c) for c in columns]).T
+        gram = unit[:, None] * gram * unit
         rigid = rigid / unit
         return float(rigid @ np.linalg.solve(np.eye(6) + gram, gram @ rigid))
 
@@ -136,6 +151,14 @@ class Hidden:
         share = np.broadcast_to(shot.p_outlier, self.use.shape)[self.use] * far
         q = np.full(share.shape, OUTLIER_SHARE)
         return _bernoulli(np.maximum(share, 0) + OUTLIER_SHARE, q)
+
+
+def _movement(rigid: Floats, about: Floats) -> Floats:
+    """Turn (rad) about a point (mm), then shift (mm), as a matrix (4, 4)."""
+    out = np.eye(4)
+    out[:3, :3] = Rotation.from_rotvec(rigid[:3]).as_matrix()
+    out[:3, 3] = about - out[:3, :3] @ about + rigid[3:]
+    return out
 
 
 def _bernoulli(p: Floats, q: Floats) -> float:
