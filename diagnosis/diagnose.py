@@ -229,11 +229,15 @@ def _against_claims(
     the model, the effects found against claims, and the nominal noise
     """
     model, ws, unexplained = explanation.model, explanation.ws, explanation.unexplained
-    # what a law of light leaves of the mean passes for noise that isn't the same throughout
+    # what a law of light leaves of the mean passes for noise that isn't the same throughout;
+    # noise that goes with time or the line is the sensor's, and raises the level as well
     light = any(
         c.component is not None and c.component.relaxed.spanned for c in explanation.causes
     )
-    bent = any(s.channel == "mean" or (light and s.channel == "scale") for s in unexplained)
+    bent = any(
+        s.channel == "mean" or (s.channel == "scale" and (light or not s.of_surface))
+        for s in unexplained
+    )
     against_claims, plain_noise = texture(ready, explanation, bent=bent, withheld=withheld)
     if plain_noise is not ready.noise and ready.nominal is not None:
         model = sunken(ws, model, [f.effect for f in against_claims], withheld)

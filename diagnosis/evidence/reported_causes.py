@@ -7,6 +7,7 @@ from diagnosis.components.component import Component
 from diagnosis.evidence.assess import Assessment
 from diagnosis.settings import SETTINGS
 from sensors.effects.relaxed import Relaxed
+from sensors.view.covariates import COVARIATES
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -81,6 +82,14 @@ class Unexplained:
     size: float
     repeats: float = 0.0
     relaxed: Relaxed | None = None
+
+    @property
+    def of_surface(self) -> bool:
+        """Whether it may be the surface's: what goes with time, profiles or columns is not."""
+        if self.relaxed is None or self.relaxed.each:
+            return False
+        frames = {COVARIATES[name].frame for name in self.relaxed.along}
+        return not frames & {"time", "travel", "sensor"}
 
 
 def unnamed(causes: Iterable[Cause]) -> list[Unexplained]:

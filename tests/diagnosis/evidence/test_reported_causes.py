@@ -4,7 +4,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diagnosis.evidence.reported_causes import Cause, not_yet_named, shares_by_effect
+from diagnosis.evidence.reported_causes import (
+    Cause,
+    Unexplained,
+    not_yet_named,
+    shares_by_effect,
+)
+from sensors.effects.relaxed import Relaxed
 
 EFFECTS = {"bow, even": "line_bow", "bow, any": "line_bow", "form": "form_error", "other": ""}
 
@@ -36,3 +42,18 @@ def test_known_names_are_left_out() -> None:
     causes = [cause("line_bow"), cause("form_error")]
     assert [c.name for c in not_yet_named(causes, ["line_bow"])] == ["form_error"]
     assert not_yet_named(causes, []) == causes
+
+
+@pytest.mark.parametrize(
+    ("form", "of_surface"),
+    [
+        (Relaxed(channel="scale", along=("part_x", "part_y")), True),
+        (Relaxed(channel="scale", along=("x", "depth")), False),
+        (Relaxed(channel="scale", each="profile"), False),
+    ],
+)
+def test_what_goes_with_time_or_the_line_is_no_surface(form: Relaxed, of_surface: bool) -> None:
+    one = Unexplained(
+        component="noise", channel="scale", probability=0.9, nats=9.0, size=0.1, relaxed=form
+    )
+    assert one.of_surface is of_surface
