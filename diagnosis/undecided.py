@@ -83,9 +83,9 @@ def _shared_anew(
 
     Parameters
     ----------
-    others : names of the other causes
+    others : names of the other causes, which stay alternatives
     """
-    taken = {m.candidate.effect for m in members if m is not member} | {*others} - {cause.name}
+    taken = {m.candidate.effect for m in members if m is not member}
     named = {n: p for n, p in [(cause.name, cause.probability), *cause.alternatives]
              if n not in taken}  # fmt: skip
     ways = {
@@ -99,10 +99,12 @@ def _shared_anew(
     total, most = sum(named.values()), logsumexp(list(odds.values()))
     shares = {n: total * float(np.exp(o - most)) for n, o in odds.items()}
     order = sorted(shares, key=lambda n: -shares[n])
-    best = order[0]
+    best = next(n for n in order if n == cause.name or n not in others)
     likeliest = max(ways[best], key=lambda c: ways[best][c])
     return replace(
         cause, name=best, probability=shares[best],
         component=cause.component if best == cause.name else likeliest.component,
-        alternatives=tuple((n, shares[n]) for n in order[1:] if shares[n] > SETTINGS.offered),
+        alternatives=tuple(
+            (n, shares[n]) for n in order if n != best and shares[n] > SETTINGS.offered
+        ),
     )  # fmt: skip
