@@ -50,8 +50,8 @@ class Kind:
     changes : the same (2 sizes - 1,) of steps of the grid of sizes, from what an instrument has to
         what changes from one of its recordings of a part to another
     makes : how many makes its instruments are of
-    columns : how its files say that columns lie, which decides about its noise and losses; "" for
-        either way
+    columns : how its files say that columns lie, which decides about all but light at edges; ""
+        for either way
     """
 
     name: str
@@ -100,9 +100,10 @@ class Population:
         return changed(mean) if where[0] == LAW else mean
 
     def of_files(self, columns: str) -> "Population":
-        """Keep kinds silent of noise, losses and outliers whose files say otherwise of columns.
+        """Keep kinds silent of all but light at edges whose files say otherwise of columns.
 
-        A reading between two rays has less noise than one on a ray, and is lost with either.
+        A reading between two rays has less noise than one on a ray, is lost with either, and what
+        interpolating leaves along the line is another in each recording.
         """
 
         def told(by: Mapping[str, Floats]) -> Mapping[str, Floats]:

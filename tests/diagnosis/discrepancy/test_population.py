@@ -87,14 +87,14 @@ def test_recordings_show_their_kind() -> None:
     assert kinds_of(here, nothing | {"bow": seen_as(0.1)}, good=False)["mean"][0] > 0.8
 
 
-def test_a_kind_says_nothing_of_noise_and_losses_where_columns_lie_otherwise() -> None:
+def test_a_kind_says_nothing_but_of_edges_where_columns_lie_otherwise() -> None:
     flat = np.full(3, 1 / 3)
     own = Kind(name="a", weights={n: flat for n in (
         "bow", "law: finite_spot", "scale: light_falloff", "missing: light_falloff",
     )}, columns="even_x")
     here = Population(kinds=(own,))
     assert here.of_files("even_x").kinds[0].weights.keys() == own.weights.keys()
-    assert here.of_files("even_angle").kinds[0].weights.keys() == {"bow", "law: finite_spot"}
+    assert here.of_files("even_angle").kinds[0].weights.keys() == {"law: finite_spot"}
 
 
 def test_what_no_kind_was_seen_to_have_is_as_in_the_others() -> None:
