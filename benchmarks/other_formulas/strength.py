@@ -1,8 +1,9 @@
 """Whitened signal to noise of what formulas change, pose projected out, edges included.
 
 The pose is where the part lies, which every diagnosis has to fit: turned and shifted in its own
-frame, so that a tilt along the travel is none of a drift's or a bend's signal. The noise's covariance is known exactly (speckle.py), so that this is a closed calculation: sqrt of
-twice the expected log likelihood ratio between the recordings with and without the change.
+frame, so that a tilt along the travel is none of a drift's or a bend's signal. The noise's
+covariance is known exactly (speckle.py), so that this is a closed calculation: sqrt of twice the
+expected log likelihood ratio between the recordings with and without the change.
 """
 
 from collections.abc import Callable, Sequence
