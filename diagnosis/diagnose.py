@@ -189,7 +189,7 @@ def _refuted(explanation: Explanation, judged: "_Judged") -> bool:
         f.heldout_gain < 0 for f in judged.found
     ):
         return True
-    worse = judged.after.log_score - judged.before.log_score
+    worse = judged.after.log_score - judged.bare.log_score
     readings = sum(int(p.scored.sum()) for p in judged.nominal.held)
     lost = readings * worse
     return lost > 0 and lost > gained(explanation.ws, explanation.model, Model())
@@ -207,6 +207,7 @@ class _Judged:
 
     Attributes
     ----------
+    before, bare : of the nominal model, with its noise and with that of the recordings
     nominal : the nominal model at its placements
     """
 
@@ -214,6 +215,7 @@ class _Judged:
     causes: list[Cause]
     found: tuple[FoundEffect, ...]
     before: Judgement
+    bare: Judgement
     after: Judgement
     candidates: Candidates
     nominal: Placed
@@ -266,7 +268,10 @@ def _judge_on_heldout(
         (ready.patches, explanation.patches), model, ready.noise, share_own=share_own,
     )  # fmt: skip
     nominal = candidates.placed(Model())
-    before = judge(nominal.held, plain_noise, Model(), share_own=share_own)
+    before, bare = (
+        judge(nominal.held, noise, Model(), share_own=share_own)
+        for noise in (plain_noise, ready.noise)
+    )
     found, after = found_effects(ws, model, causes, candidates)
     scored = sum(int(p.scored.sum()) for p in nominal.held)
     while len(found) > 1 and (idle := _idle(found, scored, ws, model)):
@@ -278,7 +283,7 @@ def _judge_on_heldout(
         model = refined(ws, model)
         found, after = found_effects(ws, model, causes, candidates)
     return _Judged(
-        model=model, causes=causes, found=found, before=before, after=after,
+        model=model, causes=causes, found=found, before=before, bare=bare, after=after,
         candidates=candidates, nominal=nominal,
     )  # fmt: skip
 

@@ -123,7 +123,8 @@ class Weighing:
     Attributes
     ----------
     causes : by name, each against a good instrument
-    usual : what a good instrument has that explains most; None where that is no more than chance
+    usual : what a good instrument has that explains most; None where that is no more than chance,
+        and where beside it no other candidate could have odds above one
     """
 
     causes: Mapping[str, Weighed]
@@ -199,7 +200,8 @@ class CauseSearch:
         """
         sizes = self.scales.sizes
         found: dict[str, tuple[float, int, float]] = {}
-        nothing, usual = 0.0, None
+        nothing = 0.0
+        usual: Active | None = None
         for c in candidates:
             factors, over = c.log_factors(posteriors[c.at_edges].cavity(Term(at=c.at)), sizes)
             quiet = np.log(np.maximum(self.scales.of(c.key), 1e-300))
@@ -209,12 +211,16 @@ class CauseSearch:
             nats = float(logsumexp(over + np.log(self.scales.changed(c.key))))
             _, variant, size = _likeliest(c, factors, sizes)
             found[c.name] = nats, variant, size
+        hidden = usual is not None and any(
+            found[c.name][0] + self.log_odds(c) > 0
+            for c in candidates if _cause(c) != _cause(usual[0])
+        )  # fmt: skip
         return Weighing(
             causes={
                 n: Weighed(nats=nats - nothing, variant=v, size=s)
                 for n, (nats, v, s) in found.items()
             },
-            usual=usual if nothing >= SETTINGS.stands_out else None,
+            usual=usual if hidden and nothing >= SETTINGS.stands_out else None,
         )
 
     def log_odds(self, candidate: Candidate) -> float:

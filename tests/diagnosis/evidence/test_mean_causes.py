@@ -63,11 +63,16 @@ def test_usual_departures_are_no_causes() -> None:
 def test_a_cause_is_found_beside_what_a_good_instrument_has_more_of() -> None:
     readings = LinearReadings.drawn({"line_bow": 0.3, "form_error": 0.1}, seed=4)
     worlds = dict.fromkeys((False, True), World(found=readings.gram.equations))
-    usual = np.where(np.isclose(readings.sizes, 0.256), 1.0, 0.0)
-    scales = Scales(sizes=readings.sizes, weights={"line_bow": usual})
-    (found,) = CauseSearch(worlds, readings.candidates, scales, scales).search()
+    few, most = (np.where(np.isclose(readings.sizes, size), 1.0, 0.0) for size in (0.256, 0.002))
+    scales = Scales(sizes=readings.sizes, weights={"line_bow": 0.4 * few + 0.6 * most})
+    search = CauseSearch(worlds, readings.candidates, scales, scales)
+    (found,) = search.search()
     assert found.candidate.effect == "form_error"
     assert found.shares["form_error"] > 0.99
+    # beside it nothing is left that could be a cause: what is usual needs no more looking at
+    form = next(c for c in readings.candidates if c.effect == "form_error")
+    assert [c.effect for c, _, _ in search.usual_beside([])] == ["line_bow"]
+    assert search.usual_beside([(form, 0, 0.128)]) == []
 
 
 def test_what_no_size_explains_is_no_change() -> None:
