@@ -74,7 +74,7 @@ def diagnose(
         withheld |= CATALOGUE.keys()
     ready, explanation = _explained(ready, known, withheld, notes, progress)
     if not inputs.holdout:
-        explanation = weighed_on_all(explanation, ready, withheld)
+        explanation = weighed_on_all(explanation, ready, withheld, notes)
     if stuck is not None:
         explanation = replace(explanation, unexplained=(stuck, *explanation.unexplained))
     progress("judging on held-out readings")

@@ -1,19 +1,17 @@
-"""Causes that the fitted readings can't tell apart, weighed on the readings held out as well.
+"""Causes weighed on the readings held out as well.
 
 Nothing is fitted to these. What they add to the evidence of a cause is how well it predicts them,
-given the fitted ones: its coefficients are integrated.
+given the fitted ones: its coefficients are integrated. They decide between causes that the fitted
+readings can't tell apart, and speak against one that was there by chance.
 """
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
-import numpy as np
-from scipy.special import logsumexp
-
 from diagnosis.data.patch import all_fitted
 from diagnosis.evidence.assess import weighed_again
 from diagnosis.evidence.mean_causes import Member
-from diagnosis.evidence.reported_causes import Cause
+from diagnosis.evidence.reported_causes import Cause, shares_by_effect
 from diagnosis.evidence.seen import Seen, seen
 from diagnosis.explanation import Explanation, fitted_part
 from diagnosis.model.model import Model
@@ -24,9 +22,9 @@ from diagnosis.settings import SETTINGS
 
 
 def weighed_on_all(
-    explanation: Explanation, ready: Prepared, withheld: frozenset[str]
+    explanation: Explanation, ready: Prepared, withheld: frozenset[str], notes: list[str]
 ) -> Explanation:
-    """Weigh causes with alternatives on all readings; where another one is likelier, fit that."""
+    """Weigh causes on all readings; where another one is likelier, fit that; drop the unlikely."""
     places = {c.name: m for c in explanation.causes for m in _places(c, explanation.members)}
     if not places:
         return explanation
@@ -45,8 +43,12 @@ def weighed_on_all(
         others = {c.name for c in explanation.causes if c is not cause} | {c.name for c in causes}
         causes.append(cause if anew is None else _shared_anew(cause, anew, members, now, others))
     renamed = [c for was, c in zip(explanation.causes, causes, strict=True) if was.name != c.name]
-    if not renamed:
+    unlikely = [c.name for c in causes if 1 - c.none_of_these <= SETTINGS.reported]
+    if not renamed and not unlikely:
         return replace(explanation, causes=tuple(causes))
+    notes += [f"{name}: held-out readings speak against it" for name in unlikely]
+    renamed = [c for c in renamed if c.name not in unlikely]
+    causes = [c for c in causes if c.name not in unlikely]
     names = {c.name for c in causes}
     for was in explanation.causes:
         if was.name not in names:
@@ -68,7 +70,7 @@ def _places(cause: Cause, members: Sequence[Member]) -> list[Member]:
     Laws of light at edges are compared as they are fitted.
     """
     names = {cause.name, *(n for n, _ in cause.alternatives)}
-    if len(names) == 1 or cause.channel != "mean":
+    if cause.channel != "mean":
         return []
     found = [m for m in members if m.candidate.effect in names]
     return [m for m in found[:1] if not m.candidate.component.relaxed.spanned]
@@ -85,26 +87,21 @@ def _shared_anew(
     ----------
     others : names of the other causes, which stay alternatives
     """
-    taken = {m.candidate.effect for m in members if m is not member}
-    named = {n: p for n, p in [(cause.name, cause.probability), *cause.alternatives]
-             if n not in taken}  # fmt: skip
-    ways = {
-        n: {c: member.odds[c.name] for c in now.candidates
-            if c.effect == n and c.name in member.odds}
-        for n in named
-    }  # fmt: skip
-    odds = {n: float(logsumexp(list(own.values()))) for n, own in ways.items() if own}
-    if cause.name not in odds:
+    effects = {c.name: c.effect for c in now.candidates}
+    named, rest = shares_by_effect(member.shares, effects)
+    if cause.name not in named:
         return cause
-    total, most = sum(named.values()), logsumexp(list(odds.values()))
-    shares = {n: total * float(np.exp(o - most)) for n, o in odds.items()}
-    order = sorted(shares, key=lambda n: -shares[n])
-    best = next(n for n in order if n == cause.name or n not in others)
-    likeliest = max(ways[best], key=lambda c: ways[best][c])
+    taken = {m.candidate.effect for m in members if m is not member}
+    rest += sum(named.pop(n, 0.0) for n in taken)
+    order = sorted(named, key=lambda n: -named[n])
+    may = {cause.name, *(n for n, _ in cause.alternatives if n not in others)}
+    best = next(n for n in order if n in may)
+    ways = [c for c in now.candidates if c.effect == best and c.name in member.odds]
+    likeliest = max(ways, key=lambda c: member.odds[c.name])
     return replace(
-        cause, name=best, probability=shares[best],
+        cause, name=best, probability=named[best], none_of_these=rest,
         component=cause.component if best == cause.name else likeliest.component,
         alternatives=tuple(
-            (n, shares[n]) for n in order if n != best and shares[n] > SETTINGS.offered
+            (n, named[n]) for n in order if n != best and named[n] > SETTINGS.offered
         ),
     )  # fmt: skip
