@@ -26,8 +26,8 @@ precision counts sets that hold a hidden effect, each effect once. A habit is a 
 baselines have as well: nothing has changed, and silence is right. A sample is the first cases of a
 seed's plan, which has all kinds in proportion. Calibration seeds (0-99) may be opened by anybody.
 Validation (100-199) and test (200-299) are judged in aggregate; no case of the test is printed.
-Commits before af8979d scaled cases with the sensor's seat projected out in place of the part's: what looks
-like a tilt of the part along the travel (drifts, bends, scales) had far less signal than stated.
+Commits before af8979d scaled cases with the sensor's seat projected out in place of the part's:
+what looks like a tilt of the part along the travel (drifts, bends) had less signal than stated.
 """
 
 
