@@ -268,10 +268,10 @@ def _judge_on_heldout(
         (ready.patches, explanation.patches), model, ready.noise, share_own=share_own,
     )  # fmt: skip
     nominal = candidates.placed(Model())
-    before, bare = (
-        judge(nominal.held, noise, Model(), share_own=share_own)
-        for noise in (plain_noise, ready.noise)
-    )
+    before = judge(nominal.held, plain_noise, Model(), share_own=share_own)
+    bare = before
+    if plain_noise is not ready.noise:
+        bare = judge(nominal.held, ready.noise, Model(), share_own=share_own)
     found, after = found_effects(ws, model, causes, candidates)
     scored = sum(int(p.scored.sum()) for p in nominal.held)
     while len(found) > 1 and (idle := _idle(found, scored, ws, model)):

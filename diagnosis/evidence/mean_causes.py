@@ -232,9 +232,7 @@ class CauseSearch:
         active: list[Active] = []
         usual: list[Active] = []
         while len(active) < SETTINGS.most_causes:
-            taken = {_cause(c) for c, _, _ in (*active, *usual)}
-            free = [c for c in self.candidates if _cause(c) not in taken]
-            best, habit = self._best([*usual, *active], free)
+            best, habit = self._best([*usual, *active])
             if best is not None:
                 active.append(best)
                 if best[0].component.relaxed.spanned:
@@ -250,16 +248,18 @@ class CauseSearch:
         """List what a good instrument has beside a set, one after the other."""
         usual: list[Active] = []
         while True:
-            taken = {_cause(c) for c, _, _ in (*active, *usual)}
-            free = [c for c in self.candidates if _cause(c) not in taken]
-            habit = self.weigh(self.posteriors([*usual, *active]), free).usual
+            beside = [*usual, *active]
+            habit = self.weigh(self.posteriors(beside), self._free(beside)).usual
             if habit is None:
                 return usual
             usual.append(habit)
 
-    def _best(
-        self, active: Sequence[Active], free: Sequence[Candidate]
-    ) -> tuple[Active | None, Active | None]:
+    def _free(self, active: Sequence[Active]) -> list[Candidate]:
+        """List the candidates whose causes aren't in a set."""
+        taken = {_cause(c) for c, _, _ in active}
+        return [c for c in self.candidates if _cause(c) not in taken]
+
+    def _best(self, active: Sequence[Active]) -> tuple[Active | None, Active | None]:
         """Pick the candidate of the largest odds beside a set; None where none has any.
 
         The first choice tells how large the signal is; the second is made with its law in doubt.
@@ -268,6 +268,7 @@ class CauseSearch:
         -------
         the candidate; where there is none, what good instruments have that explains most
         """
+        free = self._free(active)
         tried: list[Active] = []
         for _ in range(2):
             weighing = self.weigh(self.posteriors(active, tried), free)
@@ -299,8 +300,7 @@ class CauseSearch:
         whole = self.posteriors([*usual, *active]) if active else {}
         for i, (c, v, s) in enumerate(active):
             rest = [*usual, *active[:i], *active[i + 1 :]]
-            taken = {_cause(o) for o, _, _ in rest}
-            free = [o for o in self.candidates if _cause(o) not in taken]
+            free = self._free(rest)
             without = self.posteriors(rest, [(c, v, s)])
             weighed = self.weigh(without, free).causes
             odds = {o.name: weighed[o.name].nats + self.log_odds(o) for o in free} | {"": 0.0}

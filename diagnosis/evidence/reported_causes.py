@@ -88,8 +88,7 @@ class Unexplained:
         """Whether it may be the surface's: what goes with time, profiles or columns is not."""
         if self.relaxed is None or self.relaxed.each:
             return False
-        frames = {COVARIATES[name].frame for name in self.relaxed.along}
-        return not frames & {"time", "travel", "sensor"}
+        return all(COVARIATES[name].frame == "part" for name in self.relaxed.along)
 
 
 def unnamed(causes: Iterable[Cause]) -> list[Unexplained]:
