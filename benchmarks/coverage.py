@@ -2,8 +2,8 @@
 
 Each simulation takes two recordings of the bench anew (noise, placement), registers them,
 calibrates their noise and fits the one effect that is in them, started at the truth: this measures
-the interval's formula, not the search. Coverage's own 95 % interval is Clopper and Pearson's
-(Biometrika 26 (1934) 404).
+the interval's formula for chance, not the search, nor the spread of good instruments. Coverage's
+own 95 % interval is Clopper and Pearson's (Biometrika 26 (1934) 404).
 
     python -m benchmarks.coverage [--simulations 30] [--strength 24] [--effects line_bow ...]
 """
@@ -64,7 +64,7 @@ def simulate(name: str, entry: Entry, seed: int) -> Iterator[Held]:
     if fitted is None or fitted.effect.is_null:
         return
     model = refined(ws, ws.levelled(Model().with_effect(fitted.effect, fitted.own)))
-    for parameter, found in intervals(ws, model)[name].items():
+    for parameter, found in intervals(ws, model, {})[name].items():
         true = float(getattr(truth, parameter))
         if found.low is None or found.high is None:
             yield Held(effect=name, parameter=parameter, held=None, width_over_error=np.nan)

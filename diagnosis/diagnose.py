@@ -19,8 +19,8 @@ from diagnosis.explain import explain
 from diagnosis.explanation import Explanation
 from diagnosis.localise.maps import RecordingMaps, map_recording
 from diagnosis.localise.residual_structure import residual_structure
-from diagnosis.model.edge_shrinkage import shrunk_at_edges
 from diagnosis.model.model import Model
+from diagnosis.model.shrinkage import shrunk
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.uncertainty import refined
@@ -314,7 +314,7 @@ def _maps(
 ) -> list[RecordingMaps]:
     """Draw each recording's maps; without a place of its own an effect concerns every reading."""
     ws, noise = explanation.ws, ready.noise
-    finally_placed = judged.candidates.placed(shrunk_at_edges(ws, judged.model))
+    finally_placed = judged.candidates.placed(shrunk(ws, judged.model))
     # a mismatch is held against the noise of an instrument without it
     noise_ratio = 1.0 if ready.nominal is None else ready.nominal.sd_mm / noise.sd_mm
     for blur in blurs(judged.model):

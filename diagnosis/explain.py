@@ -50,7 +50,7 @@ def explain(
         recorded=ready.recorded, patches=ready.patches, placed=ready.placed, model=Model(),
         causes=(), first=first, now=first, before=before,
     )  # fmt: skip
-    good = Good(noise=noise, scales=scales, baseline=baseline)
+    good = Good(noise=noise, scales=scales, departures=departures, baseline=baseline)
     members: tuple[Member, ...] = ()
     unexplained: list[Unexplained] = []
     before_law: _BeforeLaw | None = None

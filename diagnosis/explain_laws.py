@@ -8,8 +8,10 @@ import numpy as np
 from diagnosis.components.component import Component, laws_stated
 from diagnosis.data.patch import Patch
 from diagnosis.evidence.assess import Assessment
+from diagnosis.evidence.mean_causes import Scales
 from diagnosis.evidence.reported_causes import Cause
 from diagnosis.evidence.seen import Seen, seen
+from diagnosis.evidence.usual_share import usual_share
 from diagnosis.explanation import Progress, State, Tried, completed, fitted_part
 from diagnosis.fields import Field
 from diagnosis.model.model import Model
@@ -39,12 +41,14 @@ class Good:
 
     Attributes
     ----------
-    scales : probability of each component's sizes
+    scales : probability of each component's sizes; of each change beside baselines
+    departures : of what it departs from the nominal model by
     baseline : its recordings, where there are some
     """
 
     noise: NoiseModel
     scales: Mapping[str, Field]
+    departures: Mapping[str, Field]
     baseline: Sequence[Patch]
 
     def seen_by(self, sheet: Datasheet) -> Workspace | None:
@@ -70,6 +74,7 @@ def by_law(
 ) -> State:
     """Fit the law of a cause that was weighed by a free curve, and look again."""
     progress(f"fitting {cause.name}")
+    cause = _with_usual_share(cause, state.now, found, good)
     completing = _completed(state, cause, good.noise, notes)
     ws = fitted_part(completing.patches, good.noise)
     model, (fitted,) = fit_laws([cause], ws, state.model)
@@ -80,6 +85,14 @@ def by_law(
         )
         return replace(completing, refuted=state.refuted | {cause.name})
     return _explained_by(completing, found, model, fitted, good)
+
+
+def _with_usual_share(cause: Cause, now: Seen, found: Assessment, good: Good) -> Cause:
+    """Say how unsure the strength of a cause's law is by what good instruments have."""
+    departures = Scales(sizes=SETTINGS.mean_sizes(), weights=good.departures)
+    own = [m for m in found.mean if m.candidate.effect == cause.name]
+    unsure = [usual_share(m, now.bulk.matrix, now.candidates, departures) for m in own[:1]]
+    return replace(cause, unsure=sum(unsure))
 
 
 def by_law_at_edges(

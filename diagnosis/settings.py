@@ -71,9 +71,9 @@ class PredictSettings:
         default=2, unit="", low=0, whole=True,
         source="as at depth edges, whose reach is two points at least",
     )  # fmt: skip
-    edge_classes: tuple[float, ...] = quantity(
-        "sizes of a law's changes at edges, over the noise, at which classes with a share of their "
-        "own begin",
+    size_classes: tuple[float, ...] = quantity(
+        "sizes of a law's changes, over the noise, at which classes with a share of their own "
+        "begin",
         default=(0.0, 0.5, 1.0, 2.0, 4.0, 8.0), unit="σ", low=0.0,
         source="octaves from half of the noise",
     )  # fmt: skip
@@ -293,10 +293,10 @@ class ComponentsSettings:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ModelSettings:
-    """Shrinkage of laws at edges: `model/edge_shrinkage.py`."""
+    """Shrinkage of laws: `model/shrinkage.py`."""
 
     shrinkage_clip: float = quantity(
-        "deviations beyond which a reading or a change at an edge counts as that far off",
+        "deviations beyond which a reading or a law's change counts as that far off",
         default=10.0, unit="σ", low=0.0, source=CHOSEN,
     )  # fmt: skip
     shrinkage_readings: int = quantity(

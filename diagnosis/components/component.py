@@ -80,6 +80,10 @@ UNKNOWN: tuple[Component, ...] = (
 )  # fmt: skip
 
 
+LISTED, NOMINAL = " (listed)", " (nominal)"
+"""After a component's key, how the sensor's file states its law (`laws_stated`)."""
+
+
 def components_of(channel: str) -> tuple[Component, ...]:
     """Return all components of a channel, catalogued and unknown."""
     known = []
@@ -110,7 +114,7 @@ def laws_stated(listed: Iterable[Effect]) -> str:
 
 def unlisted(key: str) -> str:
     """Return a component's name without how the sensor's file states it."""
-    return key.removesuffix(" (listed)").removesuffix(" (nominal)")
+    return key.removesuffix(LISTED).removesuffix(NOMINAL)
 
 
 def with_pitches(

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from diagnosis.components.component import components_of, unlisted
+from diagnosis.components.component import LISTED, NOMINAL, components_of, unlisted
 from diagnosis.evidence.changed_sizes import changed
 from sensors.effects.relaxed import Relaxed
 
@@ -90,14 +90,25 @@ class Population:
         """Mean of the probabilities of all components that are weighed alike.
 
         No law of light at edges is like another: an instrument of an unlike make has what changed
-        ones have. No size is then more than K + 1 times likelier in a changed instrument.
+        ones have. No size is then more than K + 1 times likelier in a changed instrument. Where its
+        maker lists the law as measured, it has no more than where only nominal numbers are stated.
         """
         where = _where(component)
+        if where[0] == LAW and (plain := unlisted(component)) + LISTED == component:
+            less_known = self._of_makes(plain + NOMINAL)
+            if less_known is not None:
+                return less_known
         like = [w for k in self.kinds for name, w in k.weights.items() if _where(name) == where]
         if not like:
             return None
         mean = np.asarray(np.mean(like, axis=0))
         return changed(mean) if where[0] == LAW else mean
+
+    def _of_makes(self, component: str) -> Floats | None:
+        """Probability of a component's sizes, each make alike; None where no kind has it."""
+        weights = self.weights(component)
+        makes = self.makes * [component in k.weights for k in self.kinds]
+        return None if weights is None or not makes.any() else makes @ weights / makes.sum()
 
     def of_files(self, columns: str) -> "Population":
         """Keep kinds silent of all but light at edges whose files say otherwise of columns.

@@ -69,6 +69,10 @@ class Scales:
         """Return the size that most good instruments stay below."""
         return float(self.sizes[usual(self.of(name))])
 
+    def rms(self, name: str) -> float:
+        """Return the root of the mean square of a component's size in good instruments."""
+        return float(np.sqrt(self.of(name) @ np.square(self.sizes)))
+
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Member:

@@ -26,6 +26,7 @@ class Cause:
     size : of the component, whitened rms
     repeats : frequency (of what repeats) found; 0 for others
     component : by which it was found
+    unsure : relative standard deviation of the law's strength, by what good instruments have
     doubt : what speaks against the law, not against the cause; "" for nothing
     """
 
@@ -39,6 +40,7 @@ class Cause:
     size: float = 0.0
     repeats: float = 0.0
     component: Component | None = None
+    unsure: float = 0.0
     doubt: str = ""
 
     def doubted(self, why: str) -> "Cause":

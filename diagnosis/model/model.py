@@ -4,7 +4,7 @@ from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, replace
 
 from diagnosis.components.free_curve import Curve
-from diagnosis.predict.expectation import EdgeShares
+from diagnosis.predict.expectation import Shares
 from diagnosis.predict.prediction import effects_for
 from sensors.effects.base import Effect
 
@@ -20,8 +20,8 @@ class Model:
     own: OwnParameters = field(default_factory=dict)
     level: float = 1.0
     """Factor on the calibrated noise, where an effect changes what it was calibrated over."""
-    shares: EdgeShares | None = None
-    """How much of what effects change at depth edges counts; wholly where None."""
+    shares: Shares | None = None
+    """How much of what effects change counts; wholly where None."""
     curve: Curve = Curve()
     """What laws leave of their causes."""
 
@@ -33,7 +33,7 @@ class Model:
             for r, of in sorted(self.own.items())
             for e, values in sorted(of.items())
         )
-        shares = None if self.shares is None else self.shares.shares.tobytes()
+        shares = None if self.shares is None else self.shares.key
         return self.effects, own, self.level, shares, self.curve
 
     def with_effect(

@@ -7,8 +7,10 @@ independent, each recording's placement and the noise's level profiled out. Then
 
 (Huber, Proc. 5th Berkeley Symp. (1967) 221; White, Econometrica 50 (1982) 1), whatever the noise
 is, and an interval reaches t(0.975, n - p) deviations to each side. A phase of a recording is a
-parameter like any other: a frequency is known the less for it. `benchmarks/coverage.py` measures
-how often the intervals hold the truth. What lives on depth edges has none: there it failed.
+parameter like any other: a frequency is known the less for it. A strength is that of the fault and
+of what a good instrument has of its kind: the spread of good ones (evidence/usual_share.py) adds in
+quadrature. `benchmarks/coverage.py` measures how often the intervals hold the truth. What lives on
+depth edges has none: there it failed.
 """
 
 from collections.abc import Mapping
@@ -20,7 +22,7 @@ from scipy.special import stdtrit
 from diagnosis.fields import Field
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
-from diagnosis.physics.curvature import fitted_numbers, quadratic
+from diagnosis.physics.curvature import Quadratic, fitted_numbers, quadratic
 
 LEVEL = 0.95
 ROUNDS = 3
@@ -45,8 +47,13 @@ class Estimate:
 Intervals = dict[str, dict[str, Estimate]]
 
 
-def intervals(ws: Workspace, model: Model) -> Intervals:
-    """Estimate each number that the recordings share, by effect; model at the best fit."""
+def intervals(ws: Workspace, model: Model, unsure: Mapping[str, float]) -> Intervals:
+    """Estimate each number that the recordings share, by effect; model at the best fit.
+
+    Parameters
+    ----------
+    unsure : relative standard deviation of each effect's strength by what good instruments have
+    """
     out: Intervals = {
         e.name: {n: Estimate(value=float(getattr(e, n))) for n in fitted_numbers(e)}
         for e in model.effects
@@ -57,7 +64,8 @@ def intervals(ws: Workspace, model: Model) -> Intervals:
     sd = np.sqrt(np.diag(sandwich(about.slopes, about.curvature))) * about.steps
     dof = max(about.slopes.shape[1] - len(about.numbers), 1)
     reach = float(stdtrit(dof, 0.5 + LEVEL / 2))
-    for number, half in zip(about.numbers, reach * sd, strict=True):
+    total = np.hypot(sd, _by_good_ones(about, model, unsure))
+    for number, half in zip(about.numbers, reach * total, strict=True):
         if number.recording is not None:
             continue
         value = number.value(model)
@@ -66,6 +74,25 @@ def intervals(ws: Workspace, model: Model) -> Intervals:
         out[number.effect][number.name] = Estimate(
             value=value, low=float(max(value - half, low)), high=float(min(value + half, high))
         )
+    return out
+
+
+def _by_good_ones(about: Quadratic, model: Model, unsure: Mapping[str, float]) -> Field:
+    """Return the deviation of each number by what good instruments have: 0 but of strengths.
+
+    An effect's strengths θ change readings by the energy θ'Aθ; a share of its root may be another's
+    that one of them takes up alone.
+    """
+    out = np.zeros(len(about.numbers))
+    information = about.curvature / np.outer(about.steps, about.steps)
+    for effect, share in unsure.items():
+        at = [
+            k for k, n in enumerate(about.numbers)
+            if n.effect == effect and n.kind(model).parameter(n.name).linear
+        ]  # fmt: skip
+        strengths = np.array([about.numbers[k].value(model) for k in at])
+        own = information[np.ix_(at, at)]
+        out[at] = share * np.sqrt(max(float(strengths @ own @ strengths), 0.0) / np.diag(own))
     return out
 
 

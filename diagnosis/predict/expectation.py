@@ -1,9 +1,9 @@
 """The expectation of a reading under a model: one function for fits, judge and maps.
 
-No law is exact at depth edges: where a line is cut or lies on a crease, a reading depends on
-optics and on peak finders that a few numbers don't describe. What a model changes there counts by
-a share learnt from fitted readings (edge_shrinkage.py). What moves the sensor is cast, and counts
-whole.
+No law is exact: at a depth edge, in a corner, a reading depends on optics and on peak finders that
+a few numbers don't describe. What a model changes counts by a share learnt from fitted readings, of
+small changes and large, off edges and at them (model/shrinkage.py). What moves the sensor is cast,
+and counts whole.
 """
 
 from collections.abc import Sequence
@@ -24,20 +24,26 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class EdgeShares:
-    """Share of a change at edges that fitted readings support, for each class of sizes."""
+class Shares:
+    """Share of a change that fitted readings support, for each class of sizes."""
 
-    shares: Field
+    off_edges: Field
+    at_edges: Field
 
-    def of(self, change: Field) -> Field:
+    def of(self, change: Field, edge: Mask) -> Field:
         """Return the share for changes (any shape) in units of the noise."""
-        size = np.abs(np.nan_to_num(change))
-        return np.asarray(self.shares[edge_class(size)])
+        which = size_class(np.abs(np.nan_to_num(change)))
+        return np.where(edge, self.at_edges[which], self.off_edges[which])
+
+    @property
+    def key(self) -> bytes:
+        """What equal shares have in common."""
+        return self.off_edges.tobytes() + self.at_edges.tobytes()
 
 
-def edge_class(size: Field) -> NDArray[np.intp]:
-    """Class of changes at edges by their sizes (any shape), in units of the noise."""
-    return np.searchsorted(SETTINGS.predict.edge_classes, size, side="right") - 1
+def size_class(size: Field) -> NDArray[np.intp]:
+    """Class of changes by their sizes (any shape), in units of the noise."""
+    return np.searchsorted(SETTINGS.predict.size_classes, size, side="right") - 1
 
 
 def bending_effects(effects: Sequence[Effect]) -> list[Effect]:
@@ -53,9 +59,9 @@ def expect(
     *,
     softness: tuple[Field, Field] | None = None,
     level: float = 1.0,
-    shares: EdgeShares | None = None,
+    shares: Shares | None = None,
 ) -> Prediction:
-    """Predict readings, what effects change at edges by the share that readings support.
+    """Predict readings, what effects change by the share that readings support.
 
     Parameters
     ----------
@@ -68,6 +74,6 @@ def expect(
     if shares is None or not bending:
         return law
     change = law_of(view, bending, noise).mean_mm - law_of(view, (), noise).mean_mm
-    at_edges = np.where(edge, np.nan_to_num(change), 0.0)
-    kept = shares.of(at_edges / noise.sd_mm)
-    return replace(law, mean_mm=law.mean_mm - (1.0 - kept) * at_edges)
+    change = np.nan_to_num(change)
+    kept = shares.of(change / noise.sd_mm, edge)
+    return replace(law, mean_mm=law.mean_mm - (1.0 - kept) * change)

@@ -5,8 +5,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from diagnosis.evidence.reported_causes import Cause
-from diagnosis.model.edge_shrinkage import shrunk_at_edges
 from diagnosis.model.model import Model
+from diagnosis.model.shrinkage import shrunk
 from diagnosis.model.workspace import Workspace
 from diagnosis.physics.joint_fit import refit_linear
 from diagnosis.physics.uncertainty import Estimate, intervals
@@ -60,12 +60,12 @@ def found_effects(
     """
 
     def judged(trial: Model) -> Judgement:
-        placed = candidates.placed(shrunk_at_edges(ws, trial))
+        placed = candidates.placed(shrunk(ws, trial))
         return judge(placed.held, ws.noise, placed.model, share_own=candidates.share_own)
 
     gains, after = heldout_gains(ws, model, judged)
     chosen = {c.name: c for c in causes}
-    bounds = intervals(ws, model)
+    bounds = intervals(ws, model, {c.name: c.unsure for c in causes})
     out = []
     for effect in model.effects:
         cause = chosen.get(effect.name)

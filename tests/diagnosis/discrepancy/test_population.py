@@ -200,3 +200,17 @@ def test_one_small_change_is_no_promise_of_the_next() -> None:
     assert told.sum() == pytest.approx(1.0)
     assert told[SIZES > 0.1].sum() == pytest.approx(0.5 * (SIZES > 0.1).mean(), abs=1e-3)
     assert told[0] > 2 / SIZES.size
+
+
+def test_a_law_that_is_measured_is_off_by_no_more_than_one_that_is_nominal() -> None:
+    nominal = np.array([0.1, 0.8, 0.1, 1e-9, 1e-9])
+    many = Kind(name="many", weights={"law: motion_blur (nominal)": nominal}, makes=70)
+    one = Kind(name="one", weights={"law: motion_blur (listed)": np.array([0.8, 0.2, 0, 0, 0])})
+    alone = Population(kinds=(one,)).weights("law: motion_blur (listed)")
+    beside = Population(kinds=(one, many)).weights("law: motion_blur (listed)")
+    assert alone is not None
+    assert beside is not None
+    # of one make, an unlike one has what changed ones have; of many nominal ones, hardly so
+    assert alone[0, -1] > 0.05
+    assert 1e-4 < beside[0, -1] < 0.1 * alone[0, -1]
+    assert beside[0, 0] == pytest.approx(0.5 * 0.8 + 0.5 * nominal[0], abs=0.01)

@@ -63,7 +63,7 @@ def test_a_bows_interval_is_that_of_generalised_least_squares() -> None:
         normal = columns.T @ columns + np.eye(columns.shape[1])
         bent = bent - columns @ np.linalg.solve(normal, columns.T @ bent)
         information += float(bent @ bent)
-    sag = intervals(ws, model)["line_bow"]["sag_um"]
+    sag = intervals(ws, model, {})["line_bow"]["sag_um"]
     assert sag.low is not None
     assert sag.high is not None
     naive = 1.96 / np.sqrt(information)
@@ -76,7 +76,7 @@ def test_a_frequency_is_known_the_less_for_phases_that_are_fitted() -> None:
     recordings = sorted({p.recording for p in ws.patches})
     phases = {r: {wave.name: {"phase_rad": 0.3}} for r in recordings}
     free, fixed = (
-        intervals(ws, Model(effects=(wave,), own=own))[wave.name]["frequency_hz"]
+        intervals(ws, Model(effects=(wave,), own=own), {})[wave.name]["frequency_hz"]
         for own in (phases, {})
     )
     assert None not in (free.low, free.high, fixed.low, fixed.high)
@@ -108,5 +108,5 @@ def test_newton_reaches_the_maximum_in_all_numbers_together() -> None:
 
 def test_what_lives_on_edges_has_no_interval() -> None:
     ws = bench_workspace("steps")
-    found = intervals(ws, Model(effects=(FiniteSpot(line_sd_um=200.0),)))["finite_spot"]
+    found = intervals(ws, Model(effects=(FiniteSpot(line_sd_um=200.0),)), {})["finite_spot"]
     assert found["line_sd_um"] == Estimate(value=200.0)

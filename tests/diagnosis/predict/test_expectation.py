@@ -1,11 +1,11 @@
-"""What a model changes at edges counts by its share; elsewhere, and under motion, whole."""
+"""What a model changes counts by its share, at edges by another; under motion whole."""
 
 import numpy as np
 import pytest
 
 from diagnosis.data.patch import Patch
 from diagnosis.model.workspace import Workspace
-from diagnosis.predict.expectation import EdgeShares, expect
+from diagnosis.predict.expectation import Shares, expect
 from diagnosis.predict.prediction import predict
 from diagnosis.settings import SETTINGS
 from sensors.effects.finite_spot import FiniteSpot
@@ -21,8 +21,8 @@ def ws() -> Workspace:
 
 
 def change(ws: Workspace, patch: Patch, share: float | None, *effects: object) -> np.ndarray:
-    classes = len(SETTINGS.predict.edge_classes)
-    shares = None if share is None else EdgeShares(shares=np.full(classes, share))
+    whole = np.ones(len(SETTINGS.predict.size_classes))
+    shares = None if share is None else Shares(off_edges=0.5 * whole, at_edges=share * whole)
     with_effects, without = (
         expect(patch.view, of, ws.noise, patch.edge, shares=shares) for of in (effects, ())
     )
@@ -30,13 +30,13 @@ def change(ws: Workspace, patch: Patch, share: float | None, *effects: object) -
 
 
 @pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
-def test_a_share_scales_the_change_at_edges_alone(ws: Workspace, share: float) -> None:
+def test_a_share_scales_the_change_at_edges_and_off_them(ws: Workspace, share: float) -> None:
     patch = ws.patches[0]
     whole, part = change(ws, patch, None, WIDE), change(ws, patch, share, WIDE)
     at, off = patch.edge & np.isfinite(whole), ~patch.edge & np.isfinite(whole)
     assert np.abs(whole[at]).max() > ws.noise.sd_mm
     assert np.allclose(part[at], share * whole[at], atol=1e-12)
-    assert np.array_equal(part[off], whole[off])
+    assert np.allclose(part[off], 0.5 * whole[off], atol=1e-12)
 
 
 def test_what_moves_the_sensor_counts_whole(ws: Workspace) -> None:
