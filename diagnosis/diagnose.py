@@ -35,6 +35,7 @@ from sensors.effects import CATALOGUE
 from sensors.effects.axis_quantisation import AxisQuantisation
 from sensors.effects.base import MotionEffect
 from sensors.effects.form_error import FormError
+from sensors.effects.row_repeat import RowRepeat
 
 Progress = Callable[[str], None]
 
@@ -319,9 +320,11 @@ def _maps(
     noise_ratio = 1.0 if ready.nominal is None else ready.nominal.sd_mm / noise.sd_mm
     for blur in blurs(judged.model):
         noise_ratio = max(noise_ratio, 1 / blur.quieter(ws.patches[0].view))
+    late = any(isinstance(f.effect, RowRepeat) for f in against_claims)
     maps = [
         map_recording(
-            explanation.recorded, k, judged.nominal, finally_placed, noise, usual=noise_ratio
+            explanation.recorded, k, judged.nominal, finally_placed, noise, usual=noise_ratio,
+            late=late,
         )
         for k in range(len(ready.recorded.recordings))
     ]

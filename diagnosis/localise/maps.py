@@ -139,6 +139,7 @@ def map_recording(
     noise: NoiseModel,
     *,
     usual: float = 1.0,
+    late: bool = False,
 ) -> RecordingMaps:
     """Predict a whole recording piece by piece and mark where it departs.
 
@@ -146,6 +147,7 @@ def map_recording(
     ----------
     nominal, found : where the recordings lie under the nominal model and under that found
     usual : size of the noise that departures are held against, over the recording's
+    late : whether profiles that repeat the one before are expected where that was measured
     """
     recording = recorded.recordings[number]
     depth = in_range(recording.depth_mm, recorded.datasheet)
@@ -153,15 +155,20 @@ def map_recording(
     depth[repeated] = np.nan
     plain = expected(recorded, number, nominal, noise)
     final = plain if found.model.is_nominal else expected(recorded, number, found, noise)
-    final = np.where(np.isfinite(plain), final, np.nan)
+    measured = measured_at(repeated) if late else np.arange(len(final))
+    lag = np.nan_to_num(final[measured] - final)
+    final = np.where(np.isfinite(plain), final[measured], np.nan)
     changes = _changes(recorded, number, found, noise)
     residual = depth - plain
     score = smoothed_score(residual, changes.sd_mm, noise)
     wrong = (np.isfinite(depth) != np.isfinite(plain)) & (changes.soft < SETTINGS.ambiguous)
     wrong[repeated] = False
     if not found.model.is_nominal:
-        mask = departure_mask(changes.departure_mm, changes.lost, changes.noise_mm * usual)
+        departure = changes.departure_mm + lag
+        mask = departure_mask(departure, changes.lost, changes.noise_mm * usual)
         mask |= _random_losses(found.model, wrong)
+    elif np.any(lag):
+        mask = departure_mask(lag, np.zeros_like(changes.lost), changes.noise_mm * usual)
     else:
         mask = free_mask(score, wrong)
     size = 1e3 * np.where(np.isfinite(residual), residual, 0.0)
@@ -173,9 +180,14 @@ def map_recording(
         mask=mask,
         score=score,
         simulated=plain.astype(np.float32),
-        explained=np.where(changes.gone, np.nan, final).astype(np.float32),
+        explained=np.where(changes.gone[measured], np.nan, final).astype(np.float32),
         regions=tuple(regions_of(recording.name, mask, shown, changes.alone)),
     )
+
+
+def measured_at(repeated: Mask) -> NDArray[np.intp]:
+    """Return the number of the profile that each (n,) repeats, or its own."""
+    return np.maximum.accumulate(np.where(repeated, 0, np.arange(repeated.size)))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

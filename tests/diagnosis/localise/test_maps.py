@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis.diagnosis import Diagnosis
+from diagnosis.localise.maps import measured_at
 
 
 def test_the_maps_differ_by_the_effect_found(diagnosed: tuple[Diagnosis, Path]) -> None:
@@ -39,3 +40,8 @@ def test_a_whole_recording_is_marked_and_silenced(diagnosed: tuple[Diagnosis, Pa
     silent = everywhere.silenced()
     assert not silent.mask.any()
     assert silent.regions == ()
+
+
+def test_a_profile_that_repeats_others_was_measured_where_they_were() -> None:
+    repeated = np.array([False, True, True, False, True])
+    assert list(measured_at(repeated)) == [0, 0, 0, 3, 3]
