@@ -9,8 +9,7 @@ Only good instruments are used: folders whose truth hides nothing. Each gives, f
 of the diagnosis, the likelihood of each size; the mixing distribution over sizes is kept. The same
 is kept of changes, of what the other recordings have beside the first one, taken as a baseline: by
 how many steps of the grid they differ from what that one shows.
-Each population is a kind of instruments of its own; with `--makes` each is of another make. The
-same instruments are a further kind with files that list no law of light: what stays at edges then.
+Each population is a kind of instruments of its own; with `--makes` each is of another make.
 """
 
 import argparse
@@ -36,14 +35,7 @@ from diagnosis.discrepancy.good_instrument import (
     rate_factors,
     told,
 )
-from diagnosis.discrepancy.population import (
-    EDGES,
-    Kind,
-    Population,
-    aspect_of,
-    learnt,
-    steps_to,
-)
+from diagnosis.discrepancy.population import Kind, Population, learnt, steps_to
 from diagnosis.evidence.noise_level import AGAINST_PLATES, level_factors, level_unsure
 from diagnosis.evidence.seen import channels_seen, seen
 from diagnosis.model.model import Model
@@ -98,17 +90,6 @@ def departures(inputs: Inputs) -> Factors:
         unsure = np.hypot(change.unsure, level_unsure(ready.nominal))
         found[AGAINST_PLATES] = level_factors(change.log, float(unsure))
     return found | lay_factors(ready) | factors_at_edges(one.components, ws)
-
-
-def departures_unlisted(inputs: Inputs) -> Factors:
-    """Return the same of light at edges, where the sensor's file lists no law."""
-    bare = replace(inputs, datasheet=replace(inputs.datasheet, effects=()))
-    ready = prepared(bare, [], lambda _: None)
-    patches = [p for p in ready.patches if p.fit.any()]
-    one = seen(patches, ready.noise, Model())
-    ws = Workspace.build(patches, ready.noise)
-    found = mean_factors(one) | factors_at_edges(one.components, ws)
-    return {name: f for name, f in found.items() if aspect_of(name) == EDGES}
 
 
 def lay_factors(ready: Prepared) -> Factors:
@@ -193,14 +174,14 @@ def main() -> None:
             groups.append(_Group(name=label, makes=1, columns="", instruments=instruments))
     work = Parallel(n_jobs=args.jobs)
     departing = learnt([
-        work(delayed(_departures_of)(make, g.listed) for make in g.instruments) for g in groups
+        work(delayed(_departures_of)(make) for make in g.instruments) for g in groups
     ])  # fmt: skip
     known = Population(kinds=tuple(
         Kind(name=g.name, makes=g.makes, columns=g.columns, weights=w)
         for g, w in zip(groups, departing, strict=True)
     ))  # fmt: skip
     changing = learnt([
-        work(delayed(_changes_of)(make, known, kind) for make in g.instruments if g.listed)
+        work(delayed(_changes_of)(make, known, kind) for make in g.instruments)
         for g, kind in zip(groups, known.kinds, strict=True)
     ])  # fmt: skip
     known = Population(
@@ -211,18 +192,12 @@ def main() -> None:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class _Group:
-    """Good instruments of one kind, of so many makes.
-
-    Attributes
-    ----------
-    listed : whether with their files; else with such that list no law of light
-    """
+    """Good instruments of one kind, of so many makes."""
 
     name: str
     makes: int
     columns: str
     instruments: Sequence[Callable[[], Inputs]]
-    listed: bool = True
 
 
 def _of_folders(root: Path) -> list[_Group]:
@@ -237,18 +212,17 @@ def _of_folders(root: Path) -> list[_Group]:
         by_columns.setdefault(columns, []).append(folder)
     return [
         _Group(
-            name=f"{made}, {columns}{words}: {len(folders)} good instruments",
+            name=f"{made}, {columns}: {len(folders)} good instruments",
             makes=len(folders) if made == OF_MAKES else 1,
-            columns=columns, listed=listed,
+            columns=columns,
             instruments=[partial(inputs_of, folder) for folder in folders],
         )
         for columns, folders in sorted(by_columns.items())
-        for listed, words in ((True, ""), (False, ", no law listed"))
-    ]  # fmt: skip
+    ]
 
 
-def _departures_of(make: Callable[[], Inputs], listed: bool) -> Factors:
-    return departures(make()) if listed else departures_unlisted(make())
+def _departures_of(make: Callable[[], Inputs]) -> Factors:
+    return departures(make())
 
 
 def _changes_of(make: Callable[[], Inputs], known: Population, kind: Kind) -> Factors:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -73,9 +74,9 @@ def diagnose(
     if stuck is not None:
         # the noise is folded and the mean a saw: what goes with them has no other cause
         withheld |= CATALOGUE.keys()
-    ready, explanation = _explained(ready, known, withheld, notes, progress)
-    if not inputs.holdout:
-        explanation = weighed_on_all(explanation, ready, withheld, notes)
+    ready, explanation = _explained_all(
+        ready, known, withheld, notes, progress, undecided=not inputs.holdout
+    )
     if stuck is not None:
         explanation = replace(explanation, unexplained=(stuck, *explanation.unexplained))
     progress("judging on held-out readings")
@@ -118,10 +119,47 @@ def diagnose(
     )
 
 
+def _explained_all(
+    ready: Prepared,
+    known: Population,
+    withheld: frozenset[str],
+    notes: list[str],
+    progress: Progress,
+    *,
+    undecided: bool,
+) -> tuple[Prepared, Explanation]:
+    """Explain recordings; again without what held-out readings speak against.
+
+    What that stood for may have another cause.
+
+    Parameters
+    ----------
+    undecided : whether held-out readings may weigh causes
+
+    Returns
+    -------
+    the recordings with the noise that they have, and their explanation
+    """
+    refuted: frozenset[str] = frozenset()
+    while True:
+        said: list[str] = []
+        louder, found = _explained(ready, known, withheld, refuted, said, progress)
+        if not undecided:
+            unlikely: list[str] = []
+        else:
+            found, unlikely = weighed_on_all(found, louder, withheld)
+        notes += [f"{name}: held-out readings speak against it" for name in unlikely]
+        if not unlikely:
+            notes += said
+            return louder, found
+        refuted |= {*unlikely}
+
+
 def _explained(
     ready: Prepared,
     known: Population,
     withheld: frozenset[str],
+    refuted: frozenset[str],
     notes: list[str],
     progress: Progress,
 ) -> tuple[Prepared, Explanation]:
@@ -134,7 +172,10 @@ def _explained(
     the recordings with that noise, and their explanation
     """
     said: list[str] = []
-    found = explain(ready, known, withheld=withheld, notes=said, progress=progress)
+    explained_by = partial(
+        explain, population=known, withheld=withheld, refuted=refuted, progress=progress
+    )
+    found = explained_by(ready, notes=said)
     explained = any(c.channel == "mean" for c in found.causes)
     # what no cause claims would pass for noise
     nameless = any(u.channel == "mean" for u in found.unexplained)
@@ -142,7 +183,7 @@ def _explained(
     if power > 1:
         said = [LOUDER.format(power)]
         ready = replace(ready, noise=replace(ready.noise, long_waves=power))
-        found = explain(ready, known, withheld=withheld, notes=said, progress=progress)
+        found = explained_by(ready, notes=said)
     notes += said
     return ready, found
 

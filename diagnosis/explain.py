@@ -29,6 +29,7 @@ def explain(
     population: Population,
     *,
     withheld: frozenset[str] = frozenset(),
+    refuted: frozenset[str] = frozenset(),
     notes: list[str],
     progress: Progress,
 ) -> Explanation:
@@ -38,6 +39,7 @@ def explain(
     ----------
     population : what good instruments have of each component
     withheld : names of effects that must not be considered
+    refuted : names of effects that readings were found to speak against
     """
     progress("weighing causes")
     noise, baseline = ready.noise, ready.baseline
@@ -48,7 +50,7 @@ def explain(
     departures, scales = usual_sizes(population, ready, first, before, baseline_channels)
     state = State(
         recorded=ready.recorded, patches=ready.patches, placed=ready.placed, model=Model(),
-        causes=(), first=first, now=first, before=before,
+        causes=(), first=first, now=first, before=before, refuted=refuted,
     )  # fmt: skip
     good = Good(noise=noise, scales=scales, departures=departures, baseline=baseline)
     members: tuple[Member, ...] = ()

@@ -22,12 +22,17 @@ from diagnosis.settings import SETTINGS
 
 
 def weighed_on_all(
-    explanation: Explanation, ready: Prepared, withheld: frozenset[str], notes: list[str]
-) -> Explanation:
-    """Weigh causes on all readings; where another one is likelier, fit that; drop the unlikely."""
+    explanation: Explanation, ready: Prepared, withheld: frozenset[str]
+) -> tuple[Explanation, list[str]]:
+    """Weigh causes on all readings; where another one is likelier, fit that; drop the unlikely.
+
+    Returns
+    -------
+    the explanation; names of those dropped
+    """
     places = {c.name: m for c in explanation.causes for m in _places(c, explanation.members)}
     if not places:
-        return explanation
+        return explanation, []
     now = seen(all_fitted(ready.patches), ready.noise, Model())
     before = seen(ready.baseline, ready.noise, Model(), like=now) if ready.baseline else None
     members = weighed_again(
@@ -45,8 +50,7 @@ def weighed_on_all(
     renamed = [c for was, c in zip(explanation.causes, causes, strict=True) if was.name != c.name]
     unlikely = [c.name for c in causes if 1 - c.none_of_these <= SETTINGS.reported]
     if not renamed and not unlikely:
-        return replace(explanation, causes=tuple(causes))
-    notes += [f"{name}: held-out readings speak against it" for name in unlikely]
+        return replace(explanation, causes=tuple(causes)), []
     renamed = [c for c in renamed if c.name not in unlikely]
     causes = [c for c in causes if c.name not in unlikely]
     names = {c.name for c in causes}
@@ -58,10 +62,11 @@ def weighed_on_all(
     patches, placed = reregistered(
         model, ready.patches, explanation.recorded, ready.placed, ready.noise
     )
-    return replace(
+    decided = replace(
         explanation, model=model, causes=tuple(by_name.get(c.name, c) for c in causes),
         patches=tuple(patches), placed=placed, ws=fitted_part(patches, ready.noise),
     )  # fmt: skip
+    return decided, unlikely
 
 
 def _places(cause: Cause, members: Sequence[Member]) -> list[Member]:

@@ -244,9 +244,21 @@ class CauseSearch:
                 active = self._resized(active, usual)
             elif habit is not None:
                 usual.append(habit)
+                active = self._standing(active, usual)
             else:
                 break
         return self.weighed(active, usual)
+
+    def _standing(self, active: Sequence[Active], usual: Sequence[Active]) -> list[Active]:
+        """Drop the members that what a good instrument has explains, the least likely first."""
+        out = list(active)
+        while out:
+            odds = [m.nats + self.log_odds(m.candidate) for m in self.weighed(out, usual)]
+            worst = int(np.argmin(odds))
+            if odds[worst] > 0:
+                break
+            del out[worst]
+        return out
 
     def usual_beside(self, active: Sequence[Active]) -> list[Active]:
         """List what a good instrument has beside a set, one after the other."""
@@ -266,22 +278,38 @@ class CauseSearch:
     def _best(self, active: Sequence[Active]) -> tuple[Active | None, Active | None]:
         """Pick the candidate of the largest odds beside a set; None where none has any.
 
-        The first choice tells how large the signal is; the second is made with its law in doubt.
+        Weighed alone it tells how large the signal is, and again with its law in doubt as much. One
+        that is the likeliest then stands; where another one is, that is tried as well.
 
         Returns
         -------
         the candidate; where there is none, what good instruments have that explains most
         """
         free = self._free(active)
-        tried: list[Active] = []
-        for _ in range(2):
-            weighing = self.weigh(self.posteriors(active, tried), free)
-            weighed = weighing.causes
-            best = max(free, key=lambda c: weighed[c.name].nats + self.log_odds(c), default=None)
-            if best is None or weighed[best.name].nats + self.log_odds(best) <= 0:
-                return None, weighing.usual
-            tried = [(best, weighed[best.name].variant, weighed[best.name].size)]
-        return tried[0], None
+        weighing = self.weigh(self.posteriors(active), free)
+        standing: dict[str, tuple[float, Active]] = {}
+        tried: set[str] = set()
+        while (best := self._likeliest(weighing, free)) and best[0].name not in tried:
+            name = best[0].name
+            tried.add(name)
+            weighing = self.weigh(self.posteriors(active, [best]), free)
+            again = weighing.causes[name]
+            odds = again.nats + self.log_odds(best[0])
+            if odds > 0:
+                standing[name] = odds, (best[0], again.variant, again.size)
+        if best and best[0].name in standing:
+            return standing[best[0].name][1], None
+        if standing:
+            return max(standing.values(), key=lambda one: one[0])[1], None
+        return None, weighing.usual
+
+    def _likeliest(self, weighing: Weighing, free: Sequence[Candidate]) -> Active | None:
+        """Return the candidate of the largest odds; None where none has odds above one."""
+        odds = {c.name: weighing.causes[c.name].nats + self.log_odds(c) for c in free}
+        best = max(free, key=lambda c: odds[c.name], default=None)
+        if best is None or odds[best.name] <= 0:
+            return None
+        return best, weighing.causes[best.name].variant, weighing.causes[best.name].size
 
     def _resized(self, active: Sequence[Active], usual: Sequence[Active]) -> list[Active]:
         """Give each member the size and form that suit it best beside the others."""
