@@ -27,7 +27,7 @@ from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.uncertainty import refined
 from diagnosis.prepare import Inputs, Prepared, prepared
 from diagnosis.refuted import with_free_curves, without_names
-from diagnosis.undecided import weighed_on_all
+from diagnosis.weighed_on_all import weighed_on_all
 from diagnosis.validate.found_effects import FoundEffect, at_limits, found_effects, sheet_with
 from diagnosis.validate.heldout import Judgement, judge
 from diagnosis.validate.placement_candidates import Candidates, Placed, candidates_of
@@ -75,7 +75,7 @@ def diagnose(
         # the noise is folded and the mean a saw: what goes with them has no other cause
         withheld |= CATALOGUE.keys()
     ready, explanation = _explained_all(
-        ready, known, withheld, notes, progress, undecided=not inputs.holdout
+        ready, known, withheld, notes, progress, by_all=not inputs.holdout
     )
     if stuck is not None:
         explanation = replace(explanation, unexplained=(stuck, *explanation.unexplained))
@@ -126,7 +126,7 @@ def _explained_all(
     notes: list[str],
     progress: Progress,
     *,
-    undecided: bool,
+    by_all: bool,
 ) -> tuple[Prepared, Explanation]:
     """Explain recordings; again without what held-out readings speak against.
 
@@ -134,7 +134,7 @@ def _explained_all(
 
     Parameters
     ----------
-    undecided : whether held-out readings may weigh causes
+    by_all : whether readings held out may weigh causes, too
 
     Returns
     -------
@@ -144,9 +144,8 @@ def _explained_all(
     while True:
         said: list[str] = []
         louder, found = _explained(ready, known, withheld, refuted, said, progress)
-        if not undecided:
-            unlikely: list[str] = []
-        else:
+        unlikely: list[str] = []
+        if by_all:
             found, unlikely = weighed_on_all(found, louder, withheld)
         notes += [f"{name}: held-out readings speak against it" for name in unlikely]
         if not unlikely:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diagnosis.evidence.mean_causes import CauseSearch, Member, Scales
+from diagnosis.evidence.mean_causes import CauseSearch, Member, Scales, Weighed, Weighing
 from diagnosis.evidence.seen import World
 from diagnosis.settings import SETTINGS
 from tests.support.linear_readings import LinearReadings
@@ -108,3 +108,46 @@ def test_changes_are_larger_than_what_most_good_instruments_have() -> None:
     assert changed[6] / changed[8] == pytest.approx(2.0)
     # nothing is known of another component: it is among the smallest
     assert scales.typical("form_error") <= sizes[SETTINGS.small_sizes - 1]
+
+
+class Told(CauseSearch):
+    """A search that is told the nats of each candidate, by those whose laws are in doubt."""
+
+    def told(self, nats: dict[str, dict[str, float]]) -> "Told":
+        self.nats = nats
+        return self
+
+    def posteriors(self, active, tried=()):  # type: ignore[no-untyped-def]
+        return [c.name for c, _, _ in (*active, *tried)]
+
+    def weigh(self, posteriors, candidates):  # type: ignore[no-untyped-def]
+        nats = self.nats["".join(posteriors[:1])]
+        return Weighing(
+            causes={c.name: Weighed(nats=nats[c.name], variant=0, size=1.0) for c in candidates},
+            usual=None,
+        )
+
+
+@pytest.mark.parametrize(
+    ("beside_bow", "beside_form", "best"),
+    [
+        ({"line_bow": -9, "form_error": 9}, {"line_bow": 9, "form_error": -9}, None),
+        ({"line_bow": 9, "form_error": 20}, {"line_bow": 9, "form_error": -9}, "line_bow"),
+        ({"line_bow": 9, "form_error": 20}, {"line_bow": 9, "form_error": 20}, "form_error"),
+        ({"line_bow": 9, "form_error": -9}, {}, "line_bow"),
+    ],
+)
+def test_a_cause_is_picked_where_it_stands_with_its_own_law_in_doubt(
+    beside_bow: dict[str, float], beside_form: dict[str, float], best: str | None
+) -> None:
+    readings = LinearReadings.drawn({}, seed=1)
+    worlds = dict.fromkeys((False, True), World(found=readings.gram.equations))
+    scales = Scales(sizes=readings.sizes, weights={})
+    other = {"incidence_bias": -9.0}
+    search = Told(worlds, readings.candidates, scales, scales).told({
+        "": {"line_bow": 30.0, "form_error": -60.0, **other},
+        "line_bow": {**beside_bow, **other}, "form_error": {**beside_form, **other},
+    })  # fmt: skip
+    found, habit = search._best([])
+    assert (None if found is None else found[0].name) == best
+    assert habit is None

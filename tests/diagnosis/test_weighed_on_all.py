@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from diagnosis.discrepancy.population import population
 from diagnosis.explain import explain
-from diagnosis.undecided import weighed_on_all
+from diagnosis.weighed_on_all import weighed_on_all
 from tests.support.prepared_parts import ready
 
 
