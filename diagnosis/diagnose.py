@@ -27,10 +27,10 @@ from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.uncertainty import refined
 from diagnosis.prepare import Inputs, Prepared, prepared
 from diagnosis.refuted import with_free_curves, without_names
-from diagnosis.weighed_on_all import weighed_on_all
 from diagnosis.validate.found_effects import FoundEffect, at_limits, found_effects, sheet_with
 from diagnosis.validate.heldout import Judgement, judge
 from diagnosis.validate.placement_candidates import Candidates, Placed, candidates_of
+from diagnosis.weighed_on_all import weighed_on_all
 from sensors.datasheet import Datasheet
 from sensors.effects import CATALOGUE
 from sensors.effects.axis_quantisation import AxisQuantisation
