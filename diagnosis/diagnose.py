@@ -147,8 +147,8 @@ def _explained_all(
         unlikely: list[str] = []
         if by_all:
             found, unlikely = weighed_on_all(found, louder, withheld)
-        notes += [f"{name}: held-out readings speak against it" for name in unlikely]
-        if not unlikely:
+        if refuted.issuperset(unlikely):
+            notes += [f"{name}: held-out readings speak against it" for name in sorted(refuted)]
             notes += said
             return louder, found
         refuted |= {*unlikely}

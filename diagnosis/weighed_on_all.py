@@ -24,11 +24,12 @@ from diagnosis.settings import SETTINGS
 def weighed_on_all(
     explanation: Explanation, ready: Prepared, withheld: frozenset[str]
 ) -> tuple[Explanation, list[str]]:
-    """Weigh causes on all readings; where another one is likelier, fit that; drop the unlikely.
+    """Weigh causes on all readings; where another one is likelier, fit that.
 
     Returns
     -------
-    the explanation; names of those dropped
+    the explanation; names of causes that are unlikely, where there are some: it stands as it was,
+    to be made again without them
     """
     places = {c.name: m for c in explanation.causes for m in _places(c, explanation.members)}
     if not places:
@@ -47,12 +48,13 @@ def weighed_on_all(
         anew = None if place is None else again.get(place.candidate.name)
         others = {c.name for c in explanation.causes if c is not cause} | {c.name for c in causes}
         causes.append(cause if anew is None else _shared_anew(cause, anew, members, now, others))
-    renamed = [c for was, c in zip(explanation.causes, causes, strict=True) if was.name != c.name]
-    unlikely = [c.name for c in causes if 1 - c.none_of_these <= SETTINGS.reported]
-    if not renamed and not unlikely:
+    pairs = list(zip(explanation.causes, causes, strict=True))
+    unlikely = [was.name for was, c in pairs if 1 - c.none_of_these <= SETTINGS.reported]
+    if unlikely:
+        return explanation, unlikely
+    renamed = [c for was, c in pairs if was.name != c.name]
+    if not renamed:
         return replace(explanation, causes=tuple(causes)), []
-    renamed = [c for c in renamed if c.name not in unlikely]
-    causes = [c for c in causes if c.name not in unlikely]
     names = {c.name for c in causes}
     for was in explanation.causes:
         if was.name not in names:
@@ -66,7 +68,7 @@ def weighed_on_all(
         explanation, model=model, causes=tuple(by_name.get(c.name, c) for c in causes),
         patches=tuple(patches), placed=placed, ws=fitted_part(patches, ready.noise),
     )  # fmt: skip
-    return decided, unlikely
+    return decided, []
 
 
 def _places(cause: Cause, members: Sequence[Member]) -> list[Member]:

@@ -44,5 +44,5 @@ def test_held_out_readings_speak_against_what_was_there_by_chance() -> None:
         nothing, causes=found.causes, members=found.members, model=found.model
     )
     left, unlikely = weighed_on_all(fooled, plain, frozenset())
-    assert (left.causes, left.model.names()) == ((), ())
     assert unlikely == ["line_bow"]
+    assert left is fooled
