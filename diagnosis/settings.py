@@ -708,12 +708,12 @@ class Settings:
     )  # fmt: skip
     least_rate_size: float = quantity(
         "smallest rms change of a logarithm in the other channels",
-        default=0.00125, unit="1", low=0.0,
-        source="signal to noise 0.4 in 40 000 readings: nothing",
+        default=0.01, unit="1", low=0.0,
+        source="one per cent of the noise or of a share",
     )  # fmt: skip
     rate_steps: int = quantity(
         "sizes of that grid, each twice the one before",
-        default=13, unit="", low=1, whole=True,
+        default=10, unit="", low=1, whole=True,
         source="up to a factor exp(5)",
     )  # fmt: skip
     small_sizes: int = quantity(
