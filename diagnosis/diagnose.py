@@ -1,8 +1,7 @@
 """The whole diagnosis: register, calibrate, detect, explain, judge, locate."""
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -12,12 +11,11 @@ from diagnosis.claims.stuck_bit import stuck_bit
 from diagnosis.claims.surface_texture import texture
 from diagnosis.claims.translucency import averaged_grain, sunken
 from diagnosis.diagnosis import Diagnosis
-from diagnosis.discrepancy.population import Population, population
-from diagnosis.evidence.long_waves import power_of_long_waves
+from diagnosis.discrepancy.population import population
 from diagnosis.evidence.next_scan import next_scans
 from diagnosis.evidence.reported_causes import Cause
-from diagnosis.explain import explain
-from diagnosis.explanation import Explanation
+from diagnosis.explained_again import explained_again
+from diagnosis.explanation import Explanation, Progress
 from diagnosis.localise.maps import RecordingMaps, map_recording
 from diagnosis.localise.residual_structure import residual_structure
 from diagnosis.model.model import Model
@@ -30,15 +28,12 @@ from diagnosis.refuted import with_free_curves, without_names
 from diagnosis.validate.found_effects import FoundEffect, at_limits, found_effects, sheet_with
 from diagnosis.validate.heldout import Judgement, judge
 from diagnosis.validate.placement_candidates import Candidates, Placed, candidates_of
-from diagnosis.weighed_on_all import weighed_on_all
 from sensors.datasheet import Datasheet
 from sensors.effects import CATALOGUE
 from sensors.effects.axis_quantisation import AxisQuantisation
 from sensors.effects.base import MotionEffect
 from sensors.effects.form_error import FormError
 from sensors.effects.row_repeat import RowRepeat
-
-Progress = Callable[[str], None]
 
 
 def diagnose(
@@ -74,7 +69,7 @@ def diagnose(
     if stuck is not None:
         # the noise is folded and the mean a saw: what goes with them has no other cause
         withheld |= CATALOGUE.keys()
-    ready, explanation = _explained_all(
+    ready, explanation = explained_again(
         ready, known, withheld, notes, progress, by_all=not inputs.holdout
     )
     if stuck is not None:
@@ -117,80 +112,6 @@ def diagnose(
         notes=tuple(notes),
         seed=seed,
     )
-
-
-def _explained_all(
-    ready: Prepared,
-    known: Population,
-    withheld: frozenset[str],
-    notes: list[str],
-    progress: Progress,
-    *,
-    by_all: bool,
-) -> tuple[Prepared, Explanation]:
-    """Explain recordings; again without what held-out readings speak against.
-
-    What that stood for may have another cause.
-
-    Parameters
-    ----------
-    by_all : whether readings held out may weigh causes, too
-
-    Returns
-    -------
-    the recordings with the noise that they have, and their explanation
-    """
-    refuted: frozenset[str] = frozenset()
-    while True:
-        said: list[str] = []
-        louder, found = _explained(ready, known, withheld, refuted, said, progress)
-        unlikely: list[str] = []
-        if by_all:
-            found, unlikely = weighed_on_all(found, louder, withheld)
-        if refuted.issuperset(unlikely):
-            notes += [f"{name}: held-out readings speak against it" for name in sorted(refuted)]
-            notes += said
-            return louder, found
-        refuted |= {*unlikely}
-
-
-def _explained(
-    ready: Prepared,
-    known: Population,
-    withheld: frozenset[str],
-    refuted: frozenset[str],
-    notes: list[str],
-    progress: Progress,
-) -> tuple[Prepared, Explanation]:
-    """Explain recordings; once more where their noise has more power in long waves than modelled.
-
-    What is left tells, once the causes found are taken away: before, they would pass for noise.
-
-    Returns
-    -------
-    the recordings with that noise, and their explanation
-    """
-    said: list[str] = []
-    explained_by = partial(
-        explain, population=known, withheld=withheld, refuted=refuted, progress=progress
-    )
-    found = explained_by(ready, notes=said)
-    explained = any(c.channel == "mean" for c in found.causes)
-    # what no cause claims would pass for noise
-    nameless = any(u.channel == "mean" for u in found.unexplained)
-    power = power_of_long_waves(found.ws, found.model) if explained and not nameless else 1.0
-    if power > 1:
-        said = [LOUDER.format(power)]
-        ready = replace(ready, noise=replace(ready.noise, long_waves=power))
-        found = explained_by(ready, notes=said)
-    notes += said
-    return ready, found
-
-
-LOUDER = (
-    "long waves of the noise have {:.1f} times the power that neighbouring readings tell: for a "
-    "mismatch of the mean, readings count as so many fewer"
-)
 
 
 def _standing(

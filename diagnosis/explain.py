@@ -3,20 +3,18 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from diagnosis.discrepancy.population import Population
 from diagnosis.evidence.assess import Assessment, assessed_mean
 from diagnosis.evidence.mean_causes import Member
 from diagnosis.evidence.reported_causes import Cause, Unexplained, not_yet_named, reported
-from diagnosis.evidence.seen import channels_seen, seen
 from diagnosis.explain_laws import Good, by_law, by_law_at_edges, is_law, seen_again
 from diagnosis.explain_rates import explain_rates
 from diagnosis.explanation import Explanation, Progress, State, fitted_part
+from diagnosis.first_look import FirstLook
 from diagnosis.model.model import Model
 from diagnosis.physics.joint_fit import strongest_law
 from diagnosis.physics.remainder import curves_of, remainder
 from diagnosis.prepare import Prepared
 from diagnosis.settings import SETTINGS
-from diagnosis.usual_sizes import usual_sizes
 
 TRAVEL_OFF = (
     "the sensor's way is longer, shorter or in another direction than the poses say: the placement "
@@ -26,7 +24,7 @@ TRAVEL_OFF = (
 
 def explain(
     ready: Prepared,
-    population: Population,
+    look: FirstLook,
     *,
     withheld: frozenset[str] = frozenset(),
     refuted: frozenset[str] = frozenset(),
@@ -37,22 +35,16 @@ def explain(
 
     Parameters
     ----------
-    population : what good instruments have of each component
     withheld : names of effects that must not be considered
     refuted : names of effects that readings were found to speak against
     """
     progress("weighing causes")
-    noise, baseline = ready.noise, ready.baseline
-    ws = fitted_part(ready.patches, noise)
-    first = seen(ws.patches, noise, Model())
-    before = seen(baseline, noise, Model(), like=first) if baseline else None
-    baseline_channels = channels_seen(baseline, noise, Model(), first) if baseline else {}
-    departures, scales = usual_sizes(population, ready, first, before, baseline_channels)
+    noise, scales, departures = ready.noise, look.scales, look.departures
     state = State(
         recorded=ready.recorded, patches=ready.patches, placed=ready.placed, model=Model(),
-        causes=(), first=first, now=first, before=before, refuted=refuted,
+        causes=(), first=look.now, now=look.now, before=look.before, refuted=refuted,
     )  # fmt: skip
-    good = Good(noise=noise, scales=scales, departures=departures, baseline=baseline)
+    good = Good(noise=noise, scales=scales, departures=departures, baseline=ready.baseline)
     members: tuple[Member, ...] = ()
     unexplained: list[Unexplained] = []
     before_law: _BeforeLaw | None = None
@@ -78,12 +70,13 @@ def explain(
         before_law = _before_law(state, found, further)
         state = further
     state, of_rates = explain_rates(
-        state, baseline_channels, scales, noise, withheld=withheld, notes=notes, progress=progress
-    )
+        state, look.baseline_channels, scales, noise, withheld=withheld, notes=notes,
+        progress=progress,
+    )  # fmt: skip
     return Explanation(
         model=state.model, causes=state.causes, unexplained=(*unexplained, *of_rates),
         patches=tuple(state.patches), placed=state.placed, recorded=state.recorded,
-        ws=fitted_part(state.patches, noise), first=first, members=members, scales=scales,
+        ws=fitted_part(state.patches, noise), first=look.now, members=members, scales=scales,
         departures=departures,
     )  # fmt: skip
 

@@ -90,9 +90,11 @@ def by_law(
 def _with_usual_share(cause: Cause, now: Seen, found: Assessment, good: Good) -> Cause:
     """Say how unsure the strength of a cause's law is by what good instruments have."""
     departures = Scales(sizes=SETTINGS.mean_sizes(), weights=good.departures)
-    own = [m for m in found.mean if m.candidate.effect == cause.name]
-    unsure = [usual_share(m, now.bulk.matrix, now.candidates, departures) for m in own[:1]]
-    return replace(cause, unsure=sum(unsure))
+    own = next((m for m in found.mean if m.candidate.effect == cause.name), None)
+    if own is None:
+        return cause
+    unsure = usual_share(own, now.bulk.matrix, now.candidates, departures)
+    return replace(cause, unsure=unsure)
 
 
 def by_law_at_edges(

@@ -23,8 +23,9 @@ MAY_IMPORT = {
 ROOMS_OF_THE_DIAGNOSIS = (
     "settings.py", "fields.py", "predict", "noise", "register", "data", "components", "model",
     "reregister", "evidence", "discrepancy", "physics", "validate", "localise", "claims",
-    "diagnosis.py", "report", "prepare.py", "explanation.py", "usual_sizes.py", "explain_laws.py",
-    "explain_rates.py", "explain.py", "weighed_on_all.py", "refuted.py", "diagnose.py",
+    "diagnosis.py", "report", "prepare.py", "explanation.py", "usual_sizes.py", "first_look.py",
+    "explain_laws.py", "explain_rates.py", "explain.py", "weighed_on_all.py",
+    "explained_again.py", "refuted.py", "diagnose.py",
 )  # fmt: skip
 """Each room imports from the rooms before it, never from one behind; types alone aside."""
 ONE_PLACE = {

@@ -80,10 +80,6 @@ UNKNOWN: tuple[Component, ...] = (
 )  # fmt: skip
 
 
-LISTED, NOMINAL = " (listed)", " (nominal)"
-"""After a component's key, how the sensor's file states its law (`laws_stated`)."""
-
-
 def components_of(channel: str) -> tuple[Component, ...]:
     """Return all components of a channel, catalogued and unknown."""
     known = []
@@ -112,9 +108,14 @@ def laws_stated(listed: Iterable[Effect]) -> str:
     return "listed" if in_full else "nominal"
 
 
+def stated(key: str, how: str) -> str:
+    """Return a component's name with how the sensor's file states it: "listed", "nominal", ""."""
+    return f"{key} ({how})" if how else key
+
+
 def unlisted(key: str) -> str:
     """Return a component's name without how the sensor's file states it."""
-    return key.removesuffix(LISTED).removesuffix(NOMINAL)
+    return key.removesuffix(stated("", "listed")).removesuffix(stated("", "nominal"))
 
 
 def with_pitches(

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from diagnosis.components.component import LISTED, NOMINAL, components_of, unlisted
+from diagnosis.components.component import components_of, stated, unlisted
 from diagnosis.evidence.changed_sizes import changed
 from sensors.effects.relaxed import Relaxed
 
@@ -93,22 +93,17 @@ class Population:
         ones have. No size is then more than K + 1 times likelier in a changed instrument. Where its
         maker lists the law as measured, it has no more than where only nominal numbers are stated.
         """
-        where = _where(component)
-        if where[0] == LAW and (plain := unlisted(component)) + LISTED == component:
-            less_known = self._of_makes(plain + NOMINAL)
-            if less_known is not None:
-                return less_known
+        where, law = _where(component), unlisted(component)
+        if where[0] == LAW and component == stated(law, "listed"):
+            less_known = stated(law, "nominal")
+            weights = self.weights(less_known)
+            if weights is not None:
+                return self.having(less_known, self._as_many_makes) @ weights
         like = [w for k in self.kinds for name, w in k.weights.items() if _where(name) == where]
         if not like:
             return None
         mean = np.asarray(np.mean(like, axis=0))
         return changed(mean) if where[0] == LAW else mean
-
-    def _of_makes(self, component: str) -> Floats | None:
-        """Probability of a component's sizes, each make alike; None where no kind has it."""
-        weights = self.weights(component)
-        makes = self.makes * [component in k.weights for k in self.kinds]
-        return None if weights is None or not makes.any() else makes @ weights / makes.sum()
 
     def of_files(self, columns: str) -> "Population":
         """Keep kinds silent of all but light at edges whose files say otherwise of columns.
@@ -152,6 +147,11 @@ class Population:
     def makes(self) -> Floats:
         """How many makes each kind is of, (kinds,)."""
         return np.array([float(k.makes) for k in self.kinds])
+
+    @property
+    def _as_many_makes(self) -> Shares:
+        """Probability of each kind before any reading: each make alike."""
+        return dict.fromkeys(ASPECTS, self.makes / self.makes.sum())
 
 
 LAW = "law"

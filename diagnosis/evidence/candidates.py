@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.special import logsumexp
 
-from diagnosis.components.component import Component, laws_stated
+from diagnosis.components.component import Component, laws_stated, stated
 from diagnosis.components.smooth import products
 from diagnosis.evidence.gram import Block, Gram
 from diagnosis.evidence.posterior import Cavity, Term
@@ -65,7 +65,7 @@ class Candidate:
     @property
     def key(self) -> str:
         """Name under which the population of good instruments holds it."""
-        return f"{self.name} ({self.listed})" if self.listed else self.name
+        return stated(self.name, self.listed)
 
     def unclaimed(self) -> "Candidate":
         """Return the same as unknown physics."""

@@ -289,7 +289,7 @@ class CauseSearch:
         weighing = self.weigh(self.posteriors(active), free)
         standing: dict[str, tuple[float, Active]] = {}
         tried: set[str] = set()
-        while (best := self._likeliest(weighing, free)) and best[0].name not in tried:
+        while (best := self._leading(weighing, free)) and best[0].name not in tried:
             name = best[0].name
             tried.add(name)
             weighing = self.weigh(self.posteriors(active, [best]), free)
@@ -303,7 +303,7 @@ class CauseSearch:
             return max(standing.values(), key=lambda one: one[0])[1], None
         return None, weighing.usual
 
-    def _likeliest(self, weighing: Weighing, free: Sequence[Candidate]) -> Active | None:
+    def _leading(self, weighing: Weighing, free: Sequence[Candidate]) -> Active | None:
         """Return the candidate of the largest odds; None where none has odds above one."""
         odds = {c.name: weighing.causes[c.name].nats + self.log_odds(c) for c in free}
         best = max(free, key=lambda c: odds[c.name], default=None)

@@ -18,6 +18,7 @@ from diagnosis.components.component import (
     missing_columns,
     plain_columns,
     seen_by_cameras,
+    stated,
 )
 from diagnosis.components.smooth import Ranges
 from diagnosis.components.whitened_columns import column_groups
@@ -78,7 +79,7 @@ class RateCandidate:
     def key(self) -> str:
         """Name under which the population of good instruments holds it."""
         own = f"{self.component.relaxed.channel}: {self.name}"
-        return f"{own} (listed)" if self.listed else own
+        return stated(own, "listed" if self.listed else "")
 
     @property
     def name(self) -> str:

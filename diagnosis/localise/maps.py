@@ -163,14 +163,12 @@ def map_recording(
     score = smoothed_score(residual, changes.sd_mm, noise)
     wrong = (np.isfinite(depth) != np.isfinite(plain)) & (changes.soft < SETTINGS.ambiguous)
     wrong[repeated] = False
-    if not found.model.is_nominal:
+    if found.model.is_nominal and not lag.any():
+        mask = free_mask(score, wrong)
+    else:
         departure = changes.departure_mm + lag
         mask = departure_mask(departure, changes.lost, changes.noise_mm * usual)
         mask |= _random_losses(found.model, wrong)
-    elif np.any(lag):
-        mask = departure_mask(lag, np.zeros_like(changes.lost), changes.noise_mm * usual)
-    else:
-        mask = free_mask(score, wrong)
     size = 1e3 * np.where(np.isfinite(residual), residual, 0.0)
     moved = np.nan_to_num(1e3 * (final - plain))
     shown = moved if np.any(moved) else size

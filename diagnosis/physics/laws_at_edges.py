@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.components.component import Component, laws_stated
+from diagnosis.components.component import Component, laws_stated, stated
 from diagnosis.discrepancy.population import LAW
 from diagnosis.evidence.known_size import factors_of_value
 from diagnosis.evidence.mean_causes import Scales
@@ -127,7 +127,7 @@ def key_of(law: Component, *, listed: str) -> str:
     ----------
     listed : how the sensor's file states laws at edges (`laws_stated`)
     """
-    return f"{LAW}: {law.effect}" + (f" ({listed})" if listed else "")
+    return stated(f"{LAW}: {law.effect}", listed)
 
 
 def may_be_named(law: Component, usual: Mapping[str, Floats], *, listed: str) -> bool:

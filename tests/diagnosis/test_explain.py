@@ -1,21 +1,13 @@
 """Explanations: what is there is named and fitted; laws taken back keep their evidence."""
 
-from typing import Any
-
 import pytest
 
-from diagnosis.discrepancy.population import population
-from diagnosis.explain import explain
 from diagnosis.explanation import Explanation, fitted_part
 from diagnosis.model.model import Model
 from diagnosis.prepare import Prepared
 from sensors.effects.line_bow import LineBow
+from tests.support.explained import explained
 from tests.support.prepared_parts import ready
-
-
-def explained(one: Prepared, **more: Any) -> Explanation:
-    known = population().of_files("even_angle")
-    return explain(one, known, notes=[], progress=lambda _: None, **more)
 
 
 @pytest.fixture(scope="module")

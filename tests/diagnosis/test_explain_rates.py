@@ -7,16 +7,10 @@ import numpy as np
 import pytest
 
 from diagnosis.data.patch import Patch
-from diagnosis.discrepancy.population import population
-from diagnosis.explain import explain
-from diagnosis.explanation import Explanation
 from diagnosis.fields import Mask
 from diagnosis.prepare import Prepared
+from tests.support.explained import explained
 from tests.support.prepared_parts import ready
-
-
-def explained(one: Prepared) -> Explanation:
-    return explain(one, population().of_files("even_angle"), notes=[], progress=lambda _: None)
 
 
 @pytest.fixture(scope="module")

@@ -2,12 +2,11 @@
 
 import pytest
 
-from diagnosis.discrepancy.population import population
-from diagnosis.explain import explain
 from diagnosis.explanation import Explanation
 from diagnosis.model.model import Model
 from diagnosis.prepare import Prepared
 from diagnosis.refuted import with_free_curves, without_names
+from tests.support.explained import explained
 from tests.support.prepared_parts import ready
 
 
@@ -19,7 +18,7 @@ def bent() -> Prepared:
 
 @pytest.fixture(scope="module")
 def found(bent: Prepared) -> Explanation:
-    return explain(bent, population().of_files("even_angle"), notes=[], progress=lambda _: None)
+    return explained(bent)
 
 
 def test_a_curve_in_place_of_a_law_explains_as_much_and_keeps_the_name(

@@ -2,15 +2,14 @@
 
 from dataclasses import replace
 
-from diagnosis.discrepancy.population import population
-from diagnosis.explain import explain
 from diagnosis.weighed_on_all import weighed_on_all
+from tests.support.explained import explained
 from tests.support.prepared_parts import ready
 
 
 def test_held_out_readings_give_the_name_to_the_likelier_of_two() -> None:
     bent = ready([{"name": "line_bow", "sag_um": 40.0}], 7)
-    found = explain(bent, population().of_files("even_angle"), notes=[], progress=lambda _: None)
+    found = explained(bent)
     assert [c.name for c in found.causes] == ["line_bow"]
     sure, none = weighed_on_all(found, bent, frozenset())
     assert none == []
@@ -28,7 +27,7 @@ def test_held_out_readings_give_the_name_to_the_likelier_of_two() -> None:
 
 def test_no_two_causes_get_one_name() -> None:
     bent = ready([{"name": "line_bow", "sag_um": 40.0}], 7)
-    found = explain(bent, population().of_files("even_angle"), notes=[], progress=lambda _: None)
+    found = explained(bent)
     (bow,) = found.causes
     other = replace(bow, name="form_error", probability=0.5, alternatives=(("line_bow", 0.4),))
     both, _ = weighed_on_all(replace(found, causes=(bow, other)), bent, frozenset())
@@ -37,9 +36,9 @@ def test_no_two_causes_get_one_name() -> None:
 
 def test_held_out_readings_speak_against_what_was_there_by_chance() -> None:
     plain = ready([], 11)
-    nothing = explain(plain, population().of_files("even_angle"), notes=[], progress=lambda _: None)
+    nothing = explained(plain)
     bent = ready([{"name": "line_bow", "sag_um": 40.0}], 7)
-    found = explain(bent, population().of_files("even_angle"), notes=[], progress=lambda _: None)
+    found = explained(bent)
     fooled = replace(
         nothing, causes=found.causes, members=found.members, model=found.model
     )

@@ -3,8 +3,9 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from diagnosis.diagnose import Progress, diagnose
+from diagnosis.diagnose import diagnose
 from diagnosis.diagnosis import Diagnosis
+from diagnosis.explanation import Progress
 from diagnosis.prepare import Inputs
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet

@@ -1,9 +1,19 @@
 """Sets of causes: what is there is found, what isn't is not, what can't be told is shared."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
-from diagnosis.evidence.mean_causes import CauseSearch, Member, Scales, Weighed, Weighing
+from diagnosis.evidence.candidates import Candidate
+from diagnosis.evidence.mean_causes import (
+    Active,
+    CauseSearch,
+    Member,
+    Scales,
+    Weighed,
+    Weighing,
+)
 from diagnosis.evidence.seen import World
 from diagnosis.settings import SETTINGS
 from tests.support.linear_readings import LinearReadings
@@ -110,24 +120,6 @@ def test_changes_are_larger_than_what_most_good_instruments_have() -> None:
     assert scales.typical("form_error") <= sizes[SETTINGS.small_sizes - 1]
 
 
-class Told(CauseSearch):
-    """A search that is told the nats of each candidate, by those whose laws are in doubt."""
-
-    def told(self, nats: dict[str, dict[str, float]]) -> "Told":
-        self.nats = nats
-        return self
-
-    def posteriors(self, active, tried=()):  # type: ignore[no-untyped-def]
-        return [c.name for c, _, _ in (*active, *tried)]
-
-    def weigh(self, posteriors, candidates):  # type: ignore[no-untyped-def]
-        nats = self.nats["".join(posteriors[:1])]
-        return Weighing(
-            causes={c.name: Weighed(nats=nats[c.name], variant=0, size=1.0) for c in candidates},
-            usual=None,
-        )
-
-
 @pytest.mark.parametrize(
     ("beside_bow", "beside_form", "best"),
     [
@@ -138,16 +130,33 @@ class Told(CauseSearch):
     ],
 )
 def test_a_cause_is_picked_where_it_stands_with_its_own_law_in_doubt(
-    beside_bow: dict[str, float], beside_form: dict[str, float], best: str | None
+    monkeypatch: pytest.MonkeyPatch,
+    beside_bow: dict[str, float],
+    beside_form: dict[str, float],
+    best: str | None,
 ) -> None:
+    """The search is told the nats of each candidate, by the one whose law is in doubt."""
     readings = LinearReadings.drawn({}, seed=1)
     worlds = dict.fromkeys((False, True), World(found=readings.gram.equations))
     scales = Scales(sizes=readings.sizes, weights={})
     other = {"incidence_bias": -9.0}
-    search = Told(worlds, readings.candidates, scales, scales).told({
+    nats = {
         "": {"line_bow": 30.0, "form_error": -60.0, **other},
         "line_bow": {**beside_bow, **other}, "form_error": {**beside_form, **other},
-    })  # fmt: skip
+    }  # fmt: skip
+
+    def in_doubt(active: Sequence[Active], tried: Sequence[Active] = ()) -> str:
+        return "".join(c.name for c, _, _ in (*active, *tried))
+
+    def told(doubted: str, candidates: Sequence[Candidate]) -> Weighing:
+        causes = {
+            c.name: Weighed(nats=nats[doubted][c.name], variant=0, size=1.0) for c in candidates
+        }
+        return Weighing(causes=causes, usual=None)
+
+    search = CauseSearch(worlds, readings.candidates, scales, scales)
+    monkeypatch.setattr(search, "posteriors", in_doubt)
+    monkeypatch.setattr(search, "weigh", told)
     found, habit = search._best([])
     assert (None if found is None else found[0].name) == best
     assert habit is None
