@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.beside_unknown import doubted_causes, doubted_claims
 from diagnosis.claims.mounting import blurs, mounted
 from diagnosis.claims.repeats_and_steps import delivered
 from diagnosis.claims.stuck_bit import stuck_bit
@@ -74,8 +75,11 @@ def diagnose(
     )
     if stuck is not None:
         explanation = replace(explanation, unexplained=(stuck, *explanation.unexplained))
+    explanation = doubted_causes(explanation, ready)
     progress("judging on held-out readings")
     explanation, judged, against_claims = _standing(ready, explanation, withheld, notes)
+    against_claims = doubted_claims(against_claims, explanation.unexplained)
+    # what is told by its form is so: no other mechanism repeats rows, or counts in steps
     against_claims += [f for f in by_form if f.name not in withheld]
     verdict = _verdict(bool(explanation.causes or against_claims), bool(explanation.unexplained))
     found, against_claims = averaged_grain(judged.found, against_claims, withheld)

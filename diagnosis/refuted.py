@@ -27,9 +27,16 @@ def with_free_curves(explanation: Explanation, ready: Prepared) -> Explanation:
     model = Model(curve=curve)
     others = tuple(c for c in explanation.causes if c.name not in curves)
     plain = without_names(replace(explanation, causes=others), ready)
-    patches, placed = reregistered(model, ready.patches, plain.recorded, ready.placed, ready.noise)
+    return under(model, replace(plain, causes=kept), ready)
+
+
+def under(model: Model, explanation: Explanation, ready: Prepared) -> Explanation:
+    """Put another model in place of an explanation's; recordings are placed under it."""
+    patches, placed = reregistered(
+        model, ready.patches, explanation.recorded, ready.placed, ready.noise
+    )
     return replace(
-        plain, model=model, causes=kept, patches=tuple(patches), placed=placed,
+        explanation, model=model, patches=tuple(patches), placed=placed,
         ws=fitted_part(patches, ready.noise),
     )  # fmt: skip
 

@@ -25,7 +25,7 @@ ROOMS_OF_THE_DIAGNOSIS = (
     "reregister", "evidence", "discrepancy", "physics", "validate", "localise", "claims",
     "diagnosis.py", "report", "prepare.py", "explanation.py", "usual_sizes.py", "first_look.py",
     "explain_laws.py", "explain_rates.py", "explain.py", "weighed_on_all.py",
-    "explained_again.py", "refuted.py", "diagnose.py",
+    "explained_again.py", "refuted.py", "beside_unknown.py", "diagnose.py",
 )  # fmt: skip
 """Each room imports from the rooms before it, never from one behind; types alone aside."""
 ONE_PLACE = {

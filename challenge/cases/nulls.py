@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from challenge.cases.case import Secret, Staged, scan
+from challenge.cases.case import MAKES, Secret, Staged, scan
 from challenge.cases.devices import Scans
 from challenge.cases.seeds import child, number
 from challenge.cases.stated import Rays, stated
@@ -60,6 +60,10 @@ class NullCheck:
             and self.edge_departure < EDGE_LIMIT
             and self.edge_lost < EDGE_LOST_LIMIT
         )
+
+    def holds_in(self, family: str) -> bool:
+        """Whether it is a null in a family: at edges nominal figures promise nothing."""
+        return self.holds_off_edges if family == MAKES else self.holds
 
 
 def check_null(staged: Staged, secret: Secret) -> NullCheck:

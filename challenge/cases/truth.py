@@ -221,29 +221,32 @@ def redraw(staged: Staged, secret: Secret, specimens: range) -> Draws:
     """Scan the held-out pose again with other specimens, with and without the effect."""
     last = secret.recordings - 1
     off = followed(staged.off, last, staged.on.device.sheet.exposure_s)
+    delivered = staged.make.delivered
 
     def shots(world: World) -> NDArray[np.float64]:
         casts: Casts = {}
         return np.stack(
             [
-                scan(
+                delivered(*scan(
                     world, world.scans, last,
                     specimen=number(secret.seed, "facts", str(d)),
                     # the same stage phases for every draw and as in the recording
                     rng=child(secret.seed, "noise", "abc"[last]),
                     casts=casts,
-                )[0]
+                ))[0]
                 for d in specimens
             ]
         ).astype(np.float64)  # fmt: skip
 
     path, misplaced = off.scans.paths[last], off.scans.misplaced[last]
     rays = Rays(off.solid, path, misplaced, off.device.camera, off.device.z_range_mm)
+    said = stated(rays, staged.effects).depth_mm.astype(np.float32)
+    flat = np.where(geometry(off, path, misplaced).smooth, said, np.float32("nan"))
     return Draws(
         with_it=shots(staged.on),
         without=shots(off),
-        said_mm=stated(rays, staged.effects).depth_mm,
-        smooth=geometry(off, path, misplaced).smooth,
+        said_mm=delivered(said, said)[0].astype(np.float64),
+        smooth=np.isfinite(delivered(flat, flat)[0]),
     )
 
 
@@ -251,11 +254,11 @@ def facts(staged: Staged, secret: Secret, *, draws: int = DRAWS) -> Facts:
     """Tell what an effect does in the held-out pose, and how well it can be seen."""
     last, on = secret.recordings - 1, staged.on
     # the sealed recording's own specimen
-    real = scan(
+    real = staged.make.delivered(*scan(
         on, on.scans, last, specimen=number(secret.seed, "specimen"),
         rng=child(secret.seed, "noise", "abc"[last]),
-    )[0].astype(np.float64)  # fmt: skip
-    return facts_of(redraw(staged, secret, range(draws)), real)
+    ))[0]  # fmt: skip
+    return facts_of(redraw(staged, secret, range(draws)), real.astype(np.float64))
 
 
 def facts_of(drawn: Draws, real: NDArray[np.float64]) -> Facts:

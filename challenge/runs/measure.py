@@ -91,11 +91,11 @@ def _first(secret: Secret, change: Change, file: Path, name: str, _meshes: Path)
                     start_s=world.scans.paths[-1].start_s + LATER_S)  # fmt: skip
     place = second.drawn_place(child(secret.seed, "measure", "place"))
     more = replace(world.scans, paths=(again,), misplaced=(place,))
-    depth, bright = scan(
+    depth, bright = staged.make.delivered(*scan(
         world, more, 0, specimen=number(secret.seed, "specimen"),
         rng=child(secret.seed, "noise", name),
-    )  # fmt: skip
-    files.write_recording(file, depth, bright, again, name)
+    ))  # fmt: skip
+    files.write_recording(file, depth, bright, again, name, staged.make.even_x_mm())
 
 
 def _second(secret: Secret, change: Change, file: Path, name: str, meshes: Path) -> None:

@@ -16,6 +16,7 @@ _COMMON = {
 }  # fmt: skip
 AIMS: dict[str, dict[str, str]] = {
     "first": {ALARMS: "at most 1 of 60", **_COMMON, UNKNOWN: ">= 0.8"},
+    "makes": {ALARMS: "at most 2 of 60", **_COMMON, UNKNOWN: ">= 0.85"},
     "second": {ALARMS: "at most 2 of 60", **_COMMON, UNKNOWN: ">= 0.85"},
 }
 """Family -> figure of the scoreboard -> aim."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from challenge.cases.case import MAKES, SWITCHES, Secret, stage, write
-from challenge.cases.nulls import NullCheck, check_null
+from challenge.cases.nulls import check_null
 from challenge.cases.parts import SHAPES
 from challenge.cases.seeds import child
 from challenge.cases.switches import SINGLE
@@ -109,7 +109,7 @@ def _make_one(folder: Path, secret: Secret) -> None:
             check = check_null(staged, secret) if secret.kind == "null" else None
         except ValueError:  # the part's booleans failed, or no pose avoids looking along walls
             staged, check = None, None
-        if staged is not None and (check is None or _holds(check, secret)):
+        if staged is not None and (check is None or check.holds_in(secret.family)):
             break
         secret = replace(secret, seed=int(again.integers(2**62)))
     else:
@@ -122,6 +122,3 @@ def _make_one(folder: Path, secret: Secret) -> None:
     write_whole(folder / "truth.json", json.dumps(known, indent=1).encode())
 
 
-def _holds(check: NullCheck, secret: Secret) -> bool:
-    """Whether a null is one: at edges a file of nominal figures promises nothing."""
-    return check.holds_off_edges if secret.family == MAKES else check.holds

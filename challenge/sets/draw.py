@@ -2,11 +2,12 @@
 
 import secrets
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from challenge.cases import imitation
-from challenge.cases.case import SWITCHES, Secret
+from challenge.cases.case import MAKES, SWITCHES, Secret
 from challenge.cases.parts import SHAPES
 from challenge.cases.seeds import child
 from challenge.cases.switches import DECOY, SINGLE, UNKNOWN
@@ -71,8 +72,31 @@ def draw(
     """
     if family == "second":
         return _draw_second(master, counts, meshes)
-    if family != "first":
-        raise ValueError(f"--family: unknown, got {family!r}; allowed: first, second")
+    if family == "first":
+        return _draw_first(master, counts)
+    if family == MAKES:
+        return _of_makes(master, _draw_first(master, counts))
+    raise ValueError(f"--family: unknown, got {family!r}; allowed: first, second, {MAKES}")
+
+
+def _of_makes(master: int, cases: Sequence[Secret]) -> list[Secret]:
+    """Give cases to instruments of other makes, with and without reference plates and baselines.
+
+    A coarse camera has no baselines: its locking is no change.
+    """
+    rng = child(master, "makes")
+    return [
+        replace(
+            c, family=MAKES, plates=min(c.plates, int(rng.choice([0, 2]))),
+            baselines=int(rng.choice([0, 2]))
+            * (c.kind != "undecidable" and "pixel_locking" not in c.switches),
+        )
+        for c in cases
+    ]  # fmt: skip
+
+
+def _draw_first(master: int, counts: dict[str, int]) -> list[Secret]:
+    """Draw a set of the first family."""
     rng = child(master, "set")
     wanted: list[tuple[str, tuple[str, ...]]] = [("null", ())] * counts["null"]
     names = list(rng.permutation(list(SINGLE)))

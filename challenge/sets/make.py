@@ -52,7 +52,7 @@ def make(
         Whose rule the set falls under, see `populations`; by default validation for the first
         family, test for the second.
     family
-        ``first`` or ``second``, the family of instruments.
+        ``first`` or ``second``, the family of instruments; or ``makes``, other makes of the first.
     meshes
         Folder of CAD meshes, a third of the second family's parts; the set keeps copies.
 
@@ -148,7 +148,7 @@ def _make_one(root: str, name: str, secret: Secret) -> None:
         if secret.kind == "null":
             check = check_null(staged, secret)
             known = {**asdict(check), "redrawn": attempt}
-            if check.holds:
+            if check.holds_in(secret.family):
                 break
         else:
             seen = facts(staged, secret)

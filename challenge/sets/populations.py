@@ -32,7 +32,7 @@ CALIBRATION = Population(
 VALIDATION = Population(
     name="validation",
     rule="sealed; opened after its run has been judged, from then on calibration",
-    members=("challenge-1-sealed", "other-formulas-validation"),
+    members=("challenge-1-sealed", "challenge-makes-sealed", "other-formulas-validation"),
 )
 TEST = Population(
     name="test",

@@ -49,7 +49,10 @@ class Cause:
 
     def at_most(self, probability: float) -> "Cause":
         """Return the cause where all names together are no likelier than that."""
-        share = min(1.0, probability / max(1 - self.none_of_these, 1e-9))
+        return self.times(min(1.0, probability / max(1 - self.none_of_these, 1e-9)))
+
+    def times(self, share: float) -> "Cause":
+        """Return the cause where that share of the probability of all names together is left."""
         return replace(
             self, probability=share * self.probability,
             alternatives=tuple((name, share * p) for name, p in self.alternatives),

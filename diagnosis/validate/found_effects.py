@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from diagnosis.evidence.reported_causes import Cause
 from diagnosis.model.model import Model
@@ -46,6 +46,14 @@ class FoundEffect:
     probability: float
     none_of_these: float
     doubt: str = ""
+
+    def times(self, share: float) -> "FoundEffect":
+        """Return the effect where that share of the probability of all its names is left."""
+        return replace(
+            self, probability=share * self.probability,
+            alternatives=tuple((n, nats, share * p) for n, nats, p in self.alternatives),
+            none_of_these=1 - share * (1 - self.none_of_these),
+        )  # fmt: skip
 
 
 def found_effects(

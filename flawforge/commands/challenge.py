@@ -111,7 +111,8 @@ def _add_sets(make: argparse.ArgumentParser, calibrate: argparse.ArgumentParser)
     )  # fmt: skip
     make.add_argument(
         "--family", default="first", metavar="NAME",
-        help="family of instruments: first or second (default first)",
+        help="family of instruments: first or second, or makes: other makes of the first's "
+        "(default first)",
     )  # fmt: skip
     make.add_argument(
         "--population", metavar="NAME",
