@@ -532,6 +532,11 @@ class ClaimsSettings:
         default=3, unit="", low=1, whole=True,
         source="up to the longest lag: 24 pitches",
     )  # fmt: skip
+    lay_rings: int = quantity(
+        "wavelengths in an octave that are told apart whatever the direction",
+        default=3, unit="", low=1, whole=True,
+        source="a finish's spectrum falls off over more than one",
+    )  # fmt: skip
     lay_least_change: float = quantity(
         "smallest change of an autocorrelation without a lay that is weighed",
         default=0.003, unit="1", low=0.0, above=True,

@@ -4,23 +4,27 @@ Over the nominal spectrum f₀, and but for its level, the spectrum of recording
 
     f_k / f₀ - 1 = s + b + e_k + T_k (L₀ + L) / f₀
 
-s what f₀ is off, b what has changed of the sensor's own, e_k what changes from one recording to the
-next, L₀ a lay that baselines or the sensor's file have, L the lay, T_k how the part lay turned.
-Baselines have s, e and L₀, plates s and e. A lay is a strip across its direction
-(`noise_spectrum.py`) with a share of the variance in each octave of wavelengths, normal, as b and e
-are at each lag, and s is any. By Whittle's likelihood (Ark. Mat. 2 (1953) 423), to second order,
-autocorrelations of N whitened readings are independent with the variance 1 / N.
+f₀ with what a finish adds to it, the same in all directions, s what f₀ is off, b what has changed
+of the sensor's own, e_k what changes from one recording to the next, L₀ a lay that baselines or the
+sensor's file have, L the lay, T_k how the part lay turned. Baselines have s, e and L₀, plates s and
+e. A lay is a strip across its direction (`noise_spectrum.py`) with a share of the variance in each
+octave of wavelengths, normal, as b and e are at each lag, and s is any. By Whittle's likelihood
+(Ark. Mat. 2 (1953) 423), to second order, autocorrelations of N whitened readings are independent
+with the variance 1 / N.
 Nobody knows the strip's direction and width and the sizes of b, e, L₀ and L: the odds are averaged
-over them, as with the mounting. Noise of good instruments seems to have a lay as well, since it
-goes with the slopes of the part: how much was learnt from them. A lay must be more probable, too,
-than a strip that stays in the sensor's frame, as likely before any reading, and than strips of each
-recording's own, as likely as an unknown cause.
+over them, as with the mounting.
+A finish is one draw of what it could be: by chance it has more waves in one direction than in
+another, and the same ones in all recordings of a part. Its readings count once. Noise of good
+instruments seems to have a lay as well, since it goes with the slopes of the part: how much was
+learnt from them. A lay must be more probable, too, than a strip that stays in the sensor's frame,
+as likely before any reading, and than strips of each recording's own, as likely as an unknown
+cause.
 Recordings in one orientation can't tell a lay from the sensor, and the odds say so.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import logsumexp
@@ -103,6 +107,10 @@ def lay_evidence(
     spectra = Spectra.of([*seen, *good] if good else [*seen, nominal], nominal)
     rows, count = len(spectra.readings), len(seen)
     now = (np.arange(rows) < count).astype(float)
+    # what lies on a part is the same in all recordings of it: its readings count once
+    spectra = replace(
+        spectra, readings=spectra.readings / np.where(now > 0, count, max(len(good), 1))
+    )
     on_part = np.ones(rows) if good else now
     before, likely = SHARES_BEFORE[:1], np.ones(1)
     if good or listed:

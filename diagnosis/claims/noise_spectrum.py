@@ -1,7 +1,10 @@
 """Spectra of a part's noise over a nominal one, and strips of waves in them.
 
 Ridges with one direction on the part are waves across them: a strip of the spectrum through its
-middle, narrow along the ridges.
+middle, narrow along the ridges. How much power a recording has at each wavelength whatever the
+direction is no sign of ridges: a rougher finish has more of the long waves. What it has beyond the
+nominal noise, as its mean over directions, is added to that; and by Whittle's likelihood the power
+of a wave is as uncertain as it is large.
 """
 
 import math
@@ -9,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from diagnosis.fields import Field, Mask
 from diagnosis.noise.noise_model import NoiseModel
@@ -24,7 +28,7 @@ WIDTHS = SETTINGS.claims.lay_widest * 0.5 ** np.arange(SETTINGS.claims.lay_width
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Spectra:
-    """Spectra over the nominal one, but for their levels, less 1.
+    """Spectra over what they are without ridges, less 1.
 
     Attributes
     ----------
@@ -36,23 +40,26 @@ class Spectra:
         How many of them are independent: frequencies are left out.
     readings : (R,) float64
         Which they were measured from: an autocorrelation at one lag has the variance 1 / readings.
-    nominal : (F,) float64
-        Power, mean 1.
+    level : (R, F) float64
+        Power that the ratio is to, mean 1.
     x, y : (F,) float64
         Frequencies along the line and along the travel, per coarser pitch.
+    rings : (F,) int64
+        Which frequencies are of one wavelength.
     """
 
     ratio: Field
     lags: Field
     free: float
     readings: Field
-    nominal: Field
+    level: Field
     x: Field
     y: Field
+    rings: NDArray[np.int64]
 
     @classmethod
     def of(cls, noises: Sequence[NoiseModel], nominal: NoiseModel) -> "Spectra":
-        """Divide spectra by a smooth nominal one.
+        """Divide spectra by a smooth nominal one and by what a finish adds to it.
 
         Whole profiles and columns are no noise of the surface: their frequencies are left out.
         """
@@ -67,21 +74,28 @@ class Spectra:
         once = use & (y > 0)
         smooth = nominal.acf * np.outer(*(_taper(lag) for lag in nominal.lags))
         power = np.maximum(_power(smooth), SETTINGS.claims.lay_least_power)
-        ratio = np.stack([_power(n.acf) / power for n in noises])
-        ratio /= ratio[:, use].mean(axis=1)[:, None, None]
-        ratio = np.where(use, ratio - 1, 0.0)
-        near = _near()
+        octaves = np.log2(np.maximum(far, 1e-9) / 0.5)
+        ring = np.floor(SETTINGS.claims.lay_rings * octaves).astype(np.int64)
+        ring -= ring[use].min()
+        level = np.stack([_evened(_power(n.acf)[use], power[use], ring[use]) for n in noises])
+        level /= level.mean(axis=1, keepdims=True)
+        ratio = np.zeros((len(noises), GRID, GRID))
+        for k, noise in enumerate(noises):
+            own = _power(noise.acf)[use] / level[k]
+            ratio[k, use] = own / _over_rings(own, ring[use]) - 1
+        near, half = _near(), once[use]
         return cls(
             ratio=ratio[:, once], lags=np.fft.ifft2(ratio).real[:, near].T,
-            free=float(near.sum() * use.mean()),
+            free=near.sum() * use.mean() - _in_rings(np.where(use, ring, -1), near),
             readings=np.array([max(n.readings, 1) for n in noises], dtype=np.float64),
-            nominal=power[once], x=x[once], y=y[once],
+            level=level[:, half], x=x[once], y=y[once], rings=ring[once],
         )  # fmt: skip
 
     def strips(self, angles_rad: Field, width: float) -> Field:
         """Change of the ratio by a strip across each angle, (R, octaves, F).
 
-        Each octave's is a unit of the mean power of all frequencies; it has no part in the level.
+        Each octave's is a unit of the mean power of all frequencies; it has no part in the means
+        over directions.
 
         Parameters
         ----------
@@ -93,13 +107,46 @@ class Spectra:
         along = np.cos(angles_rad)[:, None] * self.x + np.sin(angles_rad)[:, None] * self.y
         power = np.maximum(octave, 0) * np.exp(-0.5 * np.square(along / width))[:, None]
         power *= GRID**2 / 2 / np.maximum(power.sum(axis=2, keepdims=True), 1e-12)
-        power /= self.nominal
-        return np.asarray(power - power.mean(axis=2, keepdims=True))
+        power /= self.level[: len(power), None]
+        return np.asarray(power - _over_rings(power, self.rings))
 
 
 def products(one: Field, two: Field) -> Field:
     """Mean over all frequencies of products: (..., F) and (..., F) to (..., ...)."""
     return np.asarray(np.tensordot(one, two, axes=(-1, -1)) * 2 / GRID**2)
+
+
+def _over_rings(values: Field, ring: NDArray[np.int64]) -> Field:
+    """Replace values (..., F) by their means over frequencies of one ring."""
+    flat = values.reshape(-1, values.shape[-1])
+    number = np.maximum(np.bincount(ring), 1)
+    means = np.stack([np.bincount(ring, v, number.size) / number for v in flat])
+    return np.asarray(means[:, ring].reshape(values.shape))
+
+
+def _evened(power: Field, nominal: Field, ring: NDArray[np.int64]) -> Field:
+    """Power (F,) without ridges: as much of the nominal one as each wavelength has, and a finish's.
+
+    That is the same in all directions.
+    """
+    own, usual = _over_rings(power, ring), _over_rings(nominal, ring)
+    octave = (ring.max() - ring) // SETTINGS.claims.lay_rings
+    share = max(float((_over_rings(power, octave) / _over_rings(nominal, octave)).min()), 0.0)
+    return np.maximum(own + share * (nominal - usual), SETTINGS.claims.lay_least_power)
+
+
+def _in_rings(ring: NDArray[np.int64], near: Mask) -> float:
+    """How many independent autocorrelations at near lags the means over rings take.
+
+    A spectrum's two halves are one: twice the share that a ring's mean has at these lags.
+    """
+    found = 0.0
+    for k in range(int(ring.max()) + 1):
+        its = ring == k
+        if its.any():
+            lags = np.fft.ifft2(its / math.sqrt(its.sum())).real * GRID
+            found += 2 * float(np.square(lags[near]).sum())
+    return found
 
 
 def _power(acf: Field) -> Field:

@@ -8,7 +8,7 @@ from diagnosis.noise.noise_model import NoiseModel
 
 LAGS, SIZE, READINGS = 24, 64, 18000
 PITCH_X, PITCH_Y = 0.24, 0.3
-ANGLE_DEG, STRIP, SHARE = 35.0, 0.05, 0.04
+ANGLE_DEG, STRIP, SHARE = 35.0, 0.05, 0.1
 K_Y = np.fft.fftfreq(SIZE)[:, None] * np.ones(SIZE)
 K_X = K_Y.T * PITCH_Y / PITCH_X
 SPECKLE_POWER = 0.15 + 1.7 * np.exp(-0.5 * (K_X / 0.25) ** 2) * (1 - 0.5 * np.cos(2 * np.pi * K_Y))

@@ -114,12 +114,15 @@ def test_recordings_in_one_orientation_do_not_tell_a_lay_from_the_sensor() -> No
 
 
 def test_evidence_is_a_part_of_what_knowing_the_spectra_would_give() -> None:
-    """Whittle's divergence of the true spectra pays for what isn't known, and for alternatives."""
+    """Whittle's divergence of the true spectra pays for what isn't known, and for alternatives.
+
+    The part is one, in however many recordings.
+    """
     gain, share = 0.0, 0.5 * SHARE
     for heading in MANY:
         ratio = 1 + share * strip(ANGLE_DEG - heading) / SPECKLE_POWER
         ratio /= ratio.mean()
-        gain += 0.5 * READINGS * float((ratio - 1 - np.log(ratio)).mean())
+        gain += 0.5 * READINGS / len(MANY) * float((ratio - 1 - np.log(ratio)).mean())
     assert 0.25 * gain < nats(weighed(share, 0.0, headings=MANY)) < gain
 
 
