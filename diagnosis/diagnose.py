@@ -26,6 +26,7 @@ from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.uncertainty import refined
 from diagnosis.prepare import Inputs, Prepared, prepared
 from diagnosis.refuted import with_free_curves, without_names
+from diagnosis.settings import SETTINGS
 from diagnosis.validate.found_effects import FoundEffect, at_limits, found_effects, sheet_with
 from diagnosis.validate.heldout import Judgement, judge
 from diagnosis.validate.placement_candidates import Candidates, Placed, candidates_of
@@ -239,8 +240,7 @@ def _judge_on_heldout(
     if plain_noise is not ready.noise:
         bare = judge(nominal.held, ready.noise, Model(), share_own=share_own)
     found, after = found_effects(ws, model, causes, candidates)
-    scored = sum(int(p.scored.sum()) for p in nominal.held)
-    while len(found) > 1 and (idle := _idle(found, scored, ws, model)):
+    while idle := _idle(found, causes):
         # what is of no use on held-out readings beside a law that is, is that one's remainder
         notes.append(f"{', '.join(sorted(idle))}: fitted, but of no use on held-out readings")
         causes = [c for c in causes if c.name not in idle]
@@ -254,19 +254,17 @@ def _judge_on_heldout(
     )  # fmt: skip
 
 
-def _idle(found: Sequence[FoundEffect], scored: int, ws: Workspace, model: Model) -> set[str]:
-    """Name what held-out readings say more against than fitted ones for; of all, the worst.
+def _idle(found: Sequence[FoundEffect], causes: Sequence[Cause]) -> set[str]:
+    """Name the causes that held-out readings make unlikely; of all, the worst.
 
-    Parameters
-    ----------
-    scored : readings held out
+    What only the noise told of is weighed with that.
     """
+    named = {c.name for c in causes}
     idle = [
         f for f in found
-        if f.heldout_gain < 0
-        and -f.heldout_gain * scored > gained(ws, model, model.without(f.name))
+        if f.name in named and f.heldout_gain < 0 and 1 - f.none_of_these <= SETTINGS.reported
     ]  # fmt: skip
-    if len(idle) == len(found):
+    if idle and len(idle) == len(named):
         idle = [min(idle, key=lambda f: f.heldout_gain)]
     return {f.name for f in idle}
 

@@ -77,20 +77,30 @@ class Population:
 
         An instrument may be unlike all makes that were seen. Of each component it then has what
         known kinds have of any that is weighed alike, and so has a kind that was never seen to have
-        it. The share of that is one in K + 1 of K makes (Laplace's rule of succession).
+        it. The share of that is one in K + 1 of K makes (Laplace's rule of succession); laws of
+        light at edges, L of them, tell it together: one in K L + 1.
         """
         like = self._like(component)
         if like is None:
             return None
-        share = 1.0 / (sum(k.makes for k in self.kinds if component in k.weights) + 1)
+        share = 1.0 / (self._seen(component) + 1)
         own = np.stack([k.weights.get(component, like) for k in self.kinds])
         return np.asarray((1.0 - share) * own + share * like)
+
+    def _seen(self, component: str) -> int:
+        """Count the makes that were seen to have a component; of a law at edges, of each law."""
+        alike = {component}
+        if _where(component)[0] == LAW:
+            how = component.removeprefix(unlisted(component))
+            names = {n for k in self.kinds for n in k.weights}
+            alike = {n for n in names if n == unlisted(n) + how and _where(n)[0] == LAW}
+        return sum(k.makes for k in self.kinds for n in alike if n in k.weights)
 
     def _like(self, component: str) -> Floats | None:
         """Mean of the probabilities of all components that are weighed alike.
 
         No law of light at edges is like another: an instrument of an unlike make has what changed
-        ones have. No size is then more than K + 1 times likelier in a changed instrument. Where its
+        ones have. No size is then more than K L + 1 times likelier in a changed one. Where its
         maker lists the law as measured, it has no more than where only nominal numbers are stated.
         """
         where, law = _where(component), unlisted(component)

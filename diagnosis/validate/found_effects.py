@@ -4,6 +4,8 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
+from scipy.special import expit
+
 from diagnosis.evidence.reported_causes import Cause
 from diagnosis.model.model import Model
 from diagnosis.model.shrinkage import shrunk
@@ -84,8 +86,7 @@ def found_effects(
                 name=effect.name, channel=effect.channels[0], probability=sure, alternatives=(),
                 none_of_these=1 - sure, nats=0.0,
             )  # fmt: skip
-        if gains[effect.name] < 0:
-            cause = cause.doubted("Its law doesn't improve the held-out readings.")
+        cause = _on_heldout(cause, gains[effect.name], _readings(effect, after))
         out.append(_found(
             effect, effect.describe(), bounds.get(effect.name, {}), gains[effect.name], cause,
             ws.count(),
@@ -94,12 +95,33 @@ def found_effects(
     lawless = [c for c in causes if c.name not in model.names()]
     out += [
         _found(
-            CATALOGUE[c.name].none(), CATALOGUE[c.name].summary, {}, gains.get(c.name, 0.0), c,
-            ws.count(),
+            CATALOGUE[c.name].none(), CATALOGUE[c.name].summary, {}, gains.get(c.name, 0.0),
+            _on_heldout(c, gains.get(c.name, 0.0), after.bulk), ws.count(),
         )
         for c in lawless
     ]  # fmt: skip
     return tuple(sorted(out, key=lambda f: -f.heldout_gain)), after
+
+
+def _on_heldout(cause: Cause, gain: float, readings: int) -> Cause:
+    """Weigh a cause on what readings held out say against its law; nothing was fitted to them.
+
+    Parameters
+    ----------
+    gain : of the law, nats a reading
+    """
+    if gain >= 0:
+        return cause
+    none = max(cause.none_of_these, 1e-300)
+    odds = math.log(max(1 - none, 1e-300) / none) + gain * readings
+    return cause.at_most(float(expit(odds))).doubted(
+        "Its law doesn't improve the held-out readings."
+    )
+
+
+def _readings(effect: Effect, judgement: Judgement) -> int:
+    """Count the readings that tell of an effect: bulk physics counts off edges."""
+    return int(judgement.counts.sum()) if on_edges(effect) else judgement.bulk
 
 
 def _found(

@@ -31,7 +31,7 @@ class Judgement:
     Attributes
     ----------
     log_score : nats per reading, lower is better
-    bulk_score : the same for the readings that no depth edge reaches
+    bulk_score : the same for the readings that no depth edge reaches, so many as `bulk`
     rms_um : of reading minus expectation, spikes included up to 6 deviations
     ks : largest gap between the distribution of standardised readings and the normal's
     coverage : share of readings inside the central 50 % and 90 %
@@ -42,6 +42,7 @@ class Judgement:
 
     log_score: float
     bulk_score: float
+    bulk: int
     rms_um: float
     ks: float
     coverage: tuple[float, float]
@@ -170,6 +171,7 @@ def judge(
     e = np.concatenate([r[b] for r, b in zip(residuals, inside, strict=True)])
     bulk = [m & ~p.edge for p, m in zip(patches, scored, strict=True)]
     in_bulk = sum(float(d[m].sum()) for d, m in zip(densities, bulk, strict=True))
+    smooth = sum(int(m.sum()) for m in bulk)
     limit = 1.0  # mm; a reading on another level isn't noise of the mean
     clipped = np.clip(e, -limit, limit)
     blocks = ws.block_scores(densities, scored)
@@ -187,7 +189,8 @@ def judge(
             )
     return Judgement(
         log_score=-float(blocks.sum()) / max(float(counts.sum()), 1.0),
-        bulk_score=-in_bulk / max(sum(int(m.sum()) for m in bulk), 1),
+        bulk_score=-in_bulk / max(smooth, 1),
+        bulk=smooth,
         rms_um=1e3 * float(np.sqrt(np.mean(clipped**2))) if e.size else float("nan"),
         ks=largest_gap(z),
         coverage=_coverage(z),
