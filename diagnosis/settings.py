@@ -705,8 +705,8 @@ class Settings:
         "probability that a cause in a channel in which unknown physics is left is a second "
         "mechanism, not the unknown one",
         default=0.25, unit="1", low=0.0, high=1.0,
-        source="challenge-1-sealed, other-formulas-validation, challenge-makes-calibration: 2 of "
-        "the 10 names so given were right (Laplace's rule of succession)",
+        source="calibration sets, sealed ones that were opened among them: 2 of the 10 names so "
+        "given were right (Laplace's rule of succession)",
     )  # fmt: skip
     least_mean_size: float = quantity(
         "smallest whitened rms of the grid of sizes",

@@ -6,6 +6,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from challenge.cases.artefact import edge_figures
 from challenge.cases.devices import Scans
@@ -14,6 +15,7 @@ from challenge.instrument.optical_surface import OpticalSurface
 
 _SLOPES = (-0.8, -0.6, -0.4, -0.2, 0.2, 0.4, 0.6, 0.8)
 _COMMON = 0.35  # slopes up to about this are the common ones; steeper plates weigh less
+_STATED = (0.0, -3.0), (4.0, 3.0)  # of exponent and lean: a file states no others
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -88,15 +90,8 @@ def noise_law(measured_mm: Callable[[float, float, int], float], level: float = 
     steep = 0.5 * np.log((1 + sideways**2 + (level + leaning) ** 2) / (1 + level**2))
     design = np.stack([steep, leaning], 1)
     weight = 1 / (1 + (np.tile(slopes, 2) / _COMMON) ** 2)
-    keep = slice(0, 2)
-    found = np.linalg.lstsq(design * weight[:, None], measured * weight, rcond=None)[0]
-    if found[0] < 0:  # the law knows no noise that falls with incidence
-        keep = slice(1, 2)
-        found = np.linalg.lstsq(
-            design[:, keep] * weight[:, None], measured * weight, rcond=None
-        )[0]
-    exponent = round(float(found[0]), 3) if keep.start == 0 else 0.0
-    lean = round(float(found[-1]), 3)
+    found = lsq_linear(design * weight[:, None], measured * weight, bounds=_STATED).x
+    exponent, lean = round(float(found[0]), 3), round(float(found[1]), 3)
     rest = np.exp(measured - design @ np.array([exponent, lean])) - 1
     worst = float(np.abs(rest[np.abs(np.tile(slopes, 2)) < 0.7]).max())
     return NoiseLaw(exponent=exponent, lean=lean, worst=worst)

@@ -86,6 +86,13 @@ def test_noise_law_follows_common_slopes(staged):
     assert law.worst < 0.2
 
 
+def test_no_file_states_noise_that_no_file_may_state():
+    growing = noise_law(lambda x, y, _: float(np.exp(9 * np.hypot(x, y))))
+    falling = noise_law(lambda x, y, _: float(np.exp(-np.hypot(x, y))))
+    leaning = noise_law(lambda _x, y, _n: float(np.exp(5 * y)))
+    assert (growing.exponent, falling.exponent, leaning.lean) == (4.0, 0.0, 3.0)
+
+
 def test_a_wall_seen_edge_on_is_counted(staged):
     camera = staged.good.camera
     # a plane that holds the sight line of the camera almost in itself

@@ -1,6 +1,9 @@
 """Facts of a case whose fault is known."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from challenge.cases.truth import facts, levelled
 
@@ -17,6 +20,17 @@ def test_facts_of_a_bow(bowed):
     assert known.fair.mean() > 0.8
     assert known.oracle_z > 8
     assert 5 < known.noise_um < 40
+
+
+def test_facts_lie_at_the_places_that_are_delivered(bowed):
+    secret, staged, _ = bowed
+    even = replace(staged, make=replace(staged.make, even_step=0.8))
+    known = facts(even, secret, draws=2)
+    assert known.on_mm.shape[1] == even.make.even_x_mm().size > staged.good.camera.columns
+    whole = facts(staged, secret, draws=2)
+    assert known.oracle_gain == pytest.approx(whole.oracle_gain, rel=0.5)
+    assert known.region.mean() == pytest.approx(whole.region.mean(), abs=0.15)
+    assert known.fair.mean() > 0.8
 
 
 def test_flats_tell_no_shift():
