@@ -21,6 +21,11 @@ SHOWN_IN = {"variance": "scale", "correlation": "scale", "tails": "outliers"}
 """Channel of the evidence in which a channel of an effect shows, where that has another name."""
 
 
+TAKEN_UP = (
+    "may take up what unknown physics leaves, which departs in the same way; its name is taken back"
+)
+
+
 def share_held(unexplained: Iterable[Unexplained], channels: Iterable[str]) -> float:
     """Share of its probability that a name keeps beside what is left in its channels."""
     shown = {SHOWN_IN.get(c, c) for c in channels}
@@ -28,7 +33,9 @@ def share_held(unexplained: Iterable[Unexplained], channels: Iterable[str]) -> f
     return none + (1 - none) * SETTINGS.second_mechanism
 
 
-def doubted_causes(explanation: Explanation, ready: Prepared) -> Explanation:
+def doubted_causes(
+    explanation: Explanation, ready: Prepared, notes: list[str]
+) -> Explanation:
     """Doubt causes in whose channels something has no name; the unlikely ones lose theirs."""
     causes = [
         c.times(share_held(explanation.unexplained, [c.channel])) for c in explanation.causes
@@ -38,6 +45,7 @@ def doubted_causes(explanation: Explanation, ready: Prepared) -> Explanation:
         return replace(explanation, causes=tuple(kept))
     names = {c.name for c in kept}
     lost = [c for c in explanation.causes if c.name not in names]
+    notes += [f"{c.name}: {TAKEN_UP}" for c in lost]
     model = explanation.model
     for cause in lost:
         model = model.without(cause.name)

@@ -76,7 +76,7 @@ def diagnose(
     )
     if stuck is not None:
         explanation = replace(explanation, unexplained=(stuck, *explanation.unexplained))
-    explanation = doubted_causes(explanation, ready)
+    explanation = doubted_causes(explanation, ready, notes)
     progress("judging on held-out readings")
     explanation, judged, against_claims = _standing(ready, explanation, withheld, notes)
     against_claims = doubted_claims(against_claims, explanation.unexplained)

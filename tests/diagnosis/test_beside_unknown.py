@@ -51,7 +51,9 @@ def test_a_cause_beside_sure_unknown_physics_loses_its_name(
     bent: Prepared, found: Explanation
 ) -> None:
     beside = replace(found, unexplained=(left("mean", 0.999),))
-    doubted = doubted_causes(beside, bent)
+    notes: list[str] = []
+    doubted = doubted_causes(beside, bent, notes)
+    assert [note.partition(":")[0] for note in notes] == [c.name for c in found.causes]
     assert doubted.causes == ()
     assert doubted.model.is_nominal
     # what it was found by is left
@@ -64,12 +66,12 @@ def test_a_cause_beside_unsure_unknown_physics_is_less_probable(
     bent: Prepared, found: Explanation
 ) -> None:
     beside = replace(found, unexplained=(left("mean", 0.55),))
-    (before,), (after,) = found.causes, doubted_causes(beside, bent).causes
+    (before,), (after,) = found.causes, doubted_causes(beside, bent, []).causes
     share = 0.45 + 0.55 * SECOND
     assert after.probability == pytest.approx(share * before.probability)
     assert 1 - after.none_of_these == pytest.approx(share * (1 - before.none_of_these))
     other = replace(found, unexplained=(left("scale", 1.0),))
-    assert [c.name for c in doubted_causes(other, bent).causes] == ["line_bow"]
+    assert [c.name for c in doubted_causes(other, bent, []).causes] == ["line_bow"]
 
 
 def test_what_was_found_against_claims_is_doubted_alike() -> None:
