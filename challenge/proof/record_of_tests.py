@@ -8,8 +8,8 @@ from pathlib import Path
 _HEAD = """# Record of test runs
 
 Every judgement of a test population, in the order of the runs. A test set is never opened; only
-these aggregates leave it. Sets of other makes (validation) stand here, too; they are opened after their run. `flawforge challenge judge SET --aggregate --record FILE --reason TEXT`
-adds an entry.
+these aggregates leave it. Sets of other makes (validation) stand here, too; they are opened after
+their run. `flawforge challenge judge SET --aggregate --record FILE --reason TEXT` adds an entry.
 """
 
 
