@@ -11,9 +11,8 @@ from dataclasses import replace
 from math import prod
 
 from diagnosis.evidence.reported_causes import Unexplained, unnamed
-from diagnosis.explanation import Explanation
+from diagnosis.explanation import Explanation, under
 from diagnosis.prepare import Prepared
-from diagnosis.refuted import under
 from diagnosis.settings import SETTINGS
 from diagnosis.validate.found_effects import FoundEffect
 
@@ -27,7 +26,7 @@ TAKEN_UP = (
 
 
 def share_held(unexplained: Iterable[Unexplained], channels: Iterable[str]) -> float:
-    """Share of its probability that a name keeps beside what is left in its channels."""
+    """Factor on the probability of a name, given what is left unexplained in its channels."""
     shown = {SHOWN_IN.get(c, c) for c in channels}
     none = prod(1 - u.probability for u in unexplained if u.channel in shown)
     return none + (1 - none) * SETTINGS.second_mechanism
@@ -46,9 +45,7 @@ def doubted_causes(
     names = {c.name for c in kept}
     lost = [c for c in explanation.causes if c.name not in names]
     notes += [f"{c.name}: {TAKEN_UP}" for c in lost]
-    model = explanation.model
-    for cause in lost:
-        model = model.without(cause.name)
+    model = explanation.model.without(*(c.name for c in lost))
     left = (*unnamed(lost), *explanation.unexplained)
     return under(model, replace(explanation, causes=tuple(kept), unexplained=left), ready)
 

@@ -244,9 +244,7 @@ def _judge_on_heldout(
         # what is of no use on held-out readings beside a law that is, is that one's remainder
         notes.append(f"{', '.join(sorted(idle))}: fitted, but of no use on held-out readings")
         causes = [c for c in causes if c.name not in idle]
-        for name in idle:
-            model = model.without(name)
-        model = refined(ws, model)
+        model = refined(ws, model.without(*idle))
         found, after = found_effects(ws, model, causes, candidates)
     return _Judged(
         model=model, causes=causes, found=found, before=before, bare=bare, after=after,

@@ -15,8 +15,9 @@ from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.assumed_camera import assumed_sheets, seen_by
 from diagnosis.physics.joint_fit import fit_laws
 from diagnosis.physics.linear_fit import Fitted
+from diagnosis.prepare import Prepared
 from diagnosis.register.placement import Placement
-from diagnosis.reregister.reregistration import log_density
+from diagnosis.reregister.reregistration import log_density, reregistered
 from diagnosis.settings import SETTINGS
 
 Progress = Callable[[str], None]
@@ -105,6 +106,17 @@ class State:
 def fitted_part(patches: Sequence[Patch], noise: NoiseModel) -> Workspace:
     """Return a workspace of the patches that may be fitted."""
     return Workspace.build([p for p in patches if p.fit.any()], noise)
+
+
+def under(model: Model, explanation: Explanation, ready: Prepared) -> Explanation:
+    """Put another model in place of an explanation's; recordings are placed under it."""
+    patches, placed = reregistered(
+        model, ready.patches, explanation.recorded, ready.placed, ready.noise
+    )
+    return replace(
+        explanation, model=model, patches=tuple(patches), placed=placed,
+        ws=fitted_part(patches, ready.noise),
+    )  # fmt: skip
 
 
 def completed(

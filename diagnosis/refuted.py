@@ -4,11 +4,10 @@ from dataclasses import replace
 
 from diagnosis.components.free_curve import Curve
 from diagnosis.evidence.reported_causes import unnamed
-from diagnosis.explanation import Explanation, fitted_part
+from diagnosis.explanation import Explanation, under
 from diagnosis.model.model import Model
 from diagnosis.physics.remainder import curves_of, is_curve
 from diagnosis.prepare import Prepared
-from diagnosis.reregister.reregistration import reregistered
 
 
 def with_free_curves(explanation: Explanation, ready: Prepared) -> Explanation:
@@ -30,21 +29,7 @@ def with_free_curves(explanation: Explanation, ready: Prepared) -> Explanation:
     return under(model, replace(plain, causes=kept), ready)
 
 
-def under(model: Model, explanation: Explanation, ready: Prepared) -> Explanation:
-    """Put another model in place of an explanation's; recordings are placed under it."""
-    patches, placed = reregistered(
-        model, ready.patches, explanation.recorded, ready.placed, ready.noise
-    )
-    return replace(
-        explanation, model=model, patches=tuple(patches), placed=placed,
-        ws=fitted_part(patches, ready.noise),
-    )  # fmt: skip
-
-
 def without_names(explanation: Explanation, ready: Prepared) -> Explanation:
     """Take all laws back: what their components show has no name."""
-    return replace(
-        explanation, model=Model(), causes=(),
-        unexplained=(*unnamed(explanation.causes), *explanation.unexplained),
-        patches=ready.patches, placed=ready.placed, ws=fitted_part(ready.patches, ready.noise),
-    )  # fmt: skip
+    left = (*unnamed(explanation.causes), *explanation.unexplained)
+    return under(Model(), replace(explanation, causes=(), unexplained=left), ready)

@@ -13,11 +13,10 @@ from diagnosis.evidence.assess import weighed_again
 from diagnosis.evidence.mean_causes import Member
 from diagnosis.evidence.reported_causes import Cause, shares_by_effect
 from diagnosis.evidence.seen import Seen, seen
-from diagnosis.explanation import Explanation, fitted_part
+from diagnosis.explanation import Explanation, under
 from diagnosis.model.model import Model
 from diagnosis.physics.joint_fit import fit_laws
 from diagnosis.prepare import Prepared
-from diagnosis.reregister.reregistration import reregistered
 from diagnosis.settings import SETTINGS
 
 
@@ -42,7 +41,6 @@ def weighed_on_all(
     )  # fmt: skip
     again = {m.candidate.name: m for m in members}
     causes: list[Cause] = []
-    model = explanation.model
     for cause in explanation.causes:
         place = places.get(cause.name)
         anew = None if place is None else again.get(place.candidate.name)
@@ -56,19 +54,11 @@ def weighed_on_all(
     if not renamed:
         return replace(explanation, causes=tuple(causes)), []
     names = {c.name for c in causes}
-    for was in explanation.causes:
-        if was.name not in names:
-            model = model.without(was.name)
-    model, fitted = fit_laws(renamed, explanation.ws, model)
+    lost = [c.name for c in explanation.causes if c.name not in names]
+    model, fitted = fit_laws(renamed, explanation.ws, explanation.model.without(*lost))
     by_name = {c.name: c for c in fitted}
-    patches, placed = reregistered(
-        model, ready.patches, explanation.recorded, ready.placed, ready.noise
-    )
-    decided = replace(
-        explanation, model=model, causes=tuple(by_name.get(c.name, c) for c in causes),
-        patches=tuple(patches), placed=placed, ws=fitted_part(patches, ready.noise),
-    )  # fmt: skip
-    return decided, []
+    decided = replace(explanation, causes=tuple(by_name.get(c.name, c) for c in causes))
+    return under(model, decided, ready), []
 
 
 def _places(cause: Cause, members: Sequence[Member]) -> list[Member]:

@@ -14,9 +14,9 @@ _COMMON = {
     TOP_1: ">= 0.8", PRECISION: ">= 0.9", IOU: ">= 0.5", SHARE: ">= 0.7", ERROR: "<= 0.07",
     NEXT: ">= 0.9", COVERAGE: "0.92 to 0.98", CONCEALED: "at least half concealed",
 }  # fmt: skip
+_UNLIKE = {ALARMS: "at most 2 of 60", **_COMMON, UNKNOWN: ">= 0.85"}
 AIMS: dict[str, dict[str, str]] = {
     "first": {ALARMS: "at most 1 of 60", **_COMMON, UNKNOWN: ">= 0.8"},
-    "makes": {ALARMS: "at most 2 of 60", **_COMMON, UNKNOWN: ">= 0.85"},
-    "second": {ALARMS: "at most 2 of 60", **_COMMON, UNKNOWN: ">= 0.85"},
-}
+    "makes": _UNLIKE, "second": _UNLIKE,
+}  # fmt: skip
 """Family -> figure of the scoreboard -> aim."""

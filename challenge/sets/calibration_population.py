@@ -120,5 +120,3 @@ def _make_one(folder: Path, secret: Secret) -> None:
     if check is not None:
         known["null"] = {k: float(v) for k, v in asdict(check).items()}
     write_whole(folder / "truth.json", json.dumps(known, indent=1).encode())
-
-

@@ -77,12 +77,12 @@ class Spectra:
         octaves = np.log2(np.maximum(far, 1e-9) / 0.5)
         ring = np.floor(SETTINGS.claims.lay_rings * octaves).astype(np.int64)
         ring -= ring[use].min()
-        level = np.stack([_evened(_power(n.acf)[use], power[use], ring[use]) for n in noises])
+        own = np.stack([_power(n.acf)[use] for n in noises])
+        level = np.stack([_evened(one, power[use], ring[use]) for one in own])
         level /= level.mean(axis=1, keepdims=True)
+        own /= level
         ratio = np.zeros((len(noises), GRID, GRID))
-        for k, noise in enumerate(noises):
-            own = _power(noise.acf)[use] / level[k]
-            ratio[k, use] = own / _over_rings(own, ring[use]) - 1
+        ratio[:, use] = own / _over_rings(own, ring[use]) - 1
         near, half = _near(), once[use]
         return cls(
             ratio=ratio[:, once], lags=np.fft.ifft2(ratio).real[:, near].T,

@@ -86,6 +86,6 @@ class Curve(Effect):
         """Keep the curves of an effect."""
         return type(self)(parts=tuple(p for p in self.parts if p.component.effect == name))
 
-    def without(self, name: str) -> Self:
-        """Leave out the curves of an effect."""
-        return type(self)(parts=tuple(p for p in self.parts if p.component.effect != name))
+    def without(self, *names: str) -> Self:
+        """Leave out the curves of effects."""
+        return type(self)(parts=tuple(p for p in self.parts if p.component.effect not in names))

@@ -46,13 +46,13 @@ class Model:
             merged.setdefault(recording, {})[effect.name] = values
         return replace(self, effects=(*kept, effect), own=merged)
 
-    def without(self, name: str) -> "Model":
-        """Take an effect out, with the curve beside its law."""
+    def without(self, *names: str) -> "Model":
+        """Take effects out, with the curves beside their laws."""
         return replace(
             self,
-            curve=self.curve.without(name),
-            effects=tuple(e for e in self.effects if e.name != name),
-            own={r: {k: v for k, v in e.items() if k != name} for r, e in self.own.items()},
+            curve=self.curve.without(*names),
+            effects=tuple(e for e in self.effects if e.name not in names),
+            own={r: {k: v for k, v in e.items() if k not in names} for r, e in self.own.items()},
         )
 
     def of(self, recording: int) -> tuple[Effect, ...]:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from scipy.special import expit
+from scipy.special import expit, logit
 
 from diagnosis.evidence.reported_causes import Cause
 from diagnosis.model.model import Model
@@ -112,15 +112,14 @@ def _on_heldout(cause: Cause, gain: float, readings: int) -> Cause:
     """
     if gain >= 0:
         return cause
-    none = max(cause.none_of_these, 1e-300)
-    odds = math.log(max(1 - none, 1e-300) / none) + gain * readings
+    odds = gain * readings - logit(max(cause.none_of_these, 1e-300))
     return cause.at_most(float(expit(odds))).doubted(
         "Its law doesn't improve the held-out readings."
     )
 
 
 def _readings(effect: Effect, judgement: Judgement) -> int:
-    """Count the readings that tell of an effect: bulk physics counts off edges."""
+    """Count the readings that an effect is judged on: of bulk physics those off edges."""
     return int(judgement.counts.sum()) if on_edges(effect) else judgement.bulk
 
 

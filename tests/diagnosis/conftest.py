@@ -5,9 +5,11 @@ from pathlib import Path
 import pytest
 
 from diagnosis.diagnosis import Diagnosis
+from diagnosis.explanation import Explanation
 from diagnosis.prepare import Prepared
 from diagnosis.report.outputs import write_outputs
 from tests.support.diagnosis_of import diagnosis_of
+from tests.support.explained import explained
 from tests.support.prepared_parts import ready
 from tests.support.small_parts import VIEWS, datasheet, part, record
 
@@ -32,3 +34,15 @@ def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Diagnosis, Path
 def bowed() -> Prepared:
     """Domes by a line that is bowed by half of the noise, with baselines by a straight one."""
     return ready([{"name": "line_bow", "sag_um": 4.0}], 3, baselines=True)
+
+
+@pytest.fixture(scope="session")
+def bent() -> Prepared:
+    """Domes by a line that is bowed by four times the noise."""
+    return ready(BOW, 7)
+
+
+@pytest.fixture(scope="session")
+def found(bent: Prepared) -> Explanation:
+    """What explains them: the bow."""
+    return explained(bent)

@@ -12,8 +12,6 @@ from diagnosis.settings import SETTINGS
 from diagnosis.validate.found_effects import plainly_found
 from sensors.effects.line_bow import LineBow
 from sensors.effects.roughness_level import RoughnessLevel
-from tests.support.explained import explained
-from tests.support.prepared_parts import ready
 
 SECOND = SETTINGS.second_mechanism
 
@@ -23,17 +21,6 @@ def left(channel: str, probability: float) -> Unexplained:
         component="what nobody knows", channel=channel, probability=probability, nats=20.0,
         size=1.0,
     )  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def bent() -> Prepared:
-    """Domes by a line that is bowed by four times the noise."""
-    return ready([{"name": "line_bow", "sag_um": 40.0}], 7)
-
-
-@pytest.fixture(scope="module")
-def found(bent: Prepared) -> Explanation:
-    return explained(bent)
 
 
 def test_a_name_holds_where_nothing_is_left_or_as_a_second_mechanism() -> None:

@@ -10,17 +10,6 @@ from tests.support.explained import explained
 from tests.support.prepared_parts import ready
 
 
-@pytest.fixture(scope="module")
-def bent() -> Prepared:
-    """Domes by a line that is bowed by four times the noise."""
-    return ready([{"name": "line_bow", "sag_um": 40.0}], 7)
-
-
-@pytest.fixture(scope="module")
-def found(bent: Prepared) -> Explanation:
-    return explained(bent)
-
-
 def test_a_good_instrument_needs_no_cause() -> None:
     plain = ready([], 11)
     nothing = explained(plain)

@@ -6,19 +6,6 @@ from diagnosis.explanation import Explanation
 from diagnosis.model.model import Model
 from diagnosis.prepare import Prepared
 from diagnosis.refuted import with_free_curves, without_names
-from tests.support.explained import explained
-from tests.support.prepared_parts import ready
-
-
-@pytest.fixture(scope="module")
-def bent() -> Prepared:
-    """Domes by a line that is bowed by four times the noise."""
-    return ready([{"name": "line_bow", "sag_um": 40.0}], 7)
-
-
-@pytest.fixture(scope="module")
-def found(bent: Prepared) -> Explanation:
-    return explained(bent)
 
 
 def test_a_curve_in_place_of_a_law_explains_as_much_and_keeps_the_name(

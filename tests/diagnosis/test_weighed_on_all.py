@@ -2,14 +2,16 @@
 
 from dataclasses import replace
 
+from diagnosis.explanation import Explanation
+from diagnosis.prepare import Prepared
 from diagnosis.weighed_on_all import weighed_on_all
 from tests.support.explained import explained
 from tests.support.prepared_parts import ready
 
 
-def test_held_out_readings_give_the_name_to_the_likelier_of_two() -> None:
-    bent = ready([{"name": "line_bow", "sag_um": 40.0}], 7)
-    found = explained(bent)
+def test_held_out_readings_give_the_name_to_the_likelier_of_two(
+    bent: Prepared, found: Explanation
+) -> None:
     assert [c.name for c in found.causes] == ["line_bow"]
     sure, none = weighed_on_all(found, bent, frozenset())
     assert none == []
@@ -25,20 +27,16 @@ def test_held_out_readings_give_the_name_to_the_likelier_of_two() -> None:
     assert decided.causes[0].probability > 0.99
 
 
-def test_no_two_causes_get_one_name() -> None:
-    bent = ready([{"name": "line_bow", "sag_um": 40.0}], 7)
-    found = explained(bent)
+def test_no_two_causes_get_one_name(bent: Prepared, found: Explanation) -> None:
     (bow,) = found.causes
     other = replace(bow, name="form_error", probability=0.5, alternatives=(("line_bow", 0.4),))
     both, _ = weighed_on_all(replace(found, causes=(bow, other)), bent, frozenset())
     assert [c.name for c in both.causes] == ["line_bow", "form_error"]
 
 
-def test_held_out_readings_speak_against_what_was_there_by_chance() -> None:
+def test_held_out_readings_speak_against_what_was_there_by_chance(found: Explanation) -> None:
     plain = ready([], 11)
     nothing = explained(plain)
-    bent = ready([{"name": "line_bow", "sag_um": 40.0}], 7)
-    found = explained(bent)
     fooled = replace(
         nothing, causes=found.causes, members=found.members, model=found.model
     )

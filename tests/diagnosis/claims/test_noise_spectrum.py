@@ -51,6 +51,6 @@ def test_a_finish_without_a_direction_is_even() -> None:
     noise = noise_of(rough, np.random.default_rng(3), 4 * READINGS)
     spectra = Spectra.of([noise, NOMINAL], NOMINAL)
     assert spectra.level[0].max() > 3 * spectra.level[1].max()
-    # what is left is little more than the chance that any spectrum has
+    # what is left is little above the sampling noise of any spectrum
     one, other = products(spectra.ratio, spectra.ratio).diagonal()
     assert one < 5 * other

@@ -9,7 +9,7 @@ from diagnosis.evidence.assess import assessed_mean
 from diagnosis.evidence.next_scan import Scan, next_scans, scans_like
 from diagnosis.evidence.seen import seen
 from diagnosis.model.model import Model
-from tests.support.prepared_parts import ready
+from diagnosis.prepare import Prepared
 
 
 def test_a_scan_is_moved_as_it_says() -> None:
@@ -43,15 +43,14 @@ def test_scans_keep_every_distance_on_the_part_and_one_changes_the_time_alone() 
             np.testing.assert_allclose(away[1], away[0])
 
 
-def test_a_turn_tells_the_part_from_the_sensor() -> None:
+def test_a_turn_tells_the_part_from_the_sensor(bent: Prepared) -> None:
     """One recording can't tell a bow from a bent part; turned by a quarter it can."""
-    one = ready([{"name": "line_bow", "sag_um": 40.0}], 7)
-    patches = [replace(p, fit=p.fit | True) for p in one.patches if p.recording == 0]
-    now = seen(patches, one.noise, Model())
+    patches = [replace(p, fit=p.fit | True) for p in bent.patches if p.recording == 0]
+    now = seen(patches, bent.noise, Model())
     member = next(m for m in assessed_mean(now, {}).mean)
     rival = "form_error" if member.candidate.effect != "form_error" else "line_bow"
     doubted = replace(member, odds={member.candidate.name: np.log(1.5), rival: 0.0})
-    scans = next_scans([doubted], now, one.recorded, one.placed, one.noise)
+    scans = next_scans([doubted], now, bent.recorded, bent.placed, bent.noise)
     assert scans
     odds = {s.scan.what: s.expected_log_odds for s in scans}
     quarter = next(v for k, v in odds.items() if "90°" in k)
@@ -60,19 +59,18 @@ def test_a_turn_tells_the_part_from_the_sensor() -> None:
     assert list(odds.values()) == sorted(odds.values(), reverse=True)
 
 
-def test_a_scan_is_proposed_by_names_and_where_it_adds_evidence() -> None:
-    one = ready([{"name": "line_bow", "sag_um": 40.0}], 7)
-    patches = [replace(p, fit=p.fit | True) for p in one.patches if p.recording == 0]
-    now = seen(patches, one.noise, Model())
+def test_a_scan_is_proposed_by_names_and_where_it_adds_evidence(bent: Prepared) -> None:
+    patches = [replace(p, fit=p.fit | True) for p in bent.patches if p.recording == 0]
+    now = seen(patches, bent.noise, Model())
     member = next(m for m in assessed_mean(now, {}).mean)
     nameless = replace(
         member, candidate=replace(member.candidate, effect=""),
         odds={member.candidate.name: np.log(1.5), "column_offset": 0.0},
     )  # fmt: skip
-    scans = next_scans([nameless], now, one.recorded, one.placed, one.noise)
+    scans = next_scans([nameless], now, bent.recorded, bent.placed, bent.noise)
     assert {s.between for s in scans} == {(member.candidate.name, "column_offset")}
     # free values of profiles follow whatever a step does, in any scan
     step = next(c for c in now.candidates if c.name == "step of the offsets")
     free = {step.name: np.log(1.5), "free offsets of profiles": 0.0}
     nested = replace(nameless, candidate=step, odds=free)
-    assert not next_scans([nested], now, one.recorded, one.placed, one.noise)
+    assert not next_scans([nested], now, bent.recorded, bent.placed, bent.noise)
