@@ -343,6 +343,11 @@ class PhysicsSettings:
         default=(0.7, 1.0, 1.4, 2.0, 2.8, 4.0), unit="1", low=0.0,
         source="half octaves; nine good instruments scatter there by 1 or 1.4",
     )  # fmt: skip
+    edge_places: tuple[float, ...] = quantity(
+        "factors on how far an edge may be off, of which the likeliest counts as well",
+        default=(1.0, 2.0, 4.0, 8.0), unit="1", low=1.0,
+        source="octaves; of 22 good instruments eleven are off by 2 to 4, one by 8",
+    )  # fmt: skip
     tilt_nats: float = quantity(
         "evidence above which columns have slopes beside their offsets",
         default=3.0, unit="nat", low=0.0,

@@ -1,5 +1,6 @@
 """The recordings under study, with what every step asks of them: predictions and scores."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -158,24 +159,31 @@ class Workspace:
         ]
 
     def most_probable(self, model: Model) -> float:
-        """Log density of the readings that may be fitted, noise, and at edges, as large as suits.
+        """Log density of the readings that may be fitted, with noise at edges as suits.
 
         No edge is placed to a fraction of the spot: what readings scatter by there beyond the noise
-        is no merit of a law that adds noise.
+        is no merit of a law that adds noise or smears the edge. The noise there is as large as
+        suits, and so is how far an edge may be off.
         """
         predictions = self.predict(self.levelled(model, shaped=True))
         masks = self.masks()
         moved = self._placed_by(predictions, masks)
 
-        def density(factor: float) -> float:
+        def density(noise: float, place: float) -> float:
+            further = math.sqrt(place**2 - 1)
             wider = [
-                replace(q, sd_mm=np.where(p.edge, factor * q.sd_mm, q.sd_mm))
+                replace(q, sd_mm=np.where(
+                    p.edge, noise * np.hypot(q.sd_mm, further * p.softness[0]), q.sd_mm
+                ))
                 for p, q in zip(self.patches, predictions, strict=True)
-            ]
+            ]  # fmt: skip
             found = zip(self._densities(wider, moved), masks, strict=True)
             return float(sum(d[m].sum() for d, m in found))
 
-        return max(density(factor) for factor in SETTINGS.physics.edge_noise)
+        return max(
+            density(noise, place)
+            for noise in SETTINGS.physics.edge_noise for place in SETTINGS.physics.edge_places
+        )  # fmt: skip
 
     def block_scores(
         self, densities: Sequence[Field], masks: Sequence[Mask] | None = None

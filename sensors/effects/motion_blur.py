@@ -119,19 +119,21 @@ class MotionBlur(Effect):
         mean = line.depth_mm + _beside(law, view, moving, line.depth_mm)
         still = line_spread(sd, 0.0, 0.0, step_mm=moving.step_mm)
         own: Floats | float = 0.0
+        stood_lit = np.zeros(view.shape, dtype=bool)
         if sd > 0:
             stood = standing(view, still)
+            stood_lit = np.isfinite(stood.depth_mm) & (stood.light >= view.sensor.beam.weakest)
             # the file's bias of a standing line beyond this reading decreases in a longer line
-            listed = view.depth_mm + listed_shift_mm(view) - stood.depth_mm
-            listed = np.where(np.abs(listed) <= STEEPEST * sd, listed, 0.0)
-            mean += np.sqrt(still.variance / moving.variance)[:, None] * listed
+            less = np.sqrt(still.variance / moving.variance)[:, None]
+            filed = view.depth_mm + listed_shift_mm(view)
+            mean += _filed(filed - stood.depth_mm, line.depth_mm - stood.depth_mm, less, sd)
             # the noise of the law contains the spread of a standing line
             own = np.square(stood.spread_mm)
         wider = moving.variance - still.variance
         share = way**2 / 12 / np.where(wider > 0, wider, 1.0)
         spread = np.sqrt(np.fmax(np.square(line.spread_mm) - own, 0.0) * share[:, None])
-        # a point visible during a part of the exposure is read
-        hidden = law.reason == Reason.HIDDEN_FROM_CAMERA
+        # a point that comes into view during the exposure is read
+        hidden = (law.reason == Reason.HIDDEN_FROM_CAMERA) & ~stood_lit
         return replace(
             law,
             mean_mm=np.where(lit & (np.isfinite(law.mean_mm) | hidden), mean, law.mean_mm),
@@ -168,6 +170,23 @@ class MotionBlur(Effect):
         """Return the longest distance travelled during an exposure, mm."""
         start, end = self.way_mm(view)
         return float(np.max(np.abs(end - start)))
+
+
+def _filed(beyond_mm: Floats, change_mm: Floats, share: Floats, sd_mm: float) -> Floats:
+    """Return what the file says beyond a matt standing line, as far as it holds of a moving one.
+
+    Where the file has another level than that line reads, it holds until the exposure brings
+    another level: a line that hardly moves reads what the file says.
+
+    Parameters
+    ----------
+    change_mm : what the moving line reads beyond the standing one
+    share : how much of a bias is left
+    sd_mm : standard deviation of the standing line
+    """
+    biased = np.abs(beyond_mm) <= STEEPEST * sd_mm
+    kept = np.where(np.abs(change_mm) <= STEEPEST * sd_mm, beyond_mm, 0.0)
+    return np.where(biased, share * beyond_mm, kept)
 
 
 def _beside(law: Law, view: View, line: LineSpread, read_mm: Floats) -> Floats:

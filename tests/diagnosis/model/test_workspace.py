@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from diagnosis.data.patch import Patch
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from sensors.effects.incidence_noise import IncidenceNoise
@@ -66,3 +67,29 @@ def test_noise_at_edges_is_as_large_as_suits_and_no_merit_of_a_law() -> None:
     assert ws.most_probable(Model()) >= density(ws)
     lost = density(ws) - density(rougher)
     assert ws.most_probable(Model()) - rougher.most_probable(Model()) < 0.8 * lost
+
+
+def test_an_edge_s_place_is_as_unsure_as_suits() -> None:
+    ws = bench_workspace("steps")
+    rng = np.random.default_rng(5)
+
+    def density(workspace: Workspace) -> float:
+        found = zip(workspace.log_densities(Model()), workspace.masks(), strict=True)
+        return float(sum(d[m].sum() for d, m in found))
+
+    # each reading's edge is elsewhere, four times as far as a pose may be off
+    astray = tuple(
+        replace(p, depth_mm=p.depth_mm + 4 * p.softness[0] * rng.standard_normal(p.shape))
+        for p in ws.patches
+    )
+    moved = replace(ws, patches=astray)
+    gained = moved.most_probable(Model()) - density(moved)
+    alone = ws.most_probable(Model()) - density(ws)
+    assert gained > alone + 100
+    # more than any noise at all edges alike explains
+    still = replace(moved, patches=tuple(replace(p, softness=_none(p)) for p in moved.patches))
+    assert moved.most_probable(Model()) > still.most_probable(Model()) + 100
+
+
+def _none(patch: Patch) -> tuple[np.ndarray, np.ndarray]:
+    return np.zeros(patch.shape), patch.softness[1]

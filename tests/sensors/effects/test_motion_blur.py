@@ -89,6 +89,22 @@ def test_a_part_of_the_exposure_that_the_camera_sees_is_read(view_of):
     assert np.allclose(blurred.mean_mm[lit], np.nanmax(dark.mean_mm), atol=1e-6)
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_an_exposure_of_nothing_changes_nothing_that_the_file_says_of_edges(view_of, turned):
+    """At the edge the file has one level, a line on matt material reads the other: it stays."""
+    sheet = {"effects": (
+        {"name": "camera_occlusion", "triangulation_angle_deg": 30.0, "line_sd_um": 300.0},
+        {"name": "finite_spot", "line_sd_um": 300.0},
+        {"name": "edge_mixing", "line_sd_um": 300.0},
+    )}  # fmt: skip
+    view = view_of("step", y_mm=np.linspace(9.0, 11.5, 126), turned=turned, sheet=sheet)
+    law = view.sensor.law(view, None)
+    stood = MotionBlur(exposure_ms=1e-3, stamped="middle").apply(law, view)
+    assert np.nanmax(law.mean_mm) - np.nanmin(law.mean_mm) > 5.0
+    assert np.array_equal(np.isfinite(stood.mean_mm), np.isfinite(law.mean_mm))
+    assert np.allclose(stood.mean_mm, law.mean_mm, atol=1e-3, equal_nan=True)
+
+
 @pytest.mark.parametrize("uneven", [False, True])
 def test_a_large_scan_is_blurred_block_by_block(view_of, monkeypatch, uneven):
     """One smear serves all profiles of an even travel, each has its own otherwise."""
