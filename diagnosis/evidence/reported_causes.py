@@ -121,6 +121,21 @@ def shares_by_effect(
     return named, rest
 
 
+def offered_beside(best: str, named: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
+    """Pick what else a cause could be: what is likely enough, and what it takes to be told at all.
+
+    All names in a place may be more probable than none while each by itself isn't: the set that is
+    offered is.
+    """
+    found, total = [], named[best]
+    for name in sorted(named.keys() - {best}, key=lambda n: (-named[n], n)):
+        if named[name] <= SETTINGS.offered and total > SETTINGS.reported:
+            break
+        found.append((name, named[name]))
+        total += named[name]
+    return tuple(found)
+
+
 def reported(assessment: Assessment) -> tuple[list[Cause], list[Unexplained]]:
     """Split what was found into catalogued causes and unknown physics.
 
@@ -136,12 +151,9 @@ def reported(assessment: Assessment) -> tuple[list[Cause], list[Unexplained]]:
             order = sorted(named, key=lambda n: -named[n])
             own = component.effect if component.effect in named else order[0]
             best = own if named[own] >= named[order[0]] else order[0]
-            others = tuple(
-                (n, named[n]) for n in order if n != best and named[n] > SETTINGS.offered
-            )
             cause = Cause(
-                name=best, channel=channel, probability=named[best], alternatives=others,
-                none_of_these=rest, nats=member.nats, gain=member.gain, size=member.size,
+                name=best, channel=channel, probability=named[best],
+                alternatives=offered_beside(best, named), none_of_these=rest, nats=member.nats, gain=member.gain, size=member.size,
                 repeats=member.repeats if best == component.effect else 0.0,
                 component=component if best == component.effect else None,
             )  # fmt: skip

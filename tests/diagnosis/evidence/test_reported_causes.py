@@ -8,6 +8,7 @@ from diagnosis.evidence.reported_causes import (
     Cause,
     Unexplained,
     not_yet_named,
+    offered_beside,
     shares_by_effect,
 )
 from sensors.effects.relaxed import Relaxed
@@ -32,6 +33,25 @@ def test_components_of_an_effect_add_up() -> None:
 def test_no_probability_is_lost(values: list[float]) -> None:
     named, rest = shares_by_effect(dict(zip([*EFFECTS, ""], values, strict=True)), EFFECTS)
     assert sum(named.values()) + rest == pytest.approx(sum(values))
+
+
+@given(values=st.lists(st.floats(0, 0.2), min_size=6, max_size=6))
+def test_what_is_offered_is_more_probable_than_not(values: list[float]) -> None:
+    """Where all names together are: with any share of the rest."""
+    named = dict(zip("abcdef", values, strict=True))
+    best = max(named, key=lambda n: named[n])
+    others = dict(offered_beside(best, named))
+    offered = named[best] + sum(others.values())
+    assert offered > 0.5 or len(others) == 5
+    # nobody who is left out is likelier than who is offered, or likely
+    left = [p for n, p in named.items() if n != best and n not in others]
+    assert max(left, default=0.0) <= min([0.05, *others.values()])
+
+
+def test_a_sure_cause_has_no_alternatives() -> None:
+    assert offered_beside("a", {"a": 0.9, "b": 0.04}) == ()
+    assert offered_beside("a", {"a": 0.6, "b": 0.3, "c": 0.04}) == (("b", 0.3),)
+    assert offered_beside("a", {"a": 0.45, "b": 0.04, "c": 0.03}) == (("b", 0.04), ("c", 0.03))
 
 
 def test_doubts_are_kept_one_after_the_other() -> None:
