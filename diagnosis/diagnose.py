@@ -1,5 +1,6 @@
 """The whole diagnosis: register, calibrate, detect, explain, judge, locate."""
 
+import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -9,7 +10,7 @@ from diagnosis.beside_unknown import doubted_causes, doubted_claims
 from diagnosis.claims.mounting import blurs, mounted
 from diagnosis.claims.repeats_and_steps import delivered
 from diagnosis.claims.stuck_bit import stuck_bit
-from diagnosis.claims.surface_texture import texture
+from diagnosis.claims.surface_texture import Left, texture
 from diagnosis.claims.translucency import averaged_grain, sunken
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.discrepancy.population import population
@@ -203,11 +204,13 @@ def _against_claims(
     light = any(
         c.component is not None and c.component.relaxed.spanned for c in explanation.causes
     )
-    bent = any(
-        s.channel == "mean" or (s.channel == "scale" and (light or not s.of_surface))
-        for s in unexplained
-    )
-    against_claims, plain_noise = texture(ready, explanation, bent=bent, withheld=withheld)
+    left = Left(
+        mean=math.hypot(*(s.size for s in unexplained if s.channel == "mean")),
+        noise=math.hypot(*(
+            s.size for s in unexplained if s.channel == "scale" and (light or not s.of_surface)
+        )),
+    )  # fmt: skip
+    against_claims, plain_noise = texture(ready, explanation, left=left, withheld=withheld)
     if plain_noise is not ready.noise and ready.nominal is not None:
         model = sunken(ws, model, [f.effect for f in against_claims], withheld)
     warped = any(isinstance(e, FormError) and e.coefficients_um for e in model.effects)

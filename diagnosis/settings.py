@@ -447,16 +447,6 @@ class ClaimsSettings:
         "parts of what another cause of noise follows, in each of which the noise is compared",
         default=6, unit="", low=1, whole=True, source=CHOSEN,
     )  # fmt: skip
-    surely_smoother: float = quantity(
-        "factor on a plate's noise below which it is named beside an unexplained mean, too",
-        default=0.75, unit="1", low=0.0, high=1.0,
-        source="chosen; a bent mean adds to noise only",
-    )  # fmt: skip
-    surely_drawn: float = quantity(
-        "ratio of a lay above which it is named beside an unexplained mean, too",
-        default=1.7, unit="1", low=1.0,
-        source="chosen; a mean's waves have directions, too",
-    )  # fmt: skip
     finer: float = quantity(
         "factor on the density of a surface's peaks, up or down, from which it is reported",
         default=1.35, unit="1", low=1.0,

@@ -16,6 +16,7 @@ from diagnosis.claims.firmware import filtered_instead
 from diagnosis.claims.lay import LAY, lay_of
 from diagnosis.claims.plate_noise import change_since, level_change, plates_doubt
 from diagnosis.data.patch import Patch, all_fitted
+from diagnosis.evidence.changed_sizes import with_sizes_up_to
 from diagnosis.evidence.mean_causes import Scales
 from diagnosis.evidence.noise_level import claimed_sizes, level_nats, level_unsure
 from diagnosis.model.workspace import Workspace
@@ -52,10 +53,36 @@ class Claim:
     heldout: float | None = None
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Left:
+    """What is left unexplained, as far as it passes for noise of the surface.
+
+    Its waves have directions as well: up to the share of the variance that it has, good instruments
+    may seem to have a lay. The level of the noise is in doubt by as much.
+
+    Attributes
+    ----------
+    mean : rms of the mean, over the noise
+    noise : rms of the noise's logarithm
+    """
+
+    mean: float = 0.0
+    noise: float = 0.0
+
+    @property
+    def level(self) -> float:
+        """By how much it may change the logarithm of the noise's size."""
+        return math.hypot(0.5 * math.log1p(self.mean**2), self.noise)
+
+
 def texture(
-    ready: "Prepared", explanation: "Explanation", *, bent: bool, withheld: Collection[str]
+    ready: "Prepared", explanation: "Explanation", *, left: Left, withheld: Collection[str]
 ) -> tuple[list[FoundEffect], NoiseModel]:
     """Compare the noise with what plates, baselines or the surface's file claim.
+
+    Parameters
+    ----------
+    left : unexplained, which passes for noise
 
     Returns
     -------
@@ -64,12 +91,14 @@ def texture(
     model, noise, nominal, surface = explanation.model, ready.noise, ready.nominal, ready.surface
     view = explanation.ws.patches[0].view
     claimed = nominal_sd_mm(nominal, surface, view)
-    level = _level(explanation, noise, nominal, claimed, ready.baseline) if claimed > 0 else None
+    level = None
+    if claimed > 0:
+        level = _level(explanation, noise, nominal, claimed, ready.baseline, left)
     if level is not None and surface is not None and nominal is None \
             and OnboardFilter.name not in withheld:
         level = replace(level, effect=filtered_instead(level.effect, noise, surface, view))
-    lay = None if nominal is None else _lay(explanation, noise, nominal, ready.baseline)
-    claims = [c for c in joined(level, lay, bent=bent) if c.effect.name not in withheld]
+    lay = None if nominal is None else _lay(explanation, noise, nominal, ready.baseline, left)
+    claims = [c for c in joined(level, lay) if c.effect.name not in withheld]
     if not claims:
         return [], noise
     plain_noise = nominal_noise(noise, nominal, surface, view)
@@ -94,18 +123,8 @@ def texture(
     return found, plain_noise
 
 
-def joined(level: Claim | None, lay: Claim | None, *, bent: bool) -> list[Claim]:
-    """Put a level and a lay together.
-
-    Parameters
-    ----------
-    bent : whether much of the mean is left unexplained, which passes for noise: told is no more
-        than a lay that draws the noise out by far, whose ridges bend the mean themselves, and noise
-        that is far smaller all the same
-    """
-    level, lay = (
-        c if c is not None and (not bent or _stands_out(c.effect)) else None for c in (level, lay)
-    )
+def joined(level: Claim | None, lay: Claim | None) -> list[Claim]:
+    """Put a level and a lay together."""
     rough = None if level is None else level.effect
     if lay is not None and isinstance(rough, RoughnessLevel) and rough.amplitude > 1:
         # the ridges of a lay are what makes it rougher
@@ -117,12 +136,12 @@ def joined(level: Claim | None, lay: Claim | None, *, bent: bool) -> list[Claim]
 
 def _level(
     explanation: "Explanation", own: NoiseModel, nominal: NoiseModel | None, nominal_mm: float,
-    baseline: Sequence[Patch],
+    baseline: Sequence[Patch], left: Left,
 ) -> Claim | None:  # fmt: skip
     """Return the change of the noise's size and of its peaks; None where there is none."""
     ws, model = explanation.ws, explanation.model
     view = ws.patches[0].view
-    doubt = plates_doubt(model, view)
+    doubt = math.hypot(plates_doubt(model, view), left.level)
     if baseline:
         every = Workspace.build(all_fitted(explanation.patches), own)
         before = Workspace.build(baseline, own)
@@ -149,14 +168,17 @@ def _level(
 
 
 def _lay(
-    explanation: "Explanation", noise: NoiseModel, nominal: NoiseModel, baseline: Sequence[Patch]
-) -> Claim | None:
+    explanation: "Explanation", noise: NoiseModel, nominal: NoiseModel, baseline: Sequence[Patch],
+    left: Left,
+) -> Claim | None:  # fmt: skip
     """Return the lay of the part; None where there is none.
 
     Held-out recordings say in which frame it lies, too: noise that is drawn out in one orientation
     is no prediction of another's.
     """
     scales = Scales(sizes=SETTINGS.mean_sizes(), weights=explanation.scales)
+    usual = with_sizes_up_to(left.mean**2, scales.of(LAY), scales.sizes)
+    scales = replace(scales, weights={LAY: usual})
 
     def found_on(patches: Sequence[Patch]) -> tuple[AnisotropicLay, float] | None:
         ws = Workspace.build(patches, noise)
@@ -169,14 +191,6 @@ def _lay(
     fitted = found_on(explanation.patches)
     heldout = found[1] - (0.0 if fitted is None else fitted[1])
     return Claim(effect=found[0], nats=found[1], heldout=heldout)
-
-
-def _stands_out(effect: Effect) -> bool:
-    """Whether a finish is told although a bent mean adds to the noise."""
-    if isinstance(effect, AnisotropicLay):
-        return effect.ratio > SETTINGS.claims.surely_drawn
-    smoother = SETTINGS.claims.surely_smoother
-    return isinstance(effect, RoughnessLevel) and effect.amplitude < smoother
 
 
 def texture_estimates(effect: Effect) -> dict[str, Estimate]:

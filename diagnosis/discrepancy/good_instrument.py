@@ -19,6 +19,7 @@ from diagnosis.discrepancy.population import (
     tells_kind,
 )
 from diagnosis.evidence.candidates import Candidate
+from diagnosis.evidence.changed_sizes import with_sizes_up_to
 from diagnosis.evidence.mean_causes import Scales
 from diagnosis.evidence.noise_and_loss_baselines import beside_baselines
 from diagnosis.evidence.noise_and_loss_causes import in_turn
@@ -226,10 +227,8 @@ def alike_at_edges(
     keys = [c.key for c in candidates if c.at_edges and c.key in factors]
     plain = [factors[k] for k in keys if factors[k].max() >= SETTINGS.stands_out]
     shown = [sizes[int(one.argmax())] for one in plain]
-    upto = sizes <= SETTINGS.doubt_at_edges * float(np.linalg.norm(shown))
-    for key in keys if upto.any() else ():
-        out[key] = 0.5 * out[key] + 0.5 * upto / upto.sum()
-    return out
+    most = SETTINGS.doubt_at_edges * float(np.linalg.norm(shown))
+    return out | {key: with_sizes_up_to(most, out[key], sizes) for key in keys}
 
 
 def _sizes(name: str) -> Floats:

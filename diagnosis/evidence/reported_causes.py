@@ -153,7 +153,8 @@ def reported(assessment: Assessment) -> tuple[list[Cause], list[Unexplained]]:
             best = own if named[own] >= named[order[0]] else order[0]
             cause = Cause(
                 name=best, channel=channel, probability=named[best],
-                alternatives=offered_beside(best, named), none_of_these=rest, nats=member.nats, gain=member.gain, size=member.size,
+                alternatives=offered_beside(best, named), none_of_these=rest,
+                nats=member.nats, gain=member.gain, size=member.size,
                 repeats=member.repeats if best == component.effect else 0.0,
                 component=component if best == component.effect else None,
             )  # fmt: skip
