@@ -7,7 +7,7 @@ from diagnosis.evidence.changed_sizes import changed, with_sizes_up_to
 
 
 def test_a_change_is_larger_than_what_most_instruments_have() -> None:
-    usual = np.array([0.5, 0.5, 0.0, 0.0, 0.0])
+    usual = np.array([0.1, 0.9, 0.0, 0.0, 0.0])
     weights = changed(usual)
     assert weights.sum() == pytest.approx(1.0)
     assert weights[:2].max() < 1e-9
