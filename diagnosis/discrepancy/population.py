@@ -35,6 +35,9 @@ SPREADS_OF_NOISE = (*SPREADS, 1.4, 2.0)
 """The same of what the noise goes with: how it grows on slopes differs between good instruments by
 more than tenfold. Wider ones of the mean would let one component's rare departure stand for any
 other's, since the likeliest of all stands for a good instrument."""
+NONE = (0.0, 0.25, 0.5, 0.75)
+"""Shares of good instruments that have nothing of a component, which are weighed: they have the
+smallest size."""
 TURNS = 300
 """Steps to the likeliest shares of the spreads; each makes them likelier."""
 
@@ -266,12 +269,14 @@ def _ends(count: int) -> NDArray[np.int64]:
 def learnt(kinds: Sequence[Sequence[Mapping[str, Floats]]]) -> list[dict[str, Floats]]:
     """Probability of each size of each component, by kinds of instruments.
 
-    Sizes are lognormal among the instruments of a kind. Median and spread are averaged over their
-    posterior. Before any instrument a median is the less probable the larger it is, as its inverse:
-    what no recording of the population could show isn't taken for usual. How probable a spread is
-    before, components of a kind tell together, those of the noise by themselves (empirical Bayes;
-    Efron & Morris, J. Am. Stat. Assoc. 68 (1973) 117): most are alike in all instruments, and in a
-    few these differ widely.
+    Of the instruments of a kind a share has nothing of a component, in the others its size is
+    lognormal: were those with nothing the low end of one distribution, its other end would be as
+    long, and no fault of ten times what any good instrument has would stand out. Share, median and
+    spread are averaged over their posterior. Before any instrument a median is the less probable
+    the larger it is, as its inverse: what no recording of the population could show isn't taken for
+    usual. How probable shares and spreads are before, components of a kind tell together, those of
+    the noise by themselves (empirical Bayes; Efron & Morris, J. Am. Stat. Assoc. 68 (1973) 117):
+    most are alike in all instruments, and in a few these differ widely.
 
     Parameters
     ----------
@@ -293,7 +298,7 @@ def learnt(kinds: Sequence[Sequence[Mapping[str, Floats]]]) -> list[dict[str, Fl
 def _together(
     found: Mapping[str, Sequence[Floats]], spreads: Sequence[float]
 ) -> dict[str, Floats]:
-    """Probability of each size of components whose spreads are told together."""
+    """Probability of each size of components whose shares and spreads are told together."""
     if not found:
         return {}
     fits = {name: _fits(np.stack(own), spreads) for name, own in sorted(found.items())}
@@ -302,7 +307,7 @@ def _together(
 
 
 def _shares(nats: Floats) -> Floats:
-    """Likeliest probability of each spread (spreads,), from log evidence (components, spreads)."""
+    """Likeliest probability of each form (forms,), from log evidence (components, forms)."""
     out = np.full(nats.shape[1], 1.0 / nats.shape[1])
     for _ in range(TURNS):
         each = nats + np.log(np.maximum(out, 1e-300))
@@ -311,13 +316,15 @@ def _shares(nats: Floats) -> Floats:
 
 
 def _mixed(nats: Floats, weights: Floats, shares: Floats) -> Floats:
-    """Probability of each size (sizes,), over all spreads and medians."""
+    """Probability of each size (sizes,), over all forms and medians."""
     posterior = nats + np.log(np.maximum(shares, 1e-300))[:, None]
-    return np.asarray(np.einsum("sm,smk->k", np.exp(posterior - logsumexp(posterior)), weights))
+    return np.asarray(np.einsum("fm,fmk->k", np.exp(posterior - logsumexp(posterior)), weights))
 
 
 def _fits(log: Floats, spreads: Sequence[float]) -> tuple[Floats, Floats]:
-    """Log evidence (spreads, medians) and sizes (spreads, medians, sizes) of lognormal ones.
+    """Log evidence (forms, medians) and sizes (forms, medians, sizes) of lognormal ones.
+
+    A form has a spread, and a share of instruments that have nothing.
 
     Parameters
     ----------
@@ -327,10 +334,13 @@ def _fits(log: Floats, spreads: Sequence[float]) -> tuple[Floats, Floats]:
     middles = np.arange(-2.0, log.shape[1], 0.5)
     nats, weights = [], []
     for spread in spreads:
-        w = np.exp(-0.5 * np.square((steps - middles[:, None]) * np.log(2.0) / spread))
-        w = np.maximum(w / np.maximum(w.sum(axis=1, keepdims=True), 1e-300), 1e-300)
-        w /= w.sum(axis=1, keepdims=True)
-        own = logsumexp(log[None] + np.log(w)[:, None], axis=2).sum(axis=1)
-        nats.append(own - np.log(2.0) * middles)
-        weights.append(w)
+        some = np.exp(-0.5 * np.square((steps - middles[:, None]) * np.log(2.0) / spread))
+        some = np.maximum(some / np.maximum(some.sum(axis=1, keepdims=True), 1e-300), 1e-300)
+        some /= some.sum(axis=1, keepdims=True)
+        for none in NONE:
+            w = (1.0 - none) * some
+            w[:, 0] += none
+            own = logsumexp(log[None] + np.log(w)[:, None], axis=2).sum(axis=1)
+            nats.append(own - np.log(2.0) * middles)
+            weights.append(w)
     return np.stack(nats), np.stack(weights)

@@ -10,13 +10,14 @@ from diagnosis.settings import SETTINGS
 
 
 def usual(weights: Field) -> int:
-    """Return the number of the size that most good instruments stay below.
+    """Return the number of the size that most good instruments stay below, of those with any.
 
     Parameters
     ----------
-    weights : probability of each size
+    weights : probability of each size; the smallest is nothing
     """
-    within = int(np.searchsorted(np.cumsum(weights), SETTINGS.most_instruments))
+    some = np.append(0.0, weights[1:])
+    within = int(np.searchsorted(np.cumsum(some), SETTINGS.most_instruments * some.sum()))
     return min(within, weights.size - 1)
 
 

@@ -46,8 +46,8 @@ FORM = {
     ],
     "where a search begins, and its steps": [
         "claims/firmware:AMPLITUDES", "claims/firmware:MEANS_ACROSS", "claims/firmware:MEANS_ALONG",
-        "claims/firmware:MEDIANS", "claims/firmware:PEAKS", "discrepancy/population:SPREADS",
-        "discrepancy/population:SPREADS_OF_NOISE",
+        "claims/firmware:MEDIANS", "claims/firmware:PEAKS", "discrepancy/population:NONE",
+        "discrepancy/population:SPREADS", "discrepancy/population:SPREADS_OF_NOISE",
         "physics/curvature:FARTHER", "physics/curvature:FIRST_STEP", "physics/curvature:SHARES",
         "physics/effect_fit:FINER", "physics/effect_fit:MAX_GRID", "physics/effect_fit:PEAKS",
         "physics/effect_fit:RADII_MM", "physics/effect_fit:SMALL", "physics/effect_fit:STRONGER",
