@@ -12,7 +12,7 @@ from diagnosis.discrepancy.population import (
     population,
     steps_to,
 )
-from diagnosis.evidence.changed_sizes import changed
+from diagnosis.evidence.changed_sizes import changed, usual
 from diagnosis.evidence.seen import RATES
 from diagnosis.settings import SETTINGS
 
@@ -56,6 +56,24 @@ def test_spreads_are_those_that_components_have_together() -> None:
 def test_good_instruments_without_a_departure_have_none() -> None:
     weights = learnt([[{"bow": seen_as(1e-5)}] * 30])[0]["bow"]
     assert weights[SIZES > 0.05].sum() < 0.01
+
+
+def test_instruments_with_nothing_make_no_large_size_usual() -> None:
+    """Half have nothing, the others a twentieth: ten times that is no good instrument's."""
+    rng = np.random.default_rng(3)
+    some = [seen_as(0.05 * float(np.exp(0.3 * e)), 40) for e in rng.standard_normal(20)]
+    none = [seen_as(1e-5, 40)] * 20
+    mixed, alone = (learnt([[{"bow": one} for one in many]])[0]["bow"]
+                    for many in (some + none, some))  # fmt: skip
+    assert mixed[0] == pytest.approx(0.5, abs=0.15)
+    large = SIZES >= 0.4
+    assert mixed[large].sum() < 1e-4
+    # those with some are distributed as if there were no others
+    with_any = mixed[1:] / mixed[1:].sum()
+    assert with_any == pytest.approx(alone[1:] / alone[1:].sum(), abs=0.05)
+    # and a change is larger than what most of these have
+    assert SIZES[usual(mixed)] == pytest.approx(0.05, rel=0.5)
+    assert changed(mixed)[SIZES < 0.05].sum() < 1e-6
 
 
 def of_two(names: tuple[str, ...] = ("bow", "lens", "slips")) -> Population:
