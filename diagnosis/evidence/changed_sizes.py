@@ -31,10 +31,10 @@ def changed(weights: Field) -> Field:
     return np.asarray(above / above.sum())
 
 
-def with_sizes_up_to(most: float, usual: Field, sizes: Field) -> Field:
+def with_sizes_up_to(most: float, weights: Field, sizes: Field) -> Field:
     """Return the probability of each size (S,) where any up to one is as likely as the usual.
 
     Something else passes for the component and has that size.
     """
     upto = sizes <= most
-    return 0.5 * usual + 0.5 * upto / upto.sum() if upto.any() else usual
+    return 0.5 * weights + 0.5 * upto / upto.sum() if upto.any() else weights

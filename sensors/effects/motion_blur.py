@@ -11,11 +11,12 @@ from sensors.effects.parameter import parameter
 from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.line.beam import listed_sd_mm, listed_shift_mm, read_beam, standing
-from sensors.line.line_operator import STEEPEST, between_rows
+from sensors.line.line_operator import STEEPEST, Line, between_rows
 from sensors.line.line_spread import LineSpread, line_spread
 from sensors.view.view import Reason, View
 
 Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 SHARES = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
 """Starting exposures of a search, over the time between profiles."""
@@ -115,14 +116,14 @@ class MotionBlur(Effect):
             start, end = start[:1], end[:1]
         moving = line_spread(sd, start, end)
         line = read_beam(view, moving)
-        lit = np.isfinite(line.depth_mm) & (line.light >= view.sensor.beam.weakest)
+        lit = _lit(line, view)
         mean = line.depth_mm + _beside(law, view, moving, line.depth_mm)
         still = line_spread(sd, 0.0, 0.0, step_mm=moving.step_mm)
         own: Floats | float = 0.0
         stood_lit = np.zeros(view.shape, dtype=bool)
         if sd > 0:
             stood = standing(view, still)
-            stood_lit = np.isfinite(stood.depth_mm) & (stood.light >= view.sensor.beam.weakest)
+            stood_lit = _lit(stood, view)
             # the file's bias of a standing line beyond this reading decreases in a longer line
             less = np.sqrt(still.variance / moving.variance)[:, None]
             filed = view.depth_mm + listed_shift_mm(view)
@@ -170,6 +171,11 @@ class MotionBlur(Effect):
         """Return the longest distance travelled during an exposure, mm."""
         start, end = self.way_mm(view)
         return float(np.max(np.abs(end - start)))
+
+
+def _lit(line: Line, view: View) -> Mask:
+    """Tell where enough of a line's light reaches the camera for a reading, (n, m)."""
+    return np.asarray(np.isfinite(line.depth_mm) & (line.light >= view.sensor.beam.weakest))
 
 
 def _filed(beyond_mm: Floats, change_mm: Floats, share: Floats, sd_mm: float) -> Floats:

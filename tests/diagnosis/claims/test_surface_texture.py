@@ -1,4 +1,4 @@
-"""Surface texture: a level and a lay put together, and what is left of the mean."""
+"""Surface texture: a level and a lay put together, beside an unexplained mean."""
 
 import math
 

@@ -49,6 +49,12 @@ def test_a_thin_workspace_keeps_whole_profiles(ws: Workspace) -> None:
     assert {p.depth_mm.shape[1] for p in thin.patches} == {ws.patches[0].depth_mm.shape[1]}
 
 
+def density(workspace: Workspace) -> float:
+    """Log density under the nominal model, with noise and edges as they are."""
+    found = zip(workspace.log_densities(Model()), workspace.masks(), strict=True)
+    return float(sum(d[m].sum() for d, m in found))
+
+
 def test_noise_at_edges_is_as_large_as_suits_and_no_merit_of_a_law() -> None:
     ws = bench_workspace("steps")
     rng = np.random.default_rng(3)
@@ -57,10 +63,6 @@ def test_noise_at_edges_is_as_large_as_suits_and_no_merit_of_a_law() -> None:
         for p in ws.patches
     )
     rougher = replace(ws, patches=rough)
-
-    def density(workspace: Workspace) -> float:
-        found = zip(workspace.log_densities(Model()), workspace.masks(), strict=True)
-        return float(sum(d[m].sum() for d, m in found))
 
     assert rougher.most_probable(Model()) > density(rougher) + 100
     # as they are, they are better explained by no factor far from one
@@ -72,10 +74,6 @@ def test_noise_at_edges_is_as_large_as_suits_and_no_merit_of_a_law() -> None:
 def test_an_edge_s_place_is_as_unsure_as_suits() -> None:
     ws = bench_workspace("steps")
     rng = np.random.default_rng(5)
-
-    def density(workspace: Workspace) -> float:
-        found = zip(workspace.log_densities(Model()), workspace.masks(), strict=True)
-        return float(sum(d[m].sum() for d, m in found))
 
     # each reading's edge is elsewhere, four times as far as a pose may be off
     astray = tuple(
