@@ -507,6 +507,13 @@ class ClaimsSettings:
         default=3000, unit="", low=1, whole=True,
         source="an autocorrelation is known to 0.02",
     )  # fmt: skip
+    lay_off_edges: int = quantity(
+        "points beside those within reach of an edge that say nothing of a lay",
+        default=4, unit="", low=0, whole=True,
+        source="edges lie in one direction, and what light there leaves does: good instruments of "
+        "the calibration population that seemed to have a lay, by up to 34 nats, had it by 5 at "
+        "most off these",
+    )  # fmt: skip
     lay_directions: int = quantity(
         "directions of a lay that are tried, over half a turn",
         default=24, unit="", low=2, whole=True,

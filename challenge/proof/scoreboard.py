@@ -86,6 +86,7 @@ def figures(scored: dict[str, Any]) -> list[Figure]:
         ("- nulls with each", _given(nulls)),
         (TOP_1, mean(of("one", medium=True), "top_1")),
         ("- of these where the held-out mean tells the oracle", mean(seen, "top_1")),
+        *_by_evidence(seen),
         ("top-1, weak", mean(weak, "top_1")),
         (PRECISION, mean(strong, "precision")),
         ("recall, medium and strong", mean(strong, "recall")),
@@ -124,6 +125,26 @@ def _median(values: Iterable[float]) -> str:
 def _seconds(cases: Sequence[Case]) -> str:
     took = sorted(float(c["run"]["seconds"]) for c in cases)
     return f"{took[len(took) // 2]:.0f}, {took[-1]:.0f}" if took else "none"
+
+
+def _by_evidence(seen: Sequence[Case]) -> list[tuple[str, str]]:
+    """Top-1 by how plainly the held-out recording tells perfect knowledge, and by baselines.
+
+    What is missed there is not missed for want of evidence.
+    """
+    limit = 3 * ORACLE_SEES
+    groups = {
+        f"beyond {limit:.0f} sigma": [c for c in seen if c["facts"]["oracle_z"] > limit],
+        f"up to {limit:.0f} sigma": [c for c in seen if c["facts"]["oracle_z"] <= limit],
+        "with baselines": [c for c in seen if c["secret"].get("baselines", 0) > 0],
+        "without baselines": [c for c in seen if c["secret"].get("baselines", 0) == 0],
+    }
+    rows = [
+        (f"  - {text}", _mean(float(c["score"]["top_1"]) for c in group))
+        for text, group in groups.items()
+    ]
+    nothing = _count(seen, lambda c: not c["score"]["reported"])
+    return [*rows, ("  - no name at all", f"{nothing} of {len(seen)}")]
 
 
 def _alarms_by_file(nulls: Sequence[Case]) -> list[tuple[str, str]]:

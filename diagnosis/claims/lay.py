@@ -27,6 +27,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 from scipy.special import logsumexp
 
 from diagnosis.claims.noise_spectrum import WIDTHS, Spectra, products
@@ -215,7 +216,11 @@ def _recorded(
         members = [
             (p, s) for p, s in zip(ws.patches, states, strict=True) if p.recording == number
         ]
-        masks = [p.fit & s.used & ~p.edge for p, s in members]
+        # what light leaves along edges has their direction
+        masks = [
+            p.fit & s.used & ~binary_dilation(p.edge, iterations=SETTINGS.claims.lay_off_edges)
+            for p, s in members
+        ]
         if sum(int(m.sum()) for m in masks) < SETTINGS.claims.lay_readings:
             continue
         found.append(calibrate(

@@ -1,18 +1,24 @@
 """A lay is known by the direction in which it draws the noise out, and keeps it on the part."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import binary_dilation
 from scipy.special import logsumexp
 
-from diagnosis.claims.lay import Lay, lay_evidence, stretched
+from diagnosis.claims.lay import Lay, lay_evidence, lay_of, stretched
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import calibrate
+from diagnosis.prepare import Inputs, prepared
 from diagnosis.settings import SETTINGS
+from sensors.casting.scene import Scene
 from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.recording import Recording
 from tests.support.diagnosis_of import diagnosis_of
-from tests.support.small_parts import SPECKLE, datasheet, poses, record, solid
+from tests.support.small_parts import SPECKLE, datasheet, knots, part, poses, record, solid
 from tests.support.spectra import (
     ANGLE_DEG,
     NOMINAL,
@@ -149,3 +155,43 @@ def test_a_lay_between_the_axes_keeps_its_angle_on_the_part() -> None:
     # seen from above, the travel is mirrored: the angle on the part isn't the one in the scan
     line, travel = poses(3)[0, :2, 0], poses(3)[0, :2, 1]
     assert np.linalg.det(np.stack([line, travel])) == pytest.approx(-1.0)
+
+
+def test_readings_beside_edges_say_nothing_of_a_lay() -> None:
+    """Edges of a part have one direction, and so has what light leaves along them."""
+    walls, sheet = (-15.0, -5.0, 5.0, 15.0), datasheet(110)
+    ridges = solid(
+        lambda x, y: 1.0 * (np.searchsorted(walls, x) % 2), knots(52, 27, walls), knots(52, 5)
+    )
+
+    def scan(of: Scene, k: int, heading_deg: float = 0.0) -> Recording:
+        return record(of, sheet, [], name=f"s{k}", seed=70 + k, profiles=100, speckle=SPECKLE,
+                      heading_deg=heading_deg)  # fmt: skip
+
+    ready = prepared(
+        Inputs(
+            recordings=[scan(ridges, k, heading) for k, heading in enumerate((0.0, 80.0, 40.0))],
+            vertices_mm=ridges.vertices_mm, faces=ridges.faces, datasheet=sheet,
+            references=[scan(part("plate"), 7), scan(part("plate"), 8)],
+        ),
+        [], lambda _: None,
+    )  # fmt: skip
+    assert ready.nominal is not None
+
+    def factors(first: int, last: int) -> np.ndarray:
+        """Raise readings by the noise that lie so many points beside those at edges."""
+        patches = []
+        for patch in ready.patches:
+            inner, outer = (
+                binary_dilation(patch.edge, iterations=k) if k else patch.edge
+                for k in (first, last)
+            )
+            raised = ready.noise.sd_mm * (outer & ~inner)
+            patches.append(replace(patch, depth_mm=patch.depth_mm + raised))
+        found = lay_of(Workspace.build(patches, ready.noise), Model(), ready.nominal)
+        assert found is not None
+        return found[1]
+
+    beside = 3
+    assert np.allclose(factors(0, beside), factors(0, 0), atol=1e-3)
+    assert not np.allclose(factors(0, SETTINGS.claims.lay_off_edges + 2), factors(0, 0), atol=0.1)
