@@ -10,6 +10,8 @@ of the diagnosis, the likelihood of each size; the mixing distribution over size
 is kept of changes, of what the other recordings have beside the first one, taken as a baseline: by
 how many steps of the grid they differ from what that one shows.
 Each population is a kind of instruments of its own; with `--makes` each is of another make.
+With `--left-out` each population is told by the others: how often an instrument is of yet another
+kind, by that.
 """
 
 import argparse
@@ -21,6 +23,7 @@ from pathlib import Path
 
 import numpy as np
 from joblib import Parallel, delayed
+from scipy.special import logsumexp
 
 from benchmarks.other_formulas.tolerances import good_instrument
 from challenge.sets.calibration_population import OF_MAKES
@@ -35,7 +38,14 @@ from diagnosis.discrepancy.good_instrument import (
     rate_factors,
     told,
 )
-from diagnosis.discrepancy.population import Kind, Population, learnt, steps_to
+from diagnosis.discrepancy.population import (
+    ASPECTS,
+    Kind,
+    Population,
+    aspect_of,
+    learnt,
+    steps_to,
+)
 from diagnosis.evidence.noise_level import AGAINST_PLATES, level_factors, level_unsure
 from diagnosis.evidence.seen import channels_seen, seen
 from diagnosis.model.model import Model
@@ -48,6 +58,8 @@ from sensors.recording import Recording
 from tests.support.small_parts import VIEWS, datasheet, part, record
 
 SIMULATED = ("domes", "steps", "bowl", "wedge", "valley")
+UNLIKE = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
+"""Shares of instruments of another kind that are weighed."""
 
 
 def good_folders(root: Path) -> Iterator[Path]:
@@ -162,6 +174,9 @@ def main() -> None:
         help="and N whose light is as uneven as makers allow",
     )  # fmt: skip
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes")
+    parser.add_argument(
+        "--left-out", action="store_true", help="say how well each population is told by the others"
+    )
     parser.add_argument("--write", type=Path, required=True, metavar="FILE.json")
     args = parser.parse_args()
     groups = [group for root in args.roots for group in _of_folders(root)]
@@ -173,13 +188,14 @@ def main() -> None:
             label = f"{name}: {count} calibration instruments"
             groups.append(_Group(name=label, makes=1, columns="", instruments=instruments))
     work = Parallel(n_jobs=args.jobs)
-    departing = learnt([
-        work(delayed(_departures_of)(make) for make in g.instruments) for g in groups
-    ])  # fmt: skip
+    shown = [work(delayed(_departures_of)(make) for make in g.instruments) for g in groups]
+    departing = learnt(shown)
     known = Population(kinds=tuple(
         Kind(name=g.name, makes=g.makes, columns=g.columns, weights=w)
         for g, w in zip(groups, departing, strict=True)
     ))  # fmt: skip
+    if args.left_out:
+        print(left_out(known, shown))
     changing = learnt([
         work(delayed(_changes_of)(make, known, kind) for make in g.instruments)
         for g, kind in zip(groups, known.kinds, strict=True)
@@ -227,6 +243,44 @@ def _departures_of(make: Callable[[], Inputs]) -> Factors:
 
 def _changes_of(make: Callable[[], Inputs], known: Population, kind: Kind) -> Factors:
     return changes(make(), known, kind)
+
+
+def left_out(known: Population, shown: Sequence[Sequence[Factors]]) -> str:
+    """Tell each population by the others: nats over the smallest share of another kind.
+
+    Parameters
+    ----------
+    shown : of each kind, each instrument's log factors of sizes, by component
+    """
+    rows = ["| left out | aspect | " + " | ".join(f"{s:.2f}" for s in UNLIKE) + " |"]
+    rows.append("| --- " * (len(UNLIKE) + 2) + "|")
+    names = [k.name.partition(",")[0].partition(":")[0] for k in known.kinds]
+    for name in dict.fromkeys(names):
+        own = [k == name for k in names]
+        others = Population(
+            kinds=tuple(k for k, out in zip(known.kinds, own, strict=True) if not out)
+        )
+        instruments = [i for group, out in zip(shown, own, strict=True) if out for i in group]
+        for aspect in ASPECTS:
+            nats = sum(_nats_of(others, i, aspect) for i in instruments) + np.zeros(len(UNLIKE))
+            if np.ptp(nats) > 0:
+                text = " | ".join(f"{n:+.1f}" for n in nats - nats[0])
+                rows.append(f"| {name} | {aspect} | {text} |")
+    return "\n".join(rows)
+
+
+def _nats_of(others: Population, shown: Factors, aspect: str) -> np.ndarray:
+    """Log probability of what an instrument shows of an aspect, for each share."""
+    share = np.array(UNLIKE)[:, None]
+    nats = np.tile(np.log(others.makes / others.makes.sum())[:, None], len(UNLIKE))
+    for name, factors in shown.items():
+        like = others.like(name)
+        if like is None or aspect_of(name) != aspect:
+            continue
+        for k, kind in enumerate(others.kinds):
+            mixed = (1.0 - share) * kind.weights.get(name, like) + share * like
+            nats[k] += logsumexp(factors + np.log(np.maximum(mixed, 1e-300)), axis=1)
+    return np.asarray(logsumexp(nats, axis=0))
 
 
 def written(population: Population) -> str:

@@ -16,6 +16,7 @@ from diagnosis.discrepancy.population import (
     Shares,
     after_steps,
     aspect_of,
+    between,
     tells_kind,
 )
 from diagnosis.evidence.candidates import Candidate
@@ -162,9 +163,10 @@ def told_by_changes(
 ) -> dict[str, Floats]:
     """Probability of the sizes of an instrument's next change, by component, given its baselines.
 
-    What an instrument has little of changes by little. Whether changes of one instrument are alike
-    or each as another instrument's isn't known: two recordings may show another part of the field
-    than the next two. As likely is either.
+    What an instrument has little of changes by little, and none by more than lies between two
+    departures of good ones. Whether changes of one instrument are alike or each as another
+    instrument's isn't known: two recordings may show another part of the field than the next two.
+    As likely is either.
 
     Parameters
     ----------
@@ -176,10 +178,9 @@ def told_by_changes(
         steps = changes.weights(name)
         if steps is None:
             continue
-        own = _of_each_kind(population, name)
-        if name in factors:
-            own = told(own, factors[name])
-        usual = after_steps(own, steps)
+        other = _of_each_kind(population, name)
+        own = told(other, factors[name]) if name in factors else other
+        usual = between(after_steps(own, steps), own, other)
         shares = changes.having(name, kinds)
         this = told(usual, among[name]) if name in among else usual
         out[name] = 0.5 * shares @ (this + usual)

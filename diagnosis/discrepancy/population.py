@@ -78,12 +78,12 @@ class Population:
     def weights(self, component: str) -> Floats | None:
         """Probabilities (kinds, sizes) of a component's sizes; None where no kind has its like.
 
-        An instrument may be unlike all makes that were seen. Of each component it then has what
-        known kinds have of any that is weighed alike, and so has a kind that was never seen to have
-        it. The share of that is one in K + 1 of K makes (Laplace's rule of succession); laws of
-        light at edges, L of them, tell it together: one in K L + 1.
+        An instrument may be of a kind that was never seen. Of each component it then has what known
+        kinds have of any that is weighed alike, and so has a kind that was never seen to have it.
+        The share of that is one in K + 1 of K kinds (Laplace's rule of succession), however many
+        makes they are of: makes of a kind are alike in what sets them apart from the next kind.
         """
-        like = self._like(component)
+        like = self.like(component)
         if like is None:
             return None
         share = 1.0 / (self._seen(component) + 1)
@@ -91,15 +91,19 @@ class Population:
         return np.asarray((1.0 - share) * own + share * like)
 
     def _seen(self, component: str) -> int:
-        """Count the makes that were seen to have a component; of a law at edges, of each law."""
-        alike = {component}
-        if _where(component)[0] == LAW:
-            how = component.removeprefix(unlisted(component))
-            names = {n for k in self.kinds for n in k.weights}
-            alike = {n for n in names if n == unlisted(n) + how and _where(n)[0] == LAW}
+        """Count the kinds that were seen to have a component.
+
+        Where edges lie and how light is mixed there differs from make to make, and laws of light at
+        edges tell it together: of these each law of each make counts.
+        """
+        if _where(component)[0] != LAW:
+            return sum(component in k.weights for k in self.kinds)
+        how = component.removeprefix(unlisted(component))
+        names = {n for k in self.kinds for n in k.weights}
+        alike = {n for n in names if n == unlisted(n) + how and _where(n)[0] == LAW}
         return sum(k.makes for k in self.kinds for n in alike if n in k.weights)
 
-    def _like(self, component: str) -> Floats | None:
+    def like(self, component: str) -> Floats | None:
         """Mean of the probabilities of all components that are weighed alike.
 
         No law of light at edges is like another: an instrument of an unlike make has what changed
@@ -258,6 +262,27 @@ def after_steps(own: Floats, steps: Floats) -> Floats:
     pairs = steps[..., :, None] * own[..., None, :]
     ends = _ends(own.shape[-1])
     return np.stack([(pairs * (ends == k)).sum(axis=(-2, -1)) for k in range(own.shape[-1])], -1)
+
+
+def between(change: Floats, one: Floats, other: Floats) -> Floats:
+    """Probability (..., S) of a change's size where it leads from one departure to another.
+
+    By the triangle inequality it is at most twice the larger of both, one step of the grid.
+
+    Parameters
+    ----------
+    change : (..., S) as good instruments change
+    one, other : (..., S) probability of each departure's size
+    """
+
+    def smaller(weights: Floats) -> Floats:
+        """Probability that a size is less than half of each."""
+        below = np.cumsum(weights, axis=-1) - weights
+        return np.concatenate([np.zeros_like(below[..., :1]), below[..., :-1]], axis=-1)
+
+    larger = np.maximum(1.0 - smaller(one) * smaller(other), np.finfo(np.float64).eps)
+    allowed = change * larger
+    return np.asarray(allowed / allowed.sum(axis=-1, keepdims=True))
 
 
 def _ends(count: int) -> NDArray[np.int64]:

@@ -8,6 +8,7 @@ from diagnosis.discrepancy.population import (
     Kind,
     Population,
     after_steps,
+    between,
     learnt,
     population,
     steps_to,
@@ -163,16 +164,16 @@ def test_at_edges_an_unlike_make_is_as_a_changed_one(makes: int) -> None:
     assert ratio.max() == pytest.approx(makes + 1, rel=1e-3)
 
 
-def test_the_more_makes_were_seen_the_less_another_one_may_be_unlike_them() -> None:
+def test_the_more_kinds_were_seen_the_less_another_one_may_be_unlike_them() -> None:
     sharp, rough = np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1.0])
-    many = Population(kinds=(
-        Kind(name="a", weights={"bow": sharp, "lens": rough}),
-        Kind(name="b", weights={"bow": sharp, "lens": rough}, makes=8),
+    many = Population(kinds=tuple(
+        Kind(name=name, weights={"bow": sharp, "lens": rough}, makes=makes)
+        for name, makes in (("a", 1), ("b", 1), ("c", 70))
     ))  # fmt: skip
     weights = many.weights("bow")
     assert weights is not None
-    # one in ten makes is yet another; it has what is known of any component
-    assert weights[:, 3] == pytest.approx(0.1 * 0.5)
+    # one in four kinds is yet another; it has what is known of any component
+    assert weights[:, 3] == pytest.approx(0.25 * 0.5)
 
 
 def steps_of(share: dict[int, float]) -> np.ndarray:
@@ -193,6 +194,25 @@ def test_steps_lead_from_one_size_to_another_and_back() -> None:
     assert found.argmax() == SIZES.size - 1 - 2
     kinds = np.stack([own, own])
     assert after_steps(kinds, np.stack([two_down, two_down])).shape == kinds.shape
+
+
+def test_a_change_is_at_most_twice_the_larger_of_two_departures() -> None:
+    flat = np.full(SIZES.size, 1 / SIZES.size)
+    one, other = np.eye(SIZES.size)[3], np.eye(SIZES.size)[6]
+    changing = between(flat, one, other)
+    assert changing == pytest.approx(np.where(np.arange(SIZES.size) <= 7, 1 / 8, 0.0))
+    assert between(flat, other, one) == pytest.approx(changing)
+    # drawn at random, departures differ by sizes that the two allow
+    rng = np.random.default_rng(5)
+    had, has = (0.02 * 2.0 ** rng.normal(0, 1, 400) for _ in range(2))
+    weights = [np.bincount(np.abs(np.log2(v[:, None] / SIZES)).argmin(axis=1), minlength=SIZES.size)
+               / 400 for v in (had, has)]  # fmt: skip
+    six = rng.standard_normal((2, 400, 6)) * np.stack([had, has])[..., None]
+    apart = np.sqrt(np.square(six[0] - six[1]).mean(axis=1))
+    allowed = between(flat, *weights) > 1e-6
+    largest = np.log2(apart / SIZES[0]).max()
+    assert np.flatnonzero(allowed).max() >= int(largest)
+    assert not np.all(allowed)
 
 
 def test_what_an_instrument_has_little_of_changes_by_little() -> None:
@@ -216,7 +236,8 @@ def test_one_small_change_is_no_promise_of_the_next() -> None:
     small = {"bow": seen_as(1e-5)}
     told = told_by_changes(here, kinds, {}, small)["bow"]
     assert told.sum() == pytest.approx(1.0)
-    assert told[SIZES > 0.1].sum() == pytest.approx(0.5 * (SIZES > 0.1).mean(), abs=1e-3)
+    usual = between(flat, flat, flat)
+    assert told[SIZES > 0.1].sum() == pytest.approx(0.5 * usual[SIZES > 0.1].sum(), abs=1e-3)
     assert told[0] > 2 / SIZES.size
 
 
