@@ -1,4 +1,9 @@
-"""Translucent material: light from many depths averages speckle, so that the noise falls."""
+"""Translucent material: its noise is another than a surface's.
+
+Light from many depths averages speckle. And the lit volume differs from place to place with the
+material's grain, which adds to the noise: on marble by a multiple (Godin et al., Proc. SPIE 4298
+(2001)).
+"""
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
@@ -12,12 +17,16 @@ from sensors.effects.base import Effect
 from sensors.effects.roughness_level import RoughnessLevel
 from sensors.effects.volume_scattering import VolumeScattering
 
-AVERAGED = (
+FINER = (
     " Light from within a translucent material averages speckle, too: to tell them apart, spray the"
     " part matt and record again."
 )
+COARSER = (
+    " The grain of a translucent material adds to the noise, too: to tell them apart, spray the"
+    " part matt and record again."
+)
 UNSUNKEN = (
-    " It averages speckle; how deep it goes hardly shows. A plate of another finish would do that,"
+    " It changes the noise; how deep it goes hardly shows. A plate of another finish would do that,"
     " too: to tell them apart, spray the part matt and record again."
 )
 
@@ -46,10 +55,10 @@ def sunken(
 def averaged_grain(
     found: Sequence[FoundEffect], beside: Sequence[FoundEffect], withheld: Collection[str]
 ) -> tuple[tuple[FoundEffect, ...], list[FoundEffect]]:
-    """Give a translucent material the fall of its noise: light from many depths averages speckle.
+    """Give a translucent material the change of its noise.
 
-    Returns both lists, without a `roughness_level` that this accounts for; one that may be such
-    a fall by itself has the material as its rival.
+    Returns both lists, without a `roughness_level` that this accounts for; one by itself has the
+    material as its rival.
     """
     volume = next((f for f in found if isinstance(f.effect, VolumeScattering)), None)
     level = next((f for f in beside if isinstance(f.effect, RoughnessLevel)), None)
@@ -58,13 +67,15 @@ def averaged_grain(
     assert isinstance(level.effect, RoughnessLevel)
     grain = level.effect.amplitude
     if volume is None:
-        if grain >= 1 or VolumeScattering.name in withheld:
+        if VolumeScattering.name in withheld:
             return tuple(found), list(beside)
+        finish = SETTINGS.claims.of_finish
+        rival = (VolumeScattering.name, level.heldout_gain, (1 - finish) * level.probability)
         either = replace(
             level,
-            statement=level.statement + AVERAGED,
-            probability=0.5 * level.probability,
-            alternatives=((VolumeScattering.name, level.heldout_gain, 0.5 * level.probability),),
+            statement=level.statement + (COARSER if grain > 1 else FINER),
+            probability=finish * level.probability,
+            alternatives=(*level.alternatives, rival),
         )
         return tuple(found), [either if f is level else f for f in beside]
     low, high = (volume.effect.parameter("grain").low, volume.effect.parameter("grain").high)
