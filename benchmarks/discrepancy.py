@@ -191,7 +191,8 @@ def main() -> None:
     shown = [work(delayed(_departures_of)(make) for make in g.instruments) for g in groups]
     departing = learnt(shown)
     known = Population(kinds=tuple(
-        Kind(name=g.name, makes=g.makes, columns=g.columns, weights=w)
+        Kind(name=g.name, makes=g.makes, instruments=len(g.instruments), columns=g.columns,
+             weights=w)
         for g, w in zip(groups, departing, strict=True)
     ))  # fmt: skip
     if args.left_out:
@@ -290,8 +291,8 @@ def written(population: Population) -> str:
         return {n: [round(float(w), 6) for w in f] for n, f in sorted(weights.items())}
 
     kinds = [
-        {"name": k.name, "makes": k.makes, "columns": k.columns, "components": rounded(k.weights),
-         "changes": rounded(k.changes)}
+        {"name": k.name, "makes": k.makes, "instruments": k.instruments, "columns": k.columns,
+         "components": rounded(k.weights), "changes": rounded(k.changes)}
         for k in population.kinds
     ]  # fmt: skip
     return json.dumps({"kinds": kinds}, indent=1) + "\n"

@@ -14,7 +14,7 @@ from challenge.judging.probabilities import (
     stated,
     stated_strange,
 )
-from challenge.judging.score import ORACLE_SEES, clopper_pearson
+from challenge.judging.score import ORACLE_SEES, SWITCHES, clopper_pearson
 from challenge.runs.measure import RANDOM, RANKED
 from challenge.sets.aims import (
     AIMS,
@@ -180,7 +180,16 @@ def _further(undecidable: Sequence[Case]) -> list[tuple[str, str]]:
             (f"undecidable, after {text}: right name first", share(right, len(got))),
             (f"undecidable, after {text}: and no rival left", share(alone, len(got))),
         ]
+    unasked = [c for c in undecidable if c["further"][RANKED] is None]
+    right = _count(unasked, _true_name_first)
+    rows.append(("  - no scan proposed: right name first", share(right, len(unasked))))
     return rows
+
+
+def _true_name_first(case: Case) -> bool:
+    """Whether the name reported first is what is hidden, not a rival that is as likely."""
+    hidden = {name for switch in case["secret"]["switches"] for name in SWITCHES[switch].accept}
+    return bool(hidden.intersection(case["score"]["reported"][:1]))
 
 
 def _probabilities(cases: Sequence[Case]) -> list[tuple[str, str]]:

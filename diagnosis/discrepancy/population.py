@@ -52,7 +52,7 @@ class Kind:
     weights : for each component's name, probability of each size
     changes : the same (2 sizes - 1,) of steps of the grid of sizes, from what an instrument has to
         what changes from one of its recordings of a part to another
-    makes : how many makes its instruments are of
+    makes, instruments : how many it was learnt from
     columns : how its files say that columns lie, which decides about all but light at edges; ""
         for either way
     """
@@ -62,6 +62,7 @@ class Kind:
     changes: Mapping[str, Floats] = field(default_factory=dict)
     makes: int = 1
     columns: str = ""
+    instruments: int = 1
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -94,14 +95,19 @@ class Population:
         """Count the kinds that were seen to have a component.
 
         Where edges lie and how light is mixed there differs from make to make, and laws of light at
-        edges tell it together: of these each law of each make counts.
+        edges tell it together: of these each law of each make counts. What files list as measured
+        was measured on each instrument for itself: of these laws, each law of each instrument.
         """
         if _where(component)[0] != LAW:
             return sum(component in k.weights for k in self.kinds)
         how = component.removeprefix(unlisted(component))
         names = {n for k in self.kinds for n in k.weights}
         alike = {n for n in names if n == unlisted(n) + how and _where(n)[0] == LAW}
-        return sum(k.makes for k in self.kinds for n in alike if n in k.weights)
+        measured = component == stated(unlisted(component), "listed")
+        return sum(
+            k.instruments if measured else k.makes
+            for k in self.kinds for n in alike if n in k.weights
+        )
 
     def like(self, component: str) -> Floats | None:
         """Mean of the probabilities of all components that are weighed alike.
@@ -232,6 +238,7 @@ def population() -> Population:
                 weights={n: np.array(w) for n, w in kind["components"].items()},
                 changes={n: np.array(w) for n, w in kind["changes"].items()},
                 makes=kind["makes"],
+                instruments=kind["instruments"],
                 columns=kind["columns"],
             )
             for kind in json.loads(text)["kinds"]

@@ -75,6 +75,32 @@ def test_an_undecidable_case_without_a_proposed_scan_counts_as_undecided():
     assert NEXT not in board(case("undecidable"))
 
 
+def test_of_cases_without_a_proposed_scan_it_is_told_how_many_were_named_rightly():
+    both = {"right": True, "alone": True}
+    without = [
+        case("undecidable", switches=["line_bow"], further={"ranked": None, "random": both})
+        for _ in range(3)
+    ]
+    for one, name in zip(without, ("line_bow", "form_error", None), strict=True):
+        one["score"]["reported"] = [name] if name else []
+    found = board(*without)
+    assert found["  - no scan proposed: right name first"].value.startswith("1 of 3")
+
+
+def test_top_1_is_told_by_evidence_and_by_baselines():
+    cases = [
+        case("one", top_1=float(right), given={"baselines": baselines},
+             facts={"concealed": True, "oracle_z": z})
+        for right, baselines, z in ((1, 2, 30.0), (0, 2, 12.0), (1, 0, 12.0), (1, 0, 3.0))
+    ]  # fmt: skip
+    found = board(*cases)
+    assert found["  - beyond 24 sigma"].value == "1.00 (1)"
+    assert found["  - up to 24 sigma"].value == "0.50 (2)"
+    assert found["  - with baselines"].value == "0.50 (2)"
+    assert found["  - without baselines"].value == "1.00 (1)"
+    assert found["  - no name at all"].value == "3 of 3"
+
+
 def test_intervals_are_counted_over_all_cases():
     found = board(case("one", intervals=[True, True]), case("two", intervals=[False]))
     assert found[COVERAGE].value.startswith("2 of 3")

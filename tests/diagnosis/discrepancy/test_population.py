@@ -253,3 +253,16 @@ def test_a_law_that_is_measured_is_off_by_no_more_than_one_that_is_nominal() -> 
     assert alone[0, -1] > 0.05
     assert 1e-4 < beside[0, -1] < 0.1 * alone[0, -1]
     assert beside[0, 0] == pytest.approx(0.5 * 0.8 + 0.5 * nominal[0], abs=0.01)
+
+
+@pytest.mark.parametrize("instruments", [1, 30])
+def test_what_files_list_as_measured_was_measured_on_each_instrument(instruments: int) -> None:
+    """Of two measured laws one part in 2 N + 1 is as of nominal ones, of N instruments."""
+    own, nominal = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
+    laws = "finite_spot", "motion_blur"
+    one = Kind(name="one", weights={f"law: {n} (listed)": own for n in laws},
+               instruments=instruments)  # fmt: skip
+    many = Kind(name="many", weights={f"law: {n} (nominal)": nominal for n in laws}, makes=10**6)
+    weights = Population(kinds=(one, many)).weights("law: finite_spot (listed)")
+    assert weights is not None
+    assert weights[0, -1] == pytest.approx(1 / (2 * instruments + 1), rel=1e-3)
