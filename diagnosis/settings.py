@@ -516,7 +516,7 @@ class ClaimsSettings:
     )  # fmt: skip
     lay_off_edges: int = quantity(
         "points beside those within reach of an edge that say nothing of a lay",
-        default=4, unit="", low=0, whole=True,
+        default=4, unit="", low=1, whole=True,
         source="edges lie in one direction, and what light there leaves does: of 16 good makes of "
         "the calibration population with readings on rays 4 seemed to have one, by 15 to 34 nats, "
         "and none by more than 6 off these",
