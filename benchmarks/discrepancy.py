@@ -272,16 +272,15 @@ def left_out(known: Population, shown: Sequence[Sequence[Factors]]) -> str:
 
 def _nats_of(others: Population, shown: Factors, aspect: str) -> np.ndarray:
     """Log probability of what an instrument shows of an aspect, for each share."""
-    share = np.array(UNLIKE)[:, None]
-    nats = np.tile(np.log(others.makes / others.makes.sum())[:, None], len(UNLIKE))
+    nats = np.tile(np.log(others.makes / others.makes.sum()), (len(UNLIKE), 1))
     for name, factors in shown.items():
-        like = others.like(name)
-        if like is None or aspect_of(name) != aspect:
+        if aspect_of(name) != aspect:
             continue
-        for k, kind in enumerate(others.kinds):
-            mixed = (1.0 - share) * kind.weights.get(name, like) + share * like
-            nats[k] += logsumexp(factors + np.log(np.maximum(mixed, 1e-300)), axis=1)
-    return np.asarray(logsumexp(nats, axis=0))
+        for own, share in zip(nats, UNLIKE, strict=True):
+            weights = others.with_unlike(name, share)
+            if weights is not None:
+                own += logsumexp(factors + np.log(np.maximum(weights, 1e-300)), axis=1)
+    return np.asarray(logsumexp(nats, axis=1))
 
 
 def written(population: Population) -> str:

@@ -72,8 +72,12 @@ def has_place(secret: dict[str, Any]) -> bool:
 
 def moves_readings(secret: dict[str, Any]) -> bool:
     """Whether what a case hides changes the mean of readings beyond what a registration absorbs."""
-    right = {name for switch in secret["switches"] for name in SWITCHES[switch].accept}
-    return not _PLACELESS & right
+    return not _PLACELESS & accepted(secret)
+
+
+def accepted(secret: dict[str, Any]) -> set[str]:
+    """Names that are right for what a case hides."""
+    return {name for switch in secret["switches"] for name in SWITCHES[switch].accept}
 
 
 def overlap(one: NDArray[np.bool_], two: NDArray[np.bool_]) -> float:

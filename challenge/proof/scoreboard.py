@@ -14,7 +14,7 @@ from challenge.judging.probabilities import (
     stated,
     stated_strange,
 )
-from challenge.judging.score import ORACLE_SEES, SWITCHES, clopper_pearson
+from challenge.judging.score import ORACLE_SEES, accepted, clopper_pearson
 from challenge.runs.measure import RANDOM, RANKED
 from challenge.sets.aims import (
     AIMS,
@@ -136,8 +136,7 @@ def _by_evidence(seen: Sequence[Case]) -> list[tuple[str, str]]:
     groups = {
         f"beyond {limit:.0f} sigma": [c for c in seen if c["facts"]["oracle_z"] > limit],
         f"up to {limit:.0f} sigma": [c for c in seen if c["facts"]["oracle_z"] <= limit],
-        "with baselines": [c for c in seen if c["secret"].get("baselines", 0) > 0],
-        "without baselines": [c for c in seen if c["secret"].get("baselines", 0) == 0],
+        **_with_and_without(seen, "baselines", "baselines"),
     }
     rows = [
         (f"  - {text}", _mean(float(c["score"]["top_1"]) for c in group))
@@ -151,13 +150,19 @@ def _alarms_by_file(nulls: Sequence[Case]) -> list[tuple[str, str]]:
     """Alarms with and without baselines and reference plates, where a set has both."""
     rows = []
     for key, text in (("baselines", "baselines"), ("plates", "reference plates")):
-        for given in (True, False):
-            group = [c for c in nulls if (c["secret"].get(key, 0) > 0) == given]
+        for which, group in _with_and_without(nulls, key, text).items():
             if 0 < len(group) < len(nulls):
                 alarms = _count(group, lambda c: c["score"]["alarm"])
-                with_it = "with" if given else "without"
-                rows.append((f"- {with_it} {text}", f"{alarms} of {len(group)}"))
+                rows.append((f"- {which}", f"{alarms} of {len(group)}"))
     return rows
+
+
+def _with_and_without(cases: Sequence[Case], key: str, text: str) -> dict[str, list[Case]]:
+    """Part cases by whether they come with some of what a key of their secret counts."""
+    return {
+        f"with {text}": [c for c in cases if c["secret"].get(key, 0) > 0],
+        f"without {text}": [c for c in cases if c["secret"].get(key, 0) == 0],
+    }
 
 
 def _given(nulls: Sequence[Case]) -> str:
@@ -188,8 +193,7 @@ def _further(undecidable: Sequence[Case]) -> list[tuple[str, str]]:
 
 def _true_name_first(case: Case) -> bool:
     """Whether the name reported first is what is hidden, not a rival that is as likely."""
-    hidden = {name for switch in case["secret"]["switches"] for name in SWITCHES[switch].accept}
-    return bool(hidden.intersection(case["score"]["reported"][:1]))
+    return bool(accepted(case["secret"]).intersection(case["score"]["reported"][:1]))
 
 
 def _probabilities(cases: Sequence[Case]) -> list[tuple[str, str]]:

@@ -17,17 +17,12 @@ from sensors.effects.base import Effect
 from sensors.effects.roughness_level import RoughnessLevel
 from sensors.effects.volume_scattering import VolumeScattering
 
-FINER = (
-    " Light from within a translucent material averages speckle, too: to tell them apart, spray the"
-    " part matt and record again."
-)
-COARSER = (
-    " The grain of a translucent material adds to the noise, too: to tell them apart, spray the"
-    " part matt and record again."
-)
+SPRAY = ", too: to tell them apart, spray the part matt and record again."
+FINER = " Light from within a translucent material averages speckle" + SPRAY
+COARSER = " The grain of a translucent material adds to the noise" + SPRAY
 UNSUNKEN = (
-    " It changes the noise; how deep it goes hardly shows. A plate of another finish would do that,"
-    " too: to tell them apart, spray the part matt and record again."
+    " It changes the noise; how deep it goes hardly shows. A plate of another finish would do that"
+    + SPRAY
 )
 
 

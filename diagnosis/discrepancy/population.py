@@ -79,15 +79,21 @@ class Population:
     def weights(self, component: str) -> Floats | None:
         """Probabilities (kinds, sizes) of a component's sizes; None where no kind has its like.
 
-        An instrument may be of a kind that was never seen. Of each component it then has what known
-        kinds have of any that is weighed alike, and so has a kind that was never seen to have it.
-        The share of that is one in K + 1 of K kinds (Laplace's rule of succession), however many
-        makes they are of: makes of a kind are alike in what sets them apart from the next kind.
+        An instrument may be of a kind that was never seen. The share of that is one in K + 1 of K
+        kinds (Laplace's rule of succession), however many makes they are of: makes of a kind are
+        alike in what sets them apart from the next kind.
         """
-        like = self.like(component)
+        return self.with_unlike(component, 1.0 / (self._seen(component) + 1))
+
+    def with_unlike(self, component: str, share: float) -> Floats | None:
+        """Return the same where that share of instruments is of a kind that was never seen.
+
+        Of each component it has what known kinds have of any that is weighed alike, and so has a
+        kind that was never seen to have it.
+        """
+        like = self._like(component)
         if like is None:
             return None
-        share = 1.0 / (self._seen(component) + 1)
         own = np.stack([k.weights.get(component, like) for k in self.kinds])
         return np.asarray((1.0 - share) * own + share * like)
 
@@ -103,22 +109,23 @@ class Population:
         how = component.removeprefix(unlisted(component))
         names = {n for k in self.kinds for n in k.weights}
         alike = {n for n in names if n == unlisted(n) + how and _where(n)[0] == LAW}
-        measured = component == stated(unlisted(component), "listed")
+        measured = _measured(component)
         return sum(
             k.instruments if measured else k.makes
             for k in self.kinds for n in alike if n in k.weights
         )
 
-    def like(self, component: str) -> Floats | None:
+    def _like(self, component: str) -> Floats | None:
         """Mean of the probabilities of all components that are weighed alike.
 
         No law of light at edges is like another: an instrument of an unlike make has what changed
-        ones have. No size is then more than K L + 1 times likelier in a changed one. Where its
-        maker lists the law as measured, it has no more than where only nominal numbers are stated.
+        ones have. No size is then more than M L + 1 times likelier in a changed one, of L laws of
+        M makes. Where its maker lists the law as measured, it has no more than where only nominal
+        numbers are stated.
         """
-        where, law = _where(component), unlisted(component)
-        if where[0] == LAW and component == stated(law, "listed"):
-            less_known = stated(law, "nominal")
+        where = _where(component)
+        if where[0] == LAW and _measured(component):
+            less_known = stated(unlisted(component), "nominal")
             weights = self.weights(less_known)
             if weights is not None:
                 return self.having(less_known, self._as_many_makes) @ weights
@@ -199,6 +206,11 @@ def tells_kind(component: str) -> bool:
     """
     relaxed = _relaxed(component)
     return aspect_of(component) in ("mean", EDGES) or relaxed is None or not relaxed.each
+
+
+def _measured(component: str) -> bool:
+    """Whether the sensor's file lists the effect of a component as measured."""
+    return component == stated(unlisted(component), "listed")
 
 
 def _relaxed(component: str) -> Relaxed | None:
