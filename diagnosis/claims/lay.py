@@ -17,8 +17,8 @@ A finish is one draw of what it could be: by chance it has more waves in one dir
 another, and the same ones in all recordings of a part. Its readings count once. Noise of good
 instruments seems to have a lay as well, since it goes with the slopes of the part: how much was
 learnt from them. A lay must be more probable, too, than a strip that stays in the sensor's frame,
-as likely before any reading, and than strips of each recording's own, as likely as an unknown
-cause.
+as likely before any reading, and than strips of each recording's own: what draws the noise of good
+instruments out a little is another in each recording.
 Recordings in one orientation can't tell a lay from the sensor, and the odds say so.
 """
 
@@ -128,9 +128,7 @@ def lay_evidence(
         for who in [now, *np.eye(rows)[:count]]
     )
     own = none + np.maximum(np.array(each) - none, 0).sum()
-    others = [
-        none, sensor + SETTINGS.log_odds(AnisotropicLay.name), own + SETTINGS.log_odds("")
-    ]  # fmt: skip
+    others = [none, sensor + SETTINGS.log_odds(AnisotropicLay.name), own]
     each_way = np.exp(there - there.max()).sum(axis=1)
     way = each_way @ np.exp(2j * np.repeat(ANGLES_RAD, len(WIDTHS)))
     return Lay(

@@ -25,6 +25,7 @@ from tests.support.spectra import (
     READINGS,
     SHARE,
     SPECKLE_POWER,
+    noise_of,
     recordings,
     strip,
 )
@@ -91,7 +92,7 @@ def weighed(
 
 def test_what_turns_with_the_part_is_a_lay_and_what_does_not_is_none() -> None:
     assert nats(weighed(SHARE, 0.0)) > 15
-    assert nats(weighed(SHARE, SHARE)) > 15
+    assert nats(weighed(SHARE, SHARE)) > 10
     assert nats(weighed(0.0, SHARE)) < 0
     assert nats(weighed(0.0, 0.0)) < -1
 
@@ -106,10 +107,24 @@ def test_what_differs_between_recordings_is_none() -> None:
     assert max(found) < 0
 
 
+@pytest.mark.parametrize("share", [0.03, 0.06, 0.12])
+def test_one_recording_that_is_drawn_out_by_itself_is_no_sign_of_a_lay(share: float) -> None:
+    """Noise of good instruments is drawn out a little in another direction in each recording."""
+    rng = np.random.default_rng(3)
+    own = noise_of(SPECKLE_POWER + share * strip(ANGLE_DEG - HEADINGS[2]), rng, READINGS)
+    seen = [*recordings(0.0, 0.0, HEADINGS[:2]), own]
+    other = (50.0, 140.0)
+    found = lay_evidence(
+        seen, [turn(h) for h in HEADINGS], recordings(0.0, 0.0, other, seed=1),
+        [turn(h) for h in other], NOMINAL,
+    )  # fmt: skip
+    assert nats(found) < 1
+
+
 def test_a_lay_that_baselines_or_the_file_have_is_no_change() -> None:
     assert nats(weighed(SHARE, 0.0, SHARE)) < 0
     assert nats(weighed(SHARE, 0.0, listed=True)) < UNDECIDED
-    assert nats(weighed(SHARE, 0.0, 0.0)) > 15
+    assert nats(weighed(SHARE, 0.0, 0.0)) > 10
     assert nats(weighed(SHARE, SHARE, 0.0)) > 10
     assert nats(weighed(2 * SHARE, 0.0, SHARE)) > 10
     assert nats(weighed(0.0, SHARE, 0.0)) < 0
@@ -129,7 +144,7 @@ def test_evidence_is_a_part_of_what_knowing_the_spectra_would_give() -> None:
         ratio = 1 + share * strip(ANGLE_DEG - heading) / SPECKLE_POWER
         ratio /= ratio.mean()
         gain += 0.5 * READINGS / len(MANY) * float((ratio - 1 - np.log(ratio)).mean())
-    assert 0.25 * gain < nats(weighed(share, 0.0, headings=MANY)) < gain
+    assert 0.2 * gain < nats(weighed(share, 0.0, headings=MANY)) < gain
 
 
 def test_a_lay_between_the_axes_keeps_its_angle_on_the_part() -> None:
