@@ -20,9 +20,8 @@ from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.assumed_camera import seen_by
 from diagnosis.physics.joint_fit import among_laws, fit_laws, refit
 from diagnosis.physics.laws_at_edges import (
-    LawAtEdges,
     known_laws,
-    laws_at_edges,
+    laws_in_turn,
     may_be_named,
     unusual_at_edges,
 )
@@ -120,9 +119,8 @@ def by_law_at_edges(
     if cause is None and (state.gained > 0 or not nameable):
         return None
     progress("trying laws at edges")
-    unusual = _unusual(nameable, laws, state, good) if nameable else []
+    unusual, usual = _unusual(nameable, laws, state, good) if nameable else ([], set())
     itself = {c.name: c.probability for c in unusual}
-    usual = {law.effect for law in nameable} - itself.keys()
     everything = state.refuted | {law.effect for law in laws}
     if cause is None or cause.name in usual:
         if not unusual:  # good instruments do as much of it at edges, and of what resembles it
@@ -157,28 +155,24 @@ def _nameable(laws: Sequence[Component], state: State, good: Good) -> list[Compo
 
 def _unusual(
     nameable: Sequence[Component], laws: Sequence[Component], state: State, good: Good
-) -> list[Cause]:
+) -> tuple[list[Cause], set[str]]:
     """List the laws of which good instruments have less as causes, the least usual first.
 
-    Where a law that good instruments have as much of explains most, it is in the model while the
-    others are weighed: they resemble it.
+    The law that explains most is in the model while the others are weighed: they resemble it.
+
+    Returns
+    -------
+    causes; names of laws of which good instruments have as much. What the strongest explains, each
+    that resembles it may, where the strongest is more than usual.
     """
-    ws, model = fitted_part(state.patches, good.noise), state.model
+    ws = fitted_part(state.patches, good.noise)
     before = good.seen_by(state.recorded.datasheet)
-
-    def weighed(laws: Sequence[Component], model: Model) -> tuple[list[Cause], list[LawAtEdges]]:
-        found = laws_at_edges(laws, ws, model, before, explained=state.explained)
-        may = [law for law in found if law.component in nameable]
-        return unusual_at_edges(may, good.scales), found
-
-    unusual, found = weighed(laws, model)
-    most = max(found, key=lambda law: law.gain)
-    names = [c.name for c in unusual]
-    if not unusual or most.fitted is None or most.component.effect in names:
-        return unusual
-    beside = ws.levelled(model.with_effect(most.fitted.effect, most.fitted.own))
-    still, _ = weighed([law for law in nameable if law.effect in names], beside)
-    return still
+    found = laws_in_turn(laws, ws, state.model, before, explained=state.explained)
+    unusual = unusual_at_edges([law for law in found if law.component in nameable], good.scales)
+    names = {c.name for c in unusual}
+    if found[0].component.effect in names:
+        return unusual, set()
+    return unusual, {law.effect for law in nameable} - names
 
 
 def _completed(state: State, cause: Cause, noise: NoiseModel, notes: list[str]) -> State:

@@ -33,6 +33,7 @@ from sensors.datasheet import Datasheet
 from sensors.effects import CATALOGUE
 
 Floats = NDArray[np.float64]
+NOMINAL = Model()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -43,6 +44,7 @@ class LawAtEdges:
     ----------
     key : of the population's sizes
     gain : nats, less the numbers fitted
+    gain_before : nats of the same in baselines
     size : whitened rms of what it explains
     factors : log Bayes factor of each size of the grid against none, (S,)
     fitted : None where it can't act
@@ -51,6 +53,7 @@ class LawAtEdges:
     component: Component
     key: str
     gain: float
+    gain_before: float
     size: float
     factors: Floats
     fitted: Fitted | None
@@ -65,7 +68,7 @@ def known_laws(components: Sequence[Component], sheet: Datasheet) -> list[Compon
     ]  # fmt: skip
 
 
-def laws_at_edges(
+def laws_in_turn(
     laws: Sequence[Component],
     ws: Workspace,
     model: Model,
@@ -73,7 +76,9 @@ def laws_at_edges(
     *,
     explained: float = 0.0,
 ) -> list[LawAtEdges]:
-    """Fit laws beside a model, each alone.
+    """Fit the law that explains most beside a model, and each other one beside that as well.
+
+    They resemble each other: most of what another law explains alone, the strongest explains.
 
     Parameters
     ----------
@@ -82,26 +87,58 @@ def laws_at_edges(
     """
     few = ws.thin(SETTINGS.physics.tried_readings)
     before = before and before.thin(SETTINGS.physics.tried_readings)
+    alone = laws_at_edges(laws, few, model, before, explained=explained)
+    most = max(alone, key=lambda law: law.gain, default=None)
+    if most is None or most.fitted is None or most.gain <= 0:
+        return alone
+    own = most.fitted.effect.shared()
+    beside = few.levelled(model.with_effect(most.fitted.effect, most.fitted.own))
+    there = NOMINAL
+    if before is not None and most.gain_before > 0:
+        there = before.levelled(there.with_effect(own))
+    others = [law for law in laws if law is not most.component]
+    return [most, *laws_at_edges(
+        others, few, beside, before, there=there, explained=math.hypot(explained, most.size)
+    )]  # fmt: skip
+
+
+def laws_at_edges(
+    laws: Sequence[Component],
+    ws: Workspace,
+    model: Model,
+    before: Workspace | None = None,
+    *,
+    there: Model = NOMINAL,
+    explained: float = 0.0,
+) -> list[LawAtEdges]:
+    """Fit laws beside a model, each alone.
+
+    Parameters
+    ----------
+    before, there : baselines, and the model beside which the same law is tried in them
+    explained : whitened rms of what the model explains, of which a share is in doubt
+    """
+    few = ws.thin(SETTINGS.physics.tried_readings)
+    before = before and before.thin(SETTINGS.physics.tried_readings)
     states = few.states(few.predict(model))
     without, count = few.most_probable(model), max(few.count(), 1)
-    usual = 0.0 if before is None else before.most_probable(Model())
+    usual = 0.0 if before is None else before.most_probable(there)
     unsure = math.hypot(1 / math.sqrt(count), SETTINGS.doubt * explained)
     listed = laws_stated(ws.patches[0].view.sensor.effects)
     out = []
     for law in laws:
         fitted = fit_effect(CATALOGUE[law.effect], few, model, states, polish=False)
-        gain = square = 0.0
+        gain = square = same = 0.0
         if fitted is not None and not fitted.effect.is_null:
             whole = few.most_probable(model.with_effect(fitted.effect, fitted.own))
             gain = whole - without - fitted.free
             square = 2 * max(gain, 0.0) / count
             if before is not None:
-                alone = before.most_probable(Model().with_effect(fitted.effect.shared()))
-                same = alone - usual
+                same = before.most_probable(there.with_effect(fitted.effect.shared())) - usual
                 square -= 2 * max(same, 0.0) / max(before.count(), 1)
         size = math.sqrt(max(square, 0.0))
         out.append(LawAtEdges(
-            component=law, key=key_of(law, listed=listed), gain=gain, size=size,
+            component=law, key=key_of(law, listed=listed), gain=gain, gain_before=same, size=size,
             factors=factors_of_value(size, unsure, SETTINGS.mean_sizes()), fitted=fitted,
         ))  # fmt: skip
     return out
@@ -110,14 +147,14 @@ def laws_at_edges(
 def factors_at_edges(
     components: Sequence[Component], ws: Workspace, before: Workspace | None = None
 ) -> dict[str, Floats]:
-    """Log Bayes factors of the sizes of each known law, by its key, beside the nominal model.
+    """Log Bayes factors of each known law's sizes, by its key: the strongest, others beside it.
 
     Parameters
     ----------
     before : of baselines, beyond which a law is looked for
     """
     laws = known_laws(components, ws.patches[0].view.datasheet)
-    return {law.key: law.factors for law in laws_at_edges(laws, ws, Model(), before)}
+    return {law.key: law.factors for law in laws_in_turn(laws, ws, NOMINAL, before)}
 
 
 def key_of(law: Component, *, listed: str) -> str:

@@ -13,6 +13,7 @@ from diagnosis.physics.laws_at_edges import (
     key_of,
     known_laws,
     laws_at_edges,
+    laws_in_turn,
     may_be_named,
     unusual_at_edges,
 )
@@ -64,6 +65,22 @@ def test_it_is_named_where_good_instruments_have_less(blurred: Workspace) -> Non
     as_much = unusual_at_edges(found, usual(by_effect(found)["finite_spot"].size))
     assert "finite_spot" not in [c.name for c in as_much]
     assert unusual_at_edges([], {}) == []
+
+
+def test_a_law_that_resembles_the_strongest_explains_little_beside_it(blurred: Workspace) -> None:
+    alone = by_effect(laws_at_edges(LAWS, blurred, Model()))
+    first, other = laws_in_turn(LAWS, blurred, Model())
+    assert first.component.effect == "finite_spot"
+    assert first.size == pytest.approx(alone["finite_spot"].size)
+    assert other.component.effect == "motion_blur"
+    assert alone["motion_blur"].size > 0.03
+    assert other.size < 0.3 * alone["motion_blur"].size
+
+
+def test_what_both_laws_do_in_baselines_is_no_change_either(blurred: Workspace) -> None:
+    both = laws_in_turn(LAWS, blurred, Model(), before=blurred)
+    assert max(law.gain for law in both) > 50
+    assert [law.size for law in both] == pytest.approx([0.0, 0.0], abs=0.02)
 
 
 def test_what_baselines_have_as_well_is_no_change(blurred: Workspace) -> None:
