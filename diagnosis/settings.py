@@ -640,6 +640,12 @@ class Settings:
         default=2.0, unit="", low=0.0,
         source="three derivatives: a cubic spline's",
     )  # fmt: skip
+    by_law: float = quantity(
+        "probability before any reading that a cause follows the catalogue's formula, where that "
+        "is a curve of what the cause follows, and no other one",
+        default=0.5, unit="1", low=0.0, high=1.0,
+        source="as likely as not; nothing was learnt of it",
+    )  # fmt: skip
     column_waves: int = quantity(
         "cosines over the line in the form of column offsets whose neighbours go together",
         default=24, unit="", low=1, whole=True,

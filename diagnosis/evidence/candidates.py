@@ -4,7 +4,7 @@ A component whose values are free for each profile is a candidate in several way
 frequency for causes that oscillate; free values or steps for what no cause claims.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,6 +39,7 @@ class Candidate:
     listed : how the sensor's file lists the effect, or laws of light at edges for one that is
         weighed there; "" for not at all. A good instrument departs from that law, and not from none
     at_edges : whether it is weighed on all readings, and not on those off edges alone
+    by_law : how many of the variants, the last, are the law of its cause
     """
 
     name: str
@@ -49,6 +50,15 @@ class Candidate:
     labels: tuple[float, ...] = (0.0,)
     at_edges: bool = False
     listed: str = ""
+    by_law: int = 0
+
+    @property
+    def log_shares(self) -> Floats:
+        """Log probability of each variant before any reading, (V,): the law's, and any other."""
+        free, law = len(self.shapes) - self.by_law, self.by_law
+        of_law = SETTINGS.by_law if law else 0.0
+        shares = np.r_[np.full(free, (1 - of_law) / free), np.full(law, of_law / max(law, 1))]
+        return np.asarray(np.log(shares))
 
     @property
     def tried(self) -> int:
@@ -80,30 +90,36 @@ class Candidate:
 
         Returns
         -------
-        of each variant (V, S); the mean of all forms that were looked at (S,): those that weren't
-        picked show nothing, and pay for what they could have been
+        of each variant (V, S); the mean of all forms that were looked at (S,), each as probable as
+        it is before: those that weren't picked show nothing, and pay for what they could have been
         """
         cavities = [cavity if w is None else cavity.combined(w) for w in self.shapes]
         each = np.stack([c.log_factors(sizes) for c in cavities])
-        mean = logsumexp(each, axis=0)
+        mean = logsumexp(each + self.log_shares[:, None], axis=0)
         if self.tried > len(each):
             idle = np.max([c.log_price(sizes) for c in cavities], axis=0)
-            mean = np.logaddexp(mean, np.log(self.tried - len(each)) + idle)
-        return each, np.asarray(mean - np.log(self.tried))
+            seen = len(each) / self.tried
+            mean = np.logaddexp(mean + np.log(seen), idle + np.log1p(-seen))
+        return each, np.asarray(mean)
 
 
 def candidates_of(
-    gram: Gram, times: dict[int, Floats], ways: dict[int, Floats], listed: Sequence[Effect]
+    gram: Gram,
+    times: dict[int, Floats],
+    ways: dict[int, Floats],
+    listed: Sequence[Effect],
+    laws: Mapping[str, Sequence[Floats]],
 ) -> list[Candidate]:
     """List the candidates of all components.
 
     Parameters
     ----------
+    laws : by component, its columns as the law of its cause combines them (`law_forms`)
     listed : effects that the sensor's file lists
     times, ways : time (s) and travel (mm) of each recording's profiles
     """
     names = {e.name for e in listed}
-    laws = laws_stated(listed)
+    at_edges = laws_stated(listed)
     by_name: dict[str, list[Block]] = {}
     for block in gram.blocks:
         by_name.setdefault(block.component.group, []).append(block)
@@ -121,14 +137,18 @@ def candidates_of(
             out.append(Candidate(name=name, effect=component.effect, component=component, at=at,
                                  shapes=shapes, labels=labels))  # fmt: skip
         else:
-            slow = _slower(component, blocks, at, gram)
-            one = Candidate(name=name, effect=component.effect, component=component, at=at,
-                            shapes=(None, *slow), labels=(0.0,) * (1 + len(slow)))  # fmt: skip
+            own = gram.matrix[np.ix_(at, at)]
+            by_law = [_by_law(law, own, gram.readings) for law in laws.get(name, ())]
+            forms = (None, *_slower(component, blocks, at, gram), *by_law)
+            one = Candidate(
+                name=name, effect=component.effect, component=component, at=at, shapes=forms,
+                labels=(0.0,) * len(forms), by_law=len(by_law),
+            )  # fmt: skip
             out.append(one)
             if component.relaxed.spanned:
                 out.append(replace(one, name=f"{name} at edges", at_edges=True))
     return [
-        replace(c, listed=laws if c.component.relaxed.spanned else "listed")
+        replace(c, listed=at_edges if c.component.relaxed.spanned else "listed")
         if c.at_edges or c.effect in names else c
         for c in out
     ]  # fmt: skip
@@ -165,6 +185,17 @@ def _slower(
     else:
         return ()
     return tuple(_scaled(s, inner, gram.readings) for s in shapes)
+
+
+def _by_law(law: Floats, inner: Floats, readings: int) -> Floats:
+    """Scale a law's fields (k, f) to unit whitened rms together, each one alike.
+
+    A field that the placement imitates is none: no column is known by more than its doubt.
+    """
+    energy = np.einsum("kf,kl,lf->f", law, inner, law)
+    whole = np.square(law).T @ np.diag(inner)
+    own = energy > SETTINGS.doubt**2 * whole
+    return _scaled(law * np.where(own, energy, np.inf) ** -0.5, inner, readings)
 
 
 def _scaled(shape: Floats, inner: Floats, readings: int) -> Floats:

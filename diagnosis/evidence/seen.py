@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from diagnosis.components.component import Component, components_of, with_pitches
 from diagnosis.components.covariate_ranges import ranges_of
+from diagnosis.components.law_forms import law_forms
 from diagnosis.data.patch import Patch
 from diagnosis.evidence.candidates import Candidate, candidates_of
 from diagnosis.evidence.gram import Gram, Turns, grams_of, shared_only, turned, turns_of
@@ -76,6 +77,7 @@ def seen(
     candidates = candidates_of(
         bulk, {k: np.concatenate(v) for k, v in times.items()},
         {k: np.concatenate(v) for k, v in ways.items()}, patches[0].view.sensor.effects,
+        {c.name: law_forms(c, patches, ranges) for c in components if c.name in turns},
     )  # fmt: skip
     return Seen(
         bulk=bulk, whole=whole, turns=turns, candidates=tuple(candidates),

@@ -1,5 +1,7 @@
 """Forms of a cause: bands hold their frequency, steps their place, and all are of one size."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -17,12 +19,18 @@ PROFILES, POINTS = 60, 100
 TIMES = np.arange(PROFILES) / 200.0
 
 
-def of(component: Component, matrix: np.ndarray, listed: tuple = ()) -> dict[str, Candidate]:
+def of(
+    component: Component,
+    matrix: np.ndarray,
+    listed: tuple = (),
+    laws: Sequence[np.ndarray] = (),
+) -> dict[str, Candidate]:
     """Candidates of one component whose columns have these products, each of `POINTS` readings."""
     blocks = (Block(component=component, recording=0, columns=slice(0, len(matrix))),)
     gram = Gram(blocks=blocks, matrix=matrix, right=np.zeros(len(matrix)),
                 readings=PROFILES * POINTS)  # fmt: skip
-    return {c.name: c for c in candidates_of(gram, {0: TIMES}, {0: 80.0 * TIMES}, listed)}
+    return {c.name: c for c in candidates_of(gram, {0: TIMES}, {0: 80.0 * TIMES}, listed,
+                                             {component.name: laws})}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -144,3 +152,42 @@ def test_a_part_may_bend_about_one_of_its_sides_alone() -> None:
     # the sensor's frame knows no such sides
     plain = of(MEAN["lens_distortion"], POINTS * np.eye(len(orders)))["lens_distortion"]
     assert len(plain.shapes) == 2
+
+
+SCALE = MEAN["range_scale"]
+SIZE = len(products(1))
+STRAIGHT = np.eye(SIZE)[:, :1]
+"""A law that is the first of the component's columns."""
+
+
+def test_a_law_is_as_probable_as_all_freer_forms_together() -> None:
+    free, known = (of(SCALE, POINTS * np.eye(SIZE), laws=laws)["range_scale"]
+                   for laws in ((), (STRAIGHT, STRAIGHT)))  # fmt: skip
+    assert len(known.shapes) == len(free.shapes) + 2
+    shares = np.exp(known.log_shares)
+    assert shares.sum() == pytest.approx(1.0)
+    assert shares[-2:].sum() == pytest.approx(SETTINGS.by_law)
+    assert np.exp(free.log_shares) == pytest.approx(1 / len(free.shapes))
+
+
+def test_what_the_law_explains_speaks_for_it_more_than_a_free_curve_does() -> None:
+    candidate = of(SCALE, POINTS * np.eye(SIZE), laws=[STRAIGHT])["range_scale"]
+    straight, bent = (
+        Cavity(information=1e4 * np.eye(SIZE), pull=1e4 * 0.1 * np.eye(SIZE)[k]) for k in (0, -1)
+    )
+    by_law, by_another = (
+        np.max(candidate.log_factors(c, SETTINGS.mean_sizes())[0], axis=1) for c in (straight, bent)
+    )
+    assert by_law[-1] > by_law[0]
+    assert by_another[-1] < 1 < by_another[0]
+
+
+def test_a_law_that_the_placement_imitates_is_no_form() -> None:
+    alike = np.full((SIZE, SIZE), 1.0 - 1e-5) + 1e-5 * np.eye(SIZE)
+    between = np.zeros((SIZE, 1))
+    between[:2, 0] = 1.0, -1.0  # next to nothing is left of it
+    candidate = of(SCALE, POINTS * alike, laws=[between])["range_scale"]
+    assert candidate.shapes[-1] == pytest.approx(0.0)
+    own = of(SCALE, POINTS * alike, laws=[np.abs(between)])["range_scale"].shapes[-1]
+    assert own is not None
+    assert own.max() > 0
