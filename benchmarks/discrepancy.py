@@ -60,6 +60,8 @@ from tests.support.small_parts import VIEWS, datasheet, part, record
 SIMULATED = ("domes", "steps", "bowl", "wedge", "valley")
 UNLIKE = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
 """Shares of instruments of another kind that are weighed."""
+STEPS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0)
+"""Scales by which sizes lie further apart in another kind that are weighed."""
 
 
 def good_folders(root: Path) -> Iterator[Path]:
@@ -247,15 +249,18 @@ def _changes_of(make: Callable[[], Inputs], known: Population, kind: Kind) -> Fa
 
 
 def left_out(known: Population, shown: Sequence[Sequence[Factors]]) -> str:
-    """Tell each population by the others: nats over the smallest share of another kind.
+    """Tell each population by the others: nats over the first share, or step, of another kind.
 
     Parameters
     ----------
     shown : of each kind, each instrument's log factors of sizes, by component
     """
-    rows = ["| left out | aspect | " + " | ".join(f"{s:.2f}" for s in UNLIKE) + " |"]
-    rows.append("| --- " * (len(UNLIKE) + 2) + "|")
     names = [k.name.partition(",")[0].partition(":")[0] for k in known.kinds]
+    rows, further = (
+        ["| left out | aspect | " + " | ".join(f"{v:.2f}" for v in values) + " |",
+         "| --- " * (len(values) + 2) + "|"]
+        for values in (UNLIKE, STEPS)
+    )  # fmt: skip
     for name in dict.fromkeys(names):
         own = [k == name for k in names]
         others = Population(
@@ -263,24 +268,28 @@ def left_out(known: Population, shown: Sequence[Sequence[Factors]]) -> str:
         )
         instruments = [i for group, out in zip(shown, own, strict=True) if out for i in group]
         for aspect in ASPECTS:
-            nats = sum(_nats_of(others, i, aspect) for i in instruments) + np.zeros(len(UNLIKE))
-            if np.ptp(nats) > 0:
-                text = " | ".join(f"{n:+.1f}" for n in nats - nats[0])
-                rows.append(f"| {name} | {aspect} | {text} |")
-    return "\n".join(rows)
+            for table, ways in (
+                (rows, [replace(others, share=share) for share in UNLIKE]),
+                (further, [replace(others, steps=steps) for steps in STEPS]),
+            ):
+                nats = np.array([sum(_nats_of(w, i, aspect) for i in instruments) for w in ways])
+                if np.ptp(nats) > 0:
+                    text = " | ".join(f"{n:+.1f}" for n in nats - nats[0])
+                    table.append(f"| {name} | {aspect} | {text} |")
+    return "\n".join([
+        "By the share of instruments of another kind:", *rows,
+        "By how much further sizes lie apart in another kind:", *further,
+    ])  # fmt: skip
 
 
-def _nats_of(others: Population, shown: Factors, aspect: str) -> np.ndarray:
-    """Log probability of what an instrument shows of an aspect, for each share."""
-    nats = np.tile(np.log(others.makes / others.makes.sum()), (len(UNLIKE), 1))
+def _nats_of(others: Population, shown: Factors, aspect: str) -> float:
+    """Log probability of what an instrument shows of an aspect."""
+    nats = np.log(others.makes / others.makes.sum())
     for name, factors in shown.items():
-        if aspect_of(name) != aspect:
-            continue
-        for own, share in zip(nats, UNLIKE, strict=True):
-            weights = others.with_unlike(name, share)
-            if weights is not None:
-                own += logsumexp(factors + np.log(np.maximum(weights, 1e-300)), axis=1)
-    return np.asarray(logsumexp(nats, axis=1))
+        weights = others.weights(name) if aspect_of(name) == aspect else None
+        if weights is not None:
+            nats = nats + logsumexp(factors + np.log(np.maximum(weights, 1e-300)), axis=1)
+    return float(logsumexp(nats))
 
 
 def written(population: Population) -> str:

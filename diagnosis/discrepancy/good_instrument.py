@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
+from scipy.special import expit, logsumexp
 
 from diagnosis.discrepancy.population import (
     ASPECTS,
@@ -175,25 +175,47 @@ def told_by_changes(
     """
     changes, out = population.of_changes, {}
     for name in {n: None for k in changes.kinds for n in k.weights} | dict.fromkeys(among):
-        steps = changes.weights(name)
+        steps = changes.apart(name)
         if steps is None:
             continue
-        other = _of_each_kind(population, name)
-        own = told(other, factors[name]) if name in factors else other
-        usual = between(after_steps(own, steps), own, other)
+        known, unseen = population.apart(name) or (_small(name)[None], _small(name))
+        likelihood = factors.get(name, np.zeros(len(unseen)))
+        share = np.log(np.maximum([population.unlike(name), 1 - population.unlike(name)], 1e-300))
+        odds = share[0] + _evidence(unseen, likelihood) - share[1] - _evidence(known, likelihood)
+        unlike = expit(odds)[:, None]
+        usual = (1 - unlike) * _next(known, steps[0], likelihood)
+        usual += unlike * _next(unseen, steps[1], likelihood)
         shares = changes.having(name, kinds)
         this = told(usual, among[name]) if name in among else usual
         out[name] = 0.5 * shares @ (this + usual)
     return out
 
 
+def _next(departures: Floats, steps: Floats, likelihood: Floats) -> Floats:
+    """Probability (..., S) of a change's size by one kind, given the likelihood of its baselines.
+
+    An instrument that is unlike in what it departs by is so in what it changes by.
+    """
+    own = told(departures, likelihood)
+    return between(after_steps(own, steps), own, departures)
+
+
+def _evidence(weights: Floats, likelihood: Floats) -> Floats:
+    """Log probability (...) of what was seen, by the sizes' probabilities (..., S)."""
+    return np.asarray(logsumexp(np.log(np.maximum(weights, 1e-300)) + likelihood, axis=-1))
+
+
 def _of_each_kind(population: Population, name: str) -> Floats:
     """Probability (kinds, S) of a component's sizes; small ones where no kind has its like."""
     weights = population.weights(name)
     if weights is None:
-        flat = Scales(sizes=_sizes(name), weights={}).of(name)
-        weights = np.broadcast_to(flat, (len(population.kinds), len(flat)))
+        return np.tile(_small(name), (len(population.kinds), 1))
     return weights
+
+
+def _small(name: str) -> Floats:
+    """Probability (S,) of the sizes of a component of which nothing is known."""
+    return Scales(sizes=_sizes(name), weights={}).of(name)
 
 
 def nats_of_size(population: Population, name: str, size: float) -> float:

@@ -24,6 +24,7 @@ from scipy.special import logsumexp
 
 from diagnosis.components.component import components_of, stated, unlisted
 from diagnosis.evidence.changed_sizes import changed
+from diagnosis.settings import SETTINGS
 from sensors.effects.relaxed import Relaxed
 
 Floats = NDArray[np.float64]
@@ -67,9 +68,17 @@ class Kind:
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Population:
-    """A named population, by kinds of instruments."""
+    """A named population, by kinds of instruments.
+
+    Attributes
+    ----------
+    share : of instruments that are of a kind that was never seen; None for as the kinds say
+    steps : by how much further sizes lie apart in such a kind (`spread_out`)
+    """
 
     kinds: tuple[Kind, ...]
+    share: float | None = None
+    steps: float = SETTINGS.unlike_steps
 
     @property
     def name(self) -> str:
@@ -83,19 +92,23 @@ class Population:
         kinds (Laplace's rule of succession), however many makes they are of: makes of a kind are
         alike in what sets them apart from the next kind.
         """
-        return self.with_unlike(component, 1.0 / (self._seen(component) + 1))
+        apart, share = self.apart(component), self.unlike(component)
+        return None if apart is None else (1.0 - share) * apart[0] + share * apart[1]
 
-    def with_unlike(self, component: str, share: float) -> Floats | None:
-        """Return the same where that share of instruments is of a kind that was never seen.
+    def apart(self, component: str) -> tuple[Floats, Floats] | None:
+        """Probabilities of the sizes in known kinds (kinds, sizes), and in one never seen (sizes,).
 
-        Of each component it has what known kinds have of any that is weighed alike, and so has a
-        kind that was never seen to have it.
+        Of each component that has what known kinds have of any that is weighed alike, and so has a
+        kind that was never seen to have it. None where no kind has its like.
         """
         like = self._like(component)
         if like is None:
             return None
-        own = np.stack([k.weights.get(component, like) for k in self.kinds])
-        return np.asarray((1.0 - share) * own + share * like)
+        return np.stack([k.weights.get(component, like) for k in self.kinds]), like
+
+    def unlike(self, component: str) -> float:
+        """Probability of a kind that was never seen: `weights`."""
+        return 1.0 / (self._seen(component) + 1) if self.share is None else self.share
 
     def _seen(self, component: str) -> int:
         """Count the kinds that were seen to have a component.
@@ -118,10 +131,10 @@ class Population:
     def _like(self, component: str) -> Floats | None:
         """Mean of the probabilities of all components that are weighed alike.
 
-        No law of light at edges is like another: an instrument of an unlike make has what changed
-        ones have. No size is then more than M L + 1 times likelier in a changed one, of L laws of
-        M makes. Where its maker lists the law as measured, it has no more than where only nominal
-        numbers are stated.
+        In a kind that was never seen these lie further apart (`spread_out`). No law of light at
+        edges is like another: an instrument of an unlike make has what changed ones have. No size
+        is then more than M L + 1 times likelier in a changed one, of L laws of M makes. Where its
+        maker lists the law as measured, it has no more than where only nominal numbers are stated.
         """
         where = _where(component)
         if where[0] == LAW and _measured(component):
@@ -133,7 +146,9 @@ class Population:
         if not like:
             return None
         mean = np.asarray(np.mean(like, axis=0))
-        return changed(mean) if where[0] == LAW else mean
+        if where[0] == LAW:
+            return changed(mean)
+        return mean if aspect_of(component) == EDGES else spread_out(mean, self.steps)
 
     def of_files(self, columns: str) -> "Population":
         """Keep kinds silent of all but light at edges whose files say otherwise of columns.
@@ -145,7 +160,7 @@ class Population:
         def told(by: Mapping[str, Floats]) -> Mapping[str, Floats]:
             return {n: w for n, w in by.items() if aspect_of(n) == EDGES}
 
-        return Population(kinds=tuple(
+        return replace(self, kinds=tuple(
             k if k.columns in ("", columns)
             else replace(k, weights=told(k.weights), changes=told(k.changes))
             for k in self.kinds
@@ -154,7 +169,7 @@ class Population:
     @property
     def of_changes(self) -> "Population":
         """The same kinds of instruments, by what changes in them."""
-        return Population(kinds=tuple(replace(k, weights=k.changes) for k in self.kinds))
+        return replace(self, kinds=tuple(replace(k, weights=k.changes) for k in self.kinds))
 
     def of_kinds(self, shares: Shares) -> dict[str, Floats]:
         """Probabilities of each component's sizes where kinds have these probabilities."""
@@ -182,6 +197,20 @@ class Population:
     def _as_many_makes(self) -> Shares:
         """Probability of each kind before any reading: each make alike."""
         return dict.fromkeys(ASPECTS, self.makes / self.makes.sum())
+
+
+def spread_out(weights: Floats, steps: float) -> Floats:
+    """Draw sizes (S,) apart: lognormal, as those of a kind's instruments are.
+
+    Parameters
+    ----------
+    steps : standard deviation, steps of the grid; 0 for none
+    """
+    if steps == 0:
+        return weights
+    apart = np.subtract.outer(np.arange(weights.size), np.arange(weights.size))
+    drawn = np.exp(-0.5 * np.square(apart / steps))
+    return np.asarray(drawn / drawn.sum(axis=0) @ weights)
 
 
 LAW = "law"

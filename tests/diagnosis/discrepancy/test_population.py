@@ -118,7 +118,7 @@ def test_a_kind_says_nothing_but_of_edges_where_columns_lie_otherwise() -> None:
 
 def test_what_no_kind_was_seen_to_have_is_as_in_the_others() -> None:
     one = Kind(name="a", weights={"bow": np.full(3, 1 / 3)})
-    both = Population(kinds=(one, Kind(name="b", weights={})))
+    both = Population(kinds=(one, Kind(name="b", weights={})), steps=0.0)
     weights = both.weights("bow")
     assert weights is not None
     assert weights[1] == pytest.approx(weights[0])
@@ -142,13 +142,31 @@ def test_an_instrument_may_be_unlike_all_kinds() -> None:
     sharp[0] = 1.0
     rough = np.zeros(SIZES.size)
     rough[6] = 1.0
-    here = Population(kinds=(Kind(name="any", weights={"bow": sharp, "lens": rough}),))
+    here = Population(kinds=(Kind(name="any", weights={"bow": sharp, "lens": rough}),), steps=0.0)
     # of what a kind never has it may have what the kind has of another component
     (bow,) = here.weights("bow")
     assert bow.sum() == pytest.approx(1.0)
     assert bow[0] == pytest.approx(0.75)
     assert bow[6] == pytest.approx(0.25)
     assert here.weights("scale: never seen") is None
+
+
+def test_in_a_kind_that_was_never_seen_sizes_lie_further_apart() -> None:
+    sharp = np.eye(SIZES.size)[4]
+    kind = Kind(name="any", weights={"bow": sharp, "law: finite_spot": sharp})
+    near, far = (Population(kinds=(kind,), steps=steps) for steps in (0.0, 1.0))
+    as_known, drawn = (p.apart("bow") for p in (near, far))
+    assert as_known is not None
+    assert drawn is not None
+    assert as_known[1] == pytest.approx(sharp)
+    assert drawn[0] == pytest.approx(as_known[0])
+    assert drawn[1].sum() == pytest.approx(1.0)
+    # a normal density three standard deviations off, over that in the middle
+    assert drawn[1][7] / drawn[1][4] == pytest.approx(np.exp(-4.5))
+    at_edges = [p.apart("law: finite_spot") for p in (near, far)]
+    assert at_edges[0] is not None
+    assert at_edges[1] is not None
+    assert at_edges[0][1] == pytest.approx(at_edges[1][1])
 
 
 @pytest.mark.parametrize("makes", [1, 70])
@@ -169,7 +187,7 @@ def test_the_more_kinds_were_seen_the_less_another_one_may_be_unlike_them() -> N
     many = Population(kinds=tuple(
         Kind(name=name, weights={"bow": sharp, "lens": rough}, makes=makes)
         for name, makes in (("a", 1), ("b", 1), ("c", 70))
-    ))  # fmt: skip
+    ), steps=0.0)  # fmt: skip
     weights = many.weights("bow")
     assert weights is not None
     # one in four kinds is yet another; it has what is known of any component
@@ -226,6 +244,22 @@ def test_what_an_instrument_has_little_of_changes_by_little() -> None:
         typical = float(np.exp(changing @ np.log(SIZES)))
         # a kind that is unlike this make has half of the weight, and changes by the same steps
         assert typical == pytest.approx(shown / 2, rel=0.5)
+
+
+def test_an_instrument_that_is_unlike_in_what_it_has_is_so_in_what_it_changes_by() -> None:
+    """The share of unlike instruments counts once: not in the departure and in the change."""
+    small, large = np.eye(SIZES.size)[1], np.eye(SIZES.size)[-2]
+    same, apart = steps_of({0: 1.0}), steps_of({-1: 1.0})
+    here = Population(kinds=(
+        Kind(name="like", weights={"bow": small, "tilt": large},
+             changes={"bow": same, "tilt": apart}),
+    ), steps=0.0)  # fmt: skip
+    kinds = kinds_of(here, {}, good=True)
+    share = here.unlike("bow")
+    _, unseen = here.apart("bow") or (None, small)
+    told = told_by_changes(here, kinds, {}, {})["bow"]
+    # of the unlike ones half have the large size; counted twice it were half as probable
+    assert told[5:].sum() == pytest.approx(share * unseen[-2], rel=0.3)
 
 
 def test_one_small_change_is_no_promise_of_the_next() -> None:
