@@ -31,7 +31,8 @@ FORM = {
     ],
     "neighbours of a whitened reading, by reach and cost": ["noise/whitening:NEIGHBOURS"],
     "rounding": [
-        "claims/mounting:TINY", "evidence/gram:ROUNDED", "evidence/posterior:ROUNDING",
+        "claims/mounting:TINY", "components/law_forms:ROUNDED", "evidence/gram:ROUNDED",
+        "evidence/posterior:ROUNDING",
     ],
     "a bound that keeps a division finite": ["register/pose_derivative:EDGE_ON"],
     "a cell's floor of a sum": ["evidence/glm:SPARSE", "model/log_density:LOG_STRAY"],
@@ -57,7 +58,8 @@ FORM = {
     "time or memory: how much is looked at, or kept": [
         "claims/firmware:DRAWN_POINTS", "claims/firmware:FREQUENCIES",
         "claims/noise_spectrum:GRID",
-        "components/row_periods:BINS", "data/albedo:MOST_CELLS", "data/albedo:MOST_READINGS",
+        "components/law_forms:EVERY", "components/row_periods:BINS",
+        "data/albedo:MOST_CELLS", "data/albedo:MOST_READINGS",
         "data/brightness:CHUNK", "data/inputs:CHECKED_PROFILES", "data/patch:FEWEST_ROWS",
         "data/patch:STRIPS", "data/patch:STRIP_ROWS", "data/patch:WHOLE", "evidence/gram:AT_ONCE",
         "localise/maps:CHUNK", "localise/maps:LEVELLED_BY", "noise/noise_model:LAG_PART",
