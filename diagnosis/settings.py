@@ -744,16 +744,11 @@ class Settings:
         source="up to a factor exp(5)",
     )  # fmt: skip
     unlike_steps: float = quantity(
-        "by how many doublings the sizes of the mean's components lie further apart in a kind of "
-        "instruments that was never seen, standard deviation",
+        "by how many doublings the sizes of components lie further apart in a kind of instruments "
+        "that was never seen, standard deviation",
         default=1.0, unit="", low=0.0,
         source="calibration populations, each told by the others (`python -m "
-        "benchmarks.discrepancy --left-out`): 6 nats more than none, 8 more than 1.5",
-    )  # fmt: skip
-    unlike_steps_of_rates: float = quantity(
-        "the same of noise and losses",
-        default=1.5, unit="", low=0.0,
-        source="as unlike_steps: 155 nats more than none, 81 more than 1; 2 has 8 more",
+        "benchmarks.discrepancy --left-out`): the mean asks for 1, noise for 1.5, losses for more",
     )  # fmt: skip
     small_sizes: int = quantity(
         "smallest sizes of the grid that a component unknown to the population may have",

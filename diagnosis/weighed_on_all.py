@@ -78,7 +78,8 @@ def _shared_anew(
 ) -> Cause:
     """Share the probability of a cause and its alternatives as all readings weigh them.
 
-    Others of the set keep their names.
+    Others of the set keep their names. One that wasn't offered has the place where it is more
+    probable than not.
 
     Parameters
     ----------
@@ -91,8 +92,9 @@ def _shared_anew(
     taken = {m.candidate.effect for m in members if m is not member}
     rest += sum(named.pop(n, 0.0) for n in taken)
     order = sorted(named, key=lambda n: -named[n])
-    may = {cause.name, *(n for n, _ in cause.alternatives if n not in others)}
-    best = next(n for n in order if n in may)
+    offered = {cause.name, *(n for n, _ in cause.alternatives)}
+    may = {n for n in named if n in offered or named[n] > SETTINGS.reported} - {*others}
+    best = next(n for n in order if n in may | {cause.name})
     ways = [c for c in now.candidates if c.effect == best and c.name in member.odds]
     likeliest = max(ways, key=lambda c: member.odds[c.name])
     return replace(

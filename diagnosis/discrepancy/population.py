@@ -73,12 +73,12 @@ class Population:
     Attributes
     ----------
     share : of instruments that are of a kind that was never seen; None for as the kinds say
-    steps : by how much further sizes lie apart in such a kind (`spread_out`); None for as set
+    steps : by how much further sizes lie apart in such a kind (`spread_out`)
     """
 
     kinds: tuple[Kind, ...]
     share: float | None = None
-    steps: float | None = None
+    steps: float = SETTINGS.unlike_steps
 
     @property
     def name(self) -> str:
@@ -148,16 +148,7 @@ class Population:
         mean = np.asarray(np.mean(like, axis=0))
         if where[0] == LAW:
             return changed(mean)
-        return spread_out(mean, self._further(component))
-
-    def _further(self, component: str) -> float:
-        """By how many steps sizes of a component lie further apart in a kind never seen."""
-        aspect = aspect_of(component)
-        if aspect == EDGES:
-            return 0.0
-        if self.steps is not None:
-            return self.steps
-        return SETTINGS.unlike_steps if aspect == "mean" else SETTINGS.unlike_steps_of_rates
+        return mean if aspect_of(component) == EDGES else spread_out(mean, self.steps)
 
     def of_files(self, columns: str) -> "Population":
         """Keep kinds silent of all but light at edges whose files say otherwise of columns.

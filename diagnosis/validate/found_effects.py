@@ -1,6 +1,7 @@
 """The effects of a diagnosis as they are reported: what each gains, its intervals, its rivals."""
 
 import math
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -140,12 +141,14 @@ def _found(
         )
     if cause.doubt:
         statement += f" {cause.doubt}"
+    # what held-out readings speak against may be as improbable as no number is
+    known = math.log(max(cause.probability, sys.float_info.min))
     return FoundEffect(
         name=effect.name, effect=effect, statement=statement, parameters=parameters,
         heldout_gain=gain, covariate=covariate.words, covariate_key=covariate.name,
         frame=effect.frame,
         alternatives=tuple(
-            (n, max(cause.nats + math.log(p / cause.probability), 0.0) / max(readings, 1), p)
+            (n, max(cause.nats + math.log(p) - known, 0.0) / max(readings, 1), p)
             for n, p in cause.alternatives
         ),
         separating=effect.separating, probability=cause.probability,

@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import pytest
+
 from diagnosis.explanation import Explanation
 from diagnosis.prepare import Prepared
 from diagnosis.weighed_on_all import weighed_on_all
@@ -24,6 +26,21 @@ def test_held_out_readings_give_the_name_to_the_likelier_of_two(
     decided, _ = weighed_on_all(undecided, bent, frozenset())
     assert [c.name for c in decided.causes] == ["line_bow"]
     assert decided.model.names() == found.model.names()
+    assert decided.causes[0].probability > 0.99
+
+
+def test_a_name_that_was_not_offered_before_may_be_the_likelier(
+    bent: Prepared, found: Explanation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was named with next to no probability, and an error followed."""
+    (member,) = (m for m in found.members if m.candidate.effect == "line_bow")
+    odds = {"line_bow": -900.0, "form_error": 5.0, "": -10.0}
+    monkeypatch.setattr(
+        "diagnosis.weighed_on_all.weighed_again", lambda *_, **__: [replace(member, odds=odds)]
+    )
+    decided, unlikely = weighed_on_all(found, bent, frozenset())
+    assert unlikely == []
+    assert [c.name for c in decided.causes] == ["form_error"]
     assert decided.causes[0].probability > 0.99
 
 
