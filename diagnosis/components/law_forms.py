@@ -45,9 +45,10 @@ def law_forms(
     count = size = 0
     for patch in patches:
         columns = curve_columns(component, patch.view, ranges)
-        fields = [f for point in points for f in _fields(point, patch.view)]
-        if columns is None or not fields:
+        of_points = [_fields(point, patch.view) for point in points]
+        if columns is None or not all(of_points):
             return ()
+        fields = [f for own in of_points for f in own]
         count, size = len(columns), len(columns) + len(fields)
         pick = np.flatnonzero(patch.observed & ~patch.edge)[::EVERY]
         placement = np.moveaxis(patch.columns, -1, 0)
