@@ -32,6 +32,7 @@ from diagnosis.claims.plate_noise import level_change
 from diagnosis.data.patch import all_fitted
 from diagnosis.discrepancy.good_instrument import (
     change_factors,
+    evidence,
     informed,
     kinds_of,
     mean_factors,
@@ -288,7 +289,7 @@ def _nats_of(others: Population, shown: Factors, aspect: str) -> float:
     for name, factors in shown.items():
         weights = others.weights(name) if aspect_of(name) == aspect else None
         if weights is not None:
-            nats = nats + logsumexp(factors + np.log(np.maximum(weights, 1e-300)), axis=1)
+            nats = nats + evidence(weights, factors)
     return float(logsumexp(nats))
 
 

@@ -92,9 +92,9 @@ def _shared_anew(
     taken = {m.candidate.effect for m in members if m is not member}
     rest += sum(named.pop(n, 0.0) for n in taken)
     order = sorted(named, key=lambda n: -named[n])
-    offered = {cause.name, *(n for n, _ in cause.alternatives)}
-    may = {n for n in named if n in offered or named[n] > SETTINGS.reported} - {*others}
-    best = next(n for n in order if n in may | {cause.name})
+    offered = {n for n, _ in cause.alternatives}
+    may = {n for n in order if n in offered or named[n] > SETTINGS.reported}.difference(others)
+    best = next(n for n in order if n == cause.name or n in may)
     ways = [c for c in now.candidates if c.effect == best and c.name in member.odds]
     likeliest = max(ways, key=lambda c: member.odds[c.name])
     return replace(

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit, logsumexp
+from scipy.special import expit, logit, logsumexp
 
 from diagnosis.discrepancy.population import (
     ASPECTS,
@@ -128,7 +128,7 @@ def kinds_of(population: Population, factors: Mapping[str, Floats], *, good: boo
         for k, own in enumerate(weights):
             changed = Scales(sizes=_sizes(name), weights={name: own}).changed(name)
             mixed = (1 - changes) * own + changes * changed
-            nats[aspect_of(name)][k] += logsumexp(likelihood + np.log(np.maximum(mixed, 1e-300)))
+            nats[aspect_of(name)][k] += evidence(mixed, likelihood)
     return {aspect: np.exp(own - logsumexp(own)) for aspect, own in nats.items()}
 
 
@@ -152,7 +152,12 @@ def informed(
 def told(weights: Floats, likelihood: Floats) -> Floats:
     """Probability (..., S) of each size given its likelihood (S,), by log factors."""
     log = np.log(np.maximum(weights, 1e-300)) + likelihood
-    return np.asarray(np.exp(log - logsumexp(log, axis=-1, keepdims=True)))
+    return np.asarray(np.exp(log - evidence(weights, likelihood)[..., None]))
+
+
+def evidence(weights: Floats, likelihood: Floats) -> Floats:
+    """Log probability (...) of what was seen, by the sizes' probabilities (..., S)."""
+    return np.asarray(logsumexp(np.log(np.maximum(weights, 1e-300)) + likelihood, axis=-1))
 
 
 def told_by_changes(
@@ -180,9 +185,8 @@ def told_by_changes(
             continue
         known, unseen = population.apart(name) or (_small(name)[None], _small(name))
         likelihood = factors.get(name, np.zeros(len(unseen)))
-        share = np.log(np.maximum([population.unlike(name), 1 - population.unlike(name)], 1e-300))
-        odds = share[0] + _evidence(unseen, likelihood) - share[1] - _evidence(known, likelihood)
-        unlike = expit(odds)[:, None]
+        odds = logit(population.unlike(name)) + evidence(unseen, likelihood)
+        unlike = expit(odds - evidence(known, likelihood))[:, None]
         usual = (1 - unlike) * _next(known, steps[0], likelihood)
         usual += unlike * _next(unseen, steps[1], likelihood)
         shares = changes.having(name, kinds)
@@ -198,11 +202,6 @@ def _next(departures: Floats, steps: Floats, likelihood: Floats) -> Floats:
     """
     own = told(departures, likelihood)
     return between(after_steps(own, steps), own, departures)
-
-
-def _evidence(weights: Floats, likelihood: Floats) -> Floats:
-    """Log probability (...) of what was seen, by the sizes' probabilities (..., S)."""
-    return np.asarray(logsumexp(np.log(np.maximum(weights, 1e-300)) + likelihood, axis=-1))
 
 
 def _of_each_kind(population: Population, name: str) -> Floats:

@@ -107,7 +107,7 @@ class Population:
         return np.stack([k.weights.get(component, like) for k in self.kinds]), like
 
     def unlike(self, component: str) -> float:
-        """Probability of a kind that was never seen: `weights`."""
+        """Return how often an instrument is of a kind that was never seen; see `weights`."""
         return 1.0 / (self._seen(component) + 1) if self.share is None else self.share
 
     def _seen(self, component: str) -> int:
