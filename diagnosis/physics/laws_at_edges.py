@@ -7,9 +7,12 @@ large as suits with it and without, is
 
     r = (2 gain / N)^½,
 
-with baselines beyond what the same law explains there. A good instrument has some of it: no law is
-exactly nature's, and no edge is where a mesh has it. Of a size s, r is normal with the deviation s;
-it is known but for a nat of chance, and for the share of other laws' signal that is in doubt.
+A good instrument has some of it: no law is exactly nature's, and no edge is where a mesh has it. Of
+a size s, r is normal with the deviation s; it is known but for a nat of chance, and for the share
+of other laws' signal that is in doubt.
+
+Beside baselines the gain is that over the same law as the baselines show it: a law that isn't
+nature's finds another strength in the same light from one recording to the next.
 """
 
 import math
@@ -31,6 +34,7 @@ from diagnosis.physics.linear_fit import Fitted
 from diagnosis.settings import SETTINGS
 from sensors.datasheet import Datasheet
 from sensors.effects import CATALOGUE
+from sensors.effects.base import Effect
 
 Floats = NDArray[np.float64]
 NOMINAL = Model()
@@ -43,20 +47,56 @@ class LawAtEdges:
     Attributes
     ----------
     key : of the population's sizes
-    gain : nats, less the numbers fitted
-    gain_before : nats of the same in baselines
-    size : whitened rms of what it explains
+    gain : nats, less the numbers fitted; 0 where it can't act
+    size : whitened rms of what it explains; beside baselines, of what it changed by
     factors : log Bayes factor of each size of the grid against none, (S,)
-    fitted : None where it can't act
+    fitted : None where it gains nothing
+    before : the same in baselines, where it is asked for
     """
 
     component: Component
     key: str
     gain: float
-    gain_before: float
     size: float
     factors: Floats
     fitted: Fitted | None
+    before: Fitted | None = None
+
+
+class _Tried:
+    """Readings beside whose model laws are tried.
+
+    Parameters
+    ----------
+    readings, model : of recordings, or of baselines
+    """
+
+    def __init__(self, readings: Workspace, model: Model) -> None:
+        self.ws = readings.thin(SETTINGS.physics.tried_readings)
+        self.model = model
+        self.count = max(self.ws.count(), 1)
+        self.listed = laws_stated(readings.patches[0].view.sensor.effects)
+        self._states = self.ws.states(self.ws.predict(model))
+        self._without = self.ws.most_probable(model)
+
+    def fit(self, law: Component) -> tuple[Fitted | None, float]:
+        """Fit a law at points of its grid; also its gain in nats, less the numbers fitted.
+
+        None where it can't act, or gains nothing.
+        """
+        fitted = fit_effect(CATALOGUE[law.effect], self.ws, self.model, self._states, polish=False)
+        if fitted is None or fitted.effect.is_null:
+            return None, 0.0
+        gain = self.gain(fitted.effect, fitted.own) - fitted.free
+        return (fitted, gain) if gain > 0 else (None, 0.0)
+
+    def gain(self, effect: Effect, own: Mapping[int, Mapping[str, float]] | None = None) -> float:
+        """Nats that an effect explains."""
+        return self.ws.most_probable(self.model.with_effect(effect, own)) - self._without
+
+    def with_law(self, fitted: Fitted) -> "_Tried":
+        """Have a law in the model."""
+        return _Tried(self.ws, self.ws.levelled(self.model.with_effect(fitted.effect, fitted.own)))
 
 
 def known_laws(components: Sequence[Component], sheet: Datasheet) -> list[Component]:
@@ -85,63 +125,31 @@ def laws_in_turn(
     before : of baselines, which have none of the model's causes
     explained : whitened rms of what the model explains, of which a share is in doubt
     """
-    few = ws.thin(SETTINGS.physics.tried_readings)
-    before = before and before.thin(SETTINGS.physics.tried_readings)
-    alone = laws_at_edges(laws, few, model, before, explained=explained)
+    now, then = _Tried(ws, model), None if before is None else _Tried(before, NOMINAL)
+    alone = [_law_at_edges(law, now, then, explained) for law in laws]
     most = max(alone, key=lambda law: law.gain, default=None)
-    if most is None or most.fitted is None or most.gain <= 0:
+    if most is None or most.fitted is None:
         return alone
-    own = most.fitted.effect.shared()
-    beside = few.levelled(model.with_effect(most.fitted.effect, most.fitted.own))
-    there = NOMINAL
-    if before is not None and most.gain_before > 0:
-        there = before.levelled(there.with_effect(own))
+    beside = now.with_law(most.fitted)
+    there = then.with_law(most.before) if then and most.before else then
+    explained = math.hypot(explained, most.size)
     others = [law for law in laws if law is not most.component]
-    return [most, *laws_at_edges(
-        others, few, beside, before, there=there, explained=math.hypot(explained, most.size)
-    )]  # fmt: skip
+    return [most, *(_law_at_edges(law, beside, there, explained) for law in others)]
 
 
-def laws_at_edges(
-    laws: Sequence[Component],
-    ws: Workspace,
-    model: Model,
-    before: Workspace | None = None,
-    *,
-    there: Model = NOMINAL,
-    explained: float = 0.0,
-) -> list[LawAtEdges]:
-    """Fit laws beside a model, each alone.
-
-    Parameters
-    ----------
-    before, there : baselines, and the model beside which the same law is tried in them
-    explained : whitened rms of what the model explains, of which a share is in doubt
-    """
-    few = ws.thin(SETTINGS.physics.tried_readings)
-    before = before and before.thin(SETTINGS.physics.tried_readings)
-    states = few.states(few.predict(model))
-    without, count = few.most_probable(model), max(few.count(), 1)
-    usual = 0.0 if before is None else before.most_probable(there)
-    unsure = math.hypot(1 / math.sqrt(count), SETTINGS.doubt * explained)
-    listed = laws_stated(ws.patches[0].view.sensor.effects)
-    out = []
-    for law in laws:
-        fitted = fit_effect(CATALOGUE[law.effect], few, model, states, polish=False)
-        gain = square = same = 0.0
-        if fitted is not None and not fitted.effect.is_null:
-            whole = few.most_probable(model.with_effect(fitted.effect, fitted.own))
-            gain = whole - without - fitted.free
-            square = 2 * max(gain, 0.0) / count
-            if before is not None:
-                same = before.most_probable(there.with_effect(fitted.effect.shared())) - usual
-                square -= 2 * max(same, 0.0) / max(before.count(), 1)
-        size = math.sqrt(max(square, 0.0))
-        out.append(LawAtEdges(
-            component=law, key=key_of(law, listed=listed), gain=gain, gain_before=same, size=size,
-            factors=factors_of_value(size, unsure, SETTINGS.mean_sizes()), fitted=fitted,
-        ))  # fmt: skip
-    return out
+def _law_at_edges(
+    law: Component, now: _Tried, before: _Tried | None, explained: float
+) -> LawAtEdges:
+    """Fit one law, and weigh what it explains, or what it changed by."""
+    fitted, gain = now.fit(law)
+    then, _ = (None, 0.0) if before is None or fitted is None else before.fit(law)
+    usual = 0.0 if then is None else now.gain(then.effect.shared())
+    size = math.sqrt(2 * max(gain - max(usual, 0.0), 0.0) / now.count)
+    unsure = math.hypot(1 / math.sqrt(now.count), SETTINGS.doubt * explained)
+    return LawAtEdges(
+        component=law, key=key_of(law, listed=now.listed), gain=gain, size=size,
+        factors=factors_of_value(size, unsure, SETTINGS.mean_sizes()), fitted=fitted, before=then,
+    )  # fmt: skip
 
 
 def factors_at_edges(

@@ -12,7 +12,6 @@ from diagnosis.physics.laws_at_edges import (
     LawAtEdges,
     key_of,
     known_laws,
-    laws_at_edges,
     laws_in_turn,
     may_be_named,
     unusual_at_edges,
@@ -44,12 +43,12 @@ def usual(size: float) -> dict[str, np.ndarray]:
     return {key_of(law, listed=""): weights / weights.sum() for law in LAWS}
 
 
-def by_effect(found: list[LawAtEdges]) -> dict[str, LawAtEdges]:
-    return {law.component.effect: law for law in found}
+def each_alone(ws: Workspace, before: Workspace | None = None) -> dict[str, LawAtEdges]:
+    return {law.effect: laws_in_turn([law], ws, Model(), before)[0] for law in LAWS}
 
 
 def test_a_law_explains_what_it_made(blurred: Workspace, sharp: Workspace) -> None:
-    found, still = (by_effect(laws_at_edges(LAWS, ws, Model())) for ws in (blurred, sharp))
+    found, still = each_alone(blurred), each_alone(sharp)
     spot = found["finite_spot"]
     assert spot.size == pytest.approx(np.sqrt(2 * spot.gain / blurred.count()))
     assert spot.size > 5 * still["finite_spot"].size
@@ -58,17 +57,18 @@ def test_a_law_explains_what_it_made(blurred: Workspace, sharp: Workspace) -> No
 
 
 def test_it_is_named_where_good_instruments_have_less(blurred: Workspace) -> None:
-    found = laws_at_edges(LAWS, blurred, Model())
+    alone = each_alone(blurred)
+    found = list(alone.values())
     first, *_ = unusual_at_edges(found, usual(0.002))
     assert first.name == "finite_spot"
     assert first.probability > 0.8
-    as_much = unusual_at_edges(found, usual(by_effect(found)["finite_spot"].size))
+    as_much = unusual_at_edges(found, usual(alone["finite_spot"].size))
     assert "finite_spot" not in [c.name for c in as_much]
     assert unusual_at_edges([], {}) == []
 
 
 def test_a_law_that_resembles_the_strongest_explains_little_beside_it(blurred: Workspace) -> None:
-    alone = by_effect(laws_at_edges(LAWS, blurred, Model()))
+    alone = each_alone(blurred)
     first, other = laws_in_turn(LAWS, blurred, Model())
     assert first.component.effect == "finite_spot"
     assert first.size == pytest.approx(alone["finite_spot"].size)
@@ -84,19 +84,25 @@ def test_what_both_laws_do_in_baselines_is_no_change_either(blurred: Workspace) 
 
 
 def test_what_baselines_have_as_well_is_no_change(blurred: Workspace) -> None:
-    (spot,) = laws_at_edges(LAWS[:1], blurred, Model(), before=blurred)
-    assert spot.component.effect == "finite_spot"
+    spot = each_alone(blurred, before=blurred)["finite_spot"]
     assert spot.gain > 50
     assert spot.size == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_change_is_what_the_law_of_the_baselines_leaves() -> None:
+    longer, long = (
+        taken_with(bench_workspace("steps"), "steps", MotionBlur(exposure_ms=exposure))
+        for exposure in (7.0, 6.0)
+    )
+    alone = each_alone(longer)["motion_blur"].size
+    assert alone > 0.1
+    assert each_alone(longer, before=long)["motion_blur"].size < 0.4 * alone
 
 
 def test_baselines_with_less_noise_show_no_law(sharp: Workspace) -> None:
     moved = taken_with(bench_workspace("steps"), "steps", MotionBlur(exposure_ms=7.0))
     quiet = Workspace.build(sharp.patches, replace(sharp.noise, sd_mm=2 * sharp.noise.sd_mm))
-    alone, beside = (
-        by_effect(laws_at_edges(LAWS, moved, Model(), before=before))["motion_blur"].size
-        for before in (None, quiet)
-    )
+    alone, beside = (each_alone(moved, before)["motion_blur"].size for before in (None, quiet))
     assert alone > 0.1
     assert beside > 0.9 * alone
 
