@@ -10,7 +10,7 @@ from sensors.effects.effect import Effect
 from sensors.effects.parameter import parameter
 from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
-from sensors.line.beam import listed_sd_mm, listed_shift_mm, read_beam, standing
+from sensors.line.beam import listed_sd_mm, listed_shift_mm, read_beam
 from sensors.line.line_operator import STEEPEST, Line, between_rows
 from sensors.line.line_spread import LineSpread, line_spread
 from sensors.view.view import Reason, View
@@ -122,7 +122,7 @@ class MotionBlur(Effect):
         own: Floats | float = 0.0
         stood_lit = np.zeros(view.shape, dtype=bool)
         if sd > 0:
-            stood = standing(view, still)
+            stood = read_beam(view, still)
             stood_lit = _lit(stood, view)
             # the file's bias of a standing line beyond this reading decreases in a longer line
             less = np.sqrt(still.variance / moving.variance)[:, None]

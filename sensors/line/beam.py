@@ -1,5 +1,6 @@
 """The laser's line as the effects that a sensor's file lists state it, and what it reads."""
 
+import math
 from dataclasses import dataclass
 from typing import Protocol, Self
 
@@ -10,13 +11,13 @@ from sensors.line.lambertian_light import lambertian_light
 from sensors.line.line_operator import STEEPEST, Line, line_sd_mm, read_line
 from sensors.line.line_spread import LineSpread, line_spread, step_between
 from sensors.line.peak_finder import above_threshold
-from sensors.view.view import View
+from sensors.view.view import KEPT_IN_ALL, View
 from sensors.view.view_cache import ViewCache
 
 FINELY = 0.4
 """Longest step, in standard deviations, with which a line is sampled that edges may cut."""
 _SHIFTS: ViewCache[NDArray[np.float64]] = ViewCache(2)
-_STANDING: ViewCache[Line] = ViewCache(4)
+_READ: ViewCache[Line] = ViewCache(4, room=KEPT_IN_ALL)
 
 
 class Width(Protocol):
@@ -88,7 +89,7 @@ def wider_mm(view: View, sd_mm: float) -> NDArray[np.float64]:
     if stated == 0.0:
         return np.zeros(view.shape)
     now = read_beam(view, _finely(sd_mm))
-    stood = standing(view, _finely(stated)).depth_mm
+    stood = read_beam(view, _finely(stated)).depth_mm
     filed = view.depth_mm + listed_shift_mm(view, measured=True)
     change = now.depth_mm - np.where(np.abs(filed - stood) <= STEEPEST * stated, stood, filed)
     return np.where(np.isfinite(change) & (now.light >= view.sensor.beam.weakest), change, 0.0)
@@ -100,7 +101,15 @@ def _finely(sd_mm: float) -> LineSpread:
 
 
 def read_beam(view: View, line: LineSpread) -> Line:
-    """Read a line; where the camera's place is stated, matt light that it sees."""
+    """Read a line; where the camera's place is stated, matt light that it sees.
+
+    The last few are kept with the view: what a line reads has nothing to do with the noise.
+    """
+    key = (*(a.tobytes() for a in (line.offsets_mm, line.light, line.within_mm)), line.sd_mm)
+    return _READ.get(view, key, lambda: _read(view, line), size=math.prod(view.shape))
+
+
+def _read(view: View, line: LineSpread) -> Line:
     beam, seen = view.sensor.beam, view.datasheet.triangulation_angle_deg is not None
     merge_mm = 1e-3 * beam.merge_um
     read = read_line(
@@ -111,12 +120,6 @@ def read_beam(view: View, line: LineSpread) -> Line:
     if not seen:
         return read
     return above_threshold(view, line, read, least=beam.weakest, merge_mm=merge_mm)
-
-
-def standing(view: View, line: LineSpread) -> Line:
-    """Read a line that doesn't move; cached with the view."""
-    key = float(line.variance[0]), line.step_mm
-    return _STANDING.get(view, key, lambda: read_beam(view, line))
 
 
 def listed_shift_mm(view: View, *, measured: bool = False) -> NDArray[np.float64]:
