@@ -46,3 +46,15 @@ def test_every_test_run_is_entered_with_commit_and_reason(tmp_path):
     assert "| alarms | 1 |" in text
     with pytest.raises(ValueError, match="--reason"):
         enter(file, reason=" ", commit="abc", lines=[])
+
+
+def test_the_record_begins_with_the_figures_of_all_runs(tmp_path):
+    file = tmp_path / "record.md"
+    for alarms in ("1 of 9, 95 % interval 0.003 to 0.483", "0 of 9"):
+        table = ["| figure | one (test) | other | aim |", f"| alarms on nulls | {alarms} | 2 | |"]
+        enter(file, reason="a run", commit=f"c{alarms[0]}", lines=table)
+    glance = file.read_text().split("## ")[1]
+    rows = [line for line in glance.splitlines() if ", c" in line]
+    assert [row.split(" | ")[1:3] for row in rows] == [
+        ["one (test)", "1 of 9"], ["other", "2"], ["one (test)", "0 of 9"], ["other", "2"],
+    ]  # fmt: skip
