@@ -22,7 +22,7 @@ from sensors.surface.albedo import Albedo
 from sensors.view.mirror import Mirror, mirror, thickness_mm
 from sensors.view.poses import displaced, to_part, travel_steps_mm, travelled_mm, turn_to_part
 from sensors.view.view_cache import ViewCache
-from sensors.view.visibility import camera_visible, facing_camera
+from sensors.view.visibility import camera_visible, facing_camera, half_vector_rad
 from sensors.view.working_range import reasons
 
 if TYPE_CHECKING:
@@ -260,13 +260,6 @@ class View:
         return np.array([0.0, self.datasheet.camera_offset_mm, 0.0])
 
     @cached_property
-    def to_camera(self) -> Floats:
-        """Unit vector from each point to the camera, (n, m, 3), sensor frame."""
-        way: Floats = self.camera_mm - self.sensor_mm
-        way /= np.linalg.norm(way, axis=-1, keepdims=True)
-        return way
-
-    @cached_property
     def cos_camera(self) -> Floats:
         """Cosine of the angle between normal and direction to the camera, (n, m), -1 to 1."""
         return facing_camera(
@@ -277,10 +270,10 @@ class View:
     @cached_property
     def half_vector_rad(self) -> Floats:
         """Angle between the normal and the half vector of laser and camera, (n, m) rad."""
-        half = self.to_camera - self.ray
-        half /= np.linalg.norm(half, axis=-1, keepdims=True)
-        cosine = np.einsum("nmk,nmk->nm", self.normal, half)
-        return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
+        return half_vector_rad(
+            self.scene.normals, self.triangle, self.poses, self.laser.x_mm, self.laser.slope_x,
+            self.depth_mm, self.datasheet.camera_offset_mm,
+        )  # fmt: skip
 
     @property
     def visible(self) -> NDArray[np.bool_]:

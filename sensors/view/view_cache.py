@@ -13,7 +13,8 @@ class ViewCache(Generic[T]):
     Parameters
     ----------
     most : how many of each object
-    room : size of all that is kept, about; objects share it; None for any
+    room : size of all that is kept, about; objects share it, and those that were asked least
+        recently make room; None for any
     """
 
     def __init__(self, most: int, *, room: int | None = None) -> None:
@@ -32,20 +33,25 @@ class ViewCache(Generic[T]):
         ----------
         size : of each value of this owner, in the units of `room`
         """
-        values = self._of.setdefault(owner, {})
+        values = self._of.pop(owner, {})
+        self._of[owner] = values
         if key in values:
             values[key] = values.pop(key)
             return values[key]
         value = make()
         if keep:
-            share = self._share(owner, size)
-            while len(values) >= share:
-                del values[next(iter(values))]
+            self._make_room(values, owner, size)
             values[key] = value
         return value
 
-    def _share(self, owner: object, size: int) -> int:
+    def _make_room(self, values: dict[Hashable, T], owner: object, size: int) -> None:
+        while len(values) >= self._most:
+            del values[next(iter(values))]
         if self._room is None:
-            return self._most
+            return
         self._sizes[owner] = size
-        return max(1, min(self._most, self._room // sum(self._sizes.values())))
+        left = self._room - size - sum(self._sizes[o] * len(v) for o, v in self._of.items() if v)
+        for other, theirs in list(self._of.items()):
+            while left < 0 and theirs:
+                del theirs[next(iter(theirs))]
+                left += self._sizes[other]

@@ -46,6 +46,17 @@ def test_half_vector_of_a_flat_plate(view_of):
     assert np.isclose(view.cos_camera[0, 39:41].mean(), math.cos(math.radians(30.0)), atol=1e-4)
 
 
+@pytest.mark.parametrize("columns", ["even_x", "even_angle"])
+def test_half_vector_is_the_sum_of_unit_vectors_to_laser_and_camera(view_of, columns):
+    tilts = {"tilt_y_deg": 20.0, "tilt_x_deg": -10.0}
+    view = view_of("plate", solid=tilts, sheet={"columns": columns}, turned=True)
+    way = view.camera_mm - view.sensor_mm
+    half = way / np.linalg.norm(way, axis=-1, keepdims=True) - view.ray
+    half /= np.linalg.norm(half, axis=-1, keepdims=True)
+    expected = np.arccos((view.normal * half).sum(axis=-1))
+    assert view.half_vector_rad == pytest.approx(expected, abs=1e-9)
+
+
 def test_reasons_of_missing_points(view_of):
     off_the_end = view_of("end", y_mm=[0.0, 15.0])
     assert (off_the_end.reason == [[Reason.VALID], [Reason.NO_HIT]]).all()

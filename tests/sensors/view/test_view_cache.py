@@ -49,10 +49,22 @@ def test_objects_share_the_room() -> None:
 
     for key in range(4):
         ask(0, key)
-    ask(1, 0)  # now two of each have room
-    for key in (0, 4, 4):
-        ask(0, key)
-    assert made == [(0, 0), (0, 1), (0, 2), (0, 3), (1, 0), (0, 4)]
+    ask(1, 0)  # the first value of the other object makes room
+    assert made == [(0, 0), (0, 1), (0, 2), (0, 3), (1, 0)]
+    ask(0, 3)
+    ask(0, 0)  # and that object, since the first was asked again
+    assert made[5:] == [(0, 0)]
     ask(0, 1)
-    ask(0, 0)
-    assert made[6:] == [(0, 1), (0, 0)]
+    ask(0, 2)
+    assert made[6:] == []
+    ask(1, 0)
+    assert made[6:] == [(1, 0)]
+
+
+def test_a_value_that_is_larger_than_the_room_is_kept_alone() -> None:
+    made: list[int] = []
+    kept: ViewCache[object] = ViewCache(4, room=8)
+    thing = Thing()
+    for key in (0, 0, 1, 1, 0):
+        kept.get(thing, key, lambda key=key: made.append(key), size=9)
+    assert made == [0, 1, 0]
