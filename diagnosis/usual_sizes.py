@@ -76,4 +76,6 @@ def _changes_among(
     noise = ready.noise
     one, other = (seen(part, noise, Model(), like=like) for part in (first, later))
     usual, channels = (channels_seen(part, noise, Model(), like) for part in (first, later))
-    return change_factors(other, one, channels, usual, departures)
+    before, after = (Workspace.build(part, noise) for part in (first, later))
+    laws = factors_at_edges(one.components, after, before)
+    return change_factors(other, one, channels, usual, departures) | laws
