@@ -44,6 +44,7 @@ from diagnosis.discrepancy.population import (
     Kind,
     Population,
     aspect_of,
+    is_law,
     learnt,
     steps_to,
 )
@@ -119,6 +120,8 @@ def lay_factors(ready: Prepared) -> Factors:
 def changes(inputs: Inputs, population: Population, kind: Kind) -> Factors:
     """Likelihood of each number of steps from what the first recording shows to what others change.
 
+    Of laws at edges that of each size of a change.
+
     Parameters
     ----------
     population : by which the first recording is a baseline
@@ -134,19 +137,24 @@ def changes(inputs: Inputs, population: Population, kind: Kind) -> Factors:
     shown = mean_factors(before) | rate_factors(usual.values())
     population = population.of_files(inputs.datasheet.columns)
     own = informed(population, kinds_of(population, shown, good=True), shown)
-    first = Workspace.build(ready.baseline, ready.noise)
-    shown |= factors_at_edges(before.components, first)
     channels = channels_seen(patches, ready.noise, Model(), now)
-    found = (
-        change_factors(now, before, channels, usual, own)
-        | lay_factors(ready)
-        | factors_at_edges(now.components, Workspace.build(patches, ready.noise), first)
-    )
-    return {
+    found = change_factors(now, before, channels, usual, own) | lay_factors(ready)
+    steps = {
         name: steps_to(told(kind.weights[name], shown.get(name, np.zeros(factors.size))), factors)
         for name, factors in found.items()
         if name in kind.weights
     }
+    first, rest = (Workspace.build(part, ready.noise) for part in (ready.baseline, patches))
+    return steps | factors_at_edges(now.components, rest, first)
+
+
+def learnt_changes(kinds: Sequence[Sequence[Factors]]) -> list[Factors]:
+    """Probability of changes, by kinds: of steps, and by themselves of sizes of laws at edges."""
+    sizes, steps = (
+        learnt([[{n: f for n, f in one.items() if is_law(n) is law} for one in k] for k in kinds])
+        for law in (True, False)
+    )
+    return [a | b for a, b in zip(steps, sizes, strict=True)]
 
 
 def simulated(seed: int) -> Inputs:
@@ -200,7 +208,7 @@ def main() -> None:
     ))  # fmt: skip
     if args.left_out:
         print(left_out(known, shown))
-    changing = learnt([
+    changing = learnt_changes([
         work(delayed(_changes_of)(make, known, kind) for make in g.instruments)
         for g, kind in zip(groups, known.kinds, strict=True)
     ])  # fmt: skip

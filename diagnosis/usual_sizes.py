@@ -51,8 +51,7 @@ def usual_sizes(
     kinds = kinds_of(population, factors | rates, good=True)
     departures = informed(population, kinds, factors | rates)
     among = _changes_among(ready, first, departures)
-    laws = factors_at_edges(before.components, Workspace.build(ready.baseline, ready.noise))
-    changes = departures | told_by_changes(population, kinds, factors | rates | laws, among)
+    changes = departures | told_by_changes(population, kinds, factors | rates, among)
     departures, changes = (
         alike_at_edges(one, factors, before.candidates) for one in (departures, changes)
     )

@@ -17,6 +17,7 @@ from diagnosis.discrepancy.population import (
     after_steps,
     aspect_of,
     between,
+    is_law,
     tells_kind,
 )
 from diagnosis.evidence.candidates import Candidate
@@ -169,7 +170,8 @@ def told_by_changes(
     """Probability of the sizes of an instrument's next change, by component, given its baselines.
 
     What an instrument has little of changes by little, and none by more than lies between two
-    departures of good ones. Whether changes of one instrument are alike or each as another
+    departures of good ones; but of laws at edges a recording shows what its own edges do, and that
+    says nothing of the next. Whether changes of one instrument are alike or each as another
     instrument's isn't known: two recordings may show another part of the field than the next two.
     As likely is either.
 
@@ -180,19 +182,31 @@ def told_by_changes(
     """
     changes, out = population.of_changes, {}
     for name in {n: None for k in changes.kinds for n in k.weights} | dict.fromkeys(among):
-        steps = changes.apart(name)
-        if steps is None:
+        if is_law(name):
+            usual = changes.weights(name)
+        else:
+            usual = _usual_change(population, name, factors.get(name))
+        if usual is None:
             continue
-        known, unseen = population.apart(name) or (_small(name)[None], _small(name))
-        likelihood = factors.get(name, np.zeros(len(unseen)))
-        odds = logit(population.unlike(name)) + evidence(unseen, likelihood)
-        unlike = expit(odds - evidence(known, likelihood))[:, None]
-        usual = (1 - unlike) * _next(known, steps[0], likelihood)
-        usual += unlike * _next(unseen, steps[1], likelihood)
         shares = changes.having(name, kinds)
         this = told(usual, among[name]) if name in among else usual
         out[name] = 0.5 * shares @ (this + usual)
     return out
+
+
+def _usual_change(
+    population: Population, name: str, likelihood: Floats | None
+) -> Floats | None:
+    """Probability (kinds, S) of a change's size off edges; None where no kind has its like."""
+    steps = population.of_changes.apart(name)
+    if steps is None:
+        return None
+    known, unseen = population.apart(name) or (_small(name)[None], _small(name))
+    likelihood = np.zeros(len(unseen)) if likelihood is None else likelihood
+    odds = logit(population.unlike(name)) + evidence(unseen, likelihood)
+    unlike = expit(odds - evidence(known, likelihood))[:, None]
+    changed = (1 - unlike) * _next(known, steps[0], likelihood)
+    return np.asarray(changed + unlike * _next(unseen, steps[1], likelihood))
 
 
 def _next(departures: Floats, steps: Floats, likelihood: Floats) -> Floats:

@@ -4,7 +4,9 @@
 of each size of a grid: a lognormal distribution over instruments, fitted to the likelihood of the
 sizes in each one's recordings; and the same of changes, in recordings beside an earlier one of the
 instrument and the part, by steps of the grid from what the earlier one shows: what an instrument
-has little of changes by little. `python -m benchmarks.discrepancy` makes it.
+has little of changes by little. Of laws of light at edges it holds the changes' sizes, whatever the
+earlier recording shows of them: each recording has other edges. `python -m benchmarks.discrepancy`
+makes it.
 
 Which kind an instrument is of, its own recordings tell: where one has none of the locking, bow and
 slips that all of a kind have, it isn't of that kind (a mixture; Gelman et al., Bayesian Data
@@ -51,8 +53,8 @@ class Kind:
     ----------
     name : of the recordings that it was learnt from
     weights : for each component's name, probability of each size
-    changes : the same (2 sizes - 1,) of steps of the grid of sizes, from what an instrument has to
-        what changes from one of its recordings of a part to another
+    changes : the same of what changes from one recording of an instrument and a part to another: of
+        steps (2 sizes - 1,) of the grid from what it has; of laws at edges, of sizes
     makes, instruments : how many it was learnt from
     columns : how its files say that columns lie, which decides about all but light at edges; ""
         for either way
@@ -226,6 +228,11 @@ def aspect_of(component: str) -> str:
     if channel == LAW or " at edges" in component:
         return EDGES
     return {"": "mean", "spectrum": "scale"}.get(channel, channel)
+
+
+def is_law(component: str) -> bool:
+    """Whether a component is a law of light at edges, by its own size."""
+    return component.startswith(f"{LAW}: ")
 
 
 def tells_kind(component: str) -> bool:
