@@ -275,6 +275,22 @@ def test_one_small_change_is_no_promise_of_the_next() -> None:
     assert told[0] > 2 / SIZES.size
 
 
+def test_what_a_recording_shows_of_a_law_at_edges_says_nothing_of_the_next() -> None:
+    law, small = "law: motion_blur (nominal)", np.eye(SIZES.size)[1]
+    sizes = np.exp(-0.5 * np.square(np.log(SIZES / 0.05)))
+    sizes /= sizes.sum()
+    here = Population(kinds=(Kind(name="any", weights={law: small}, changes={law: sizes}),))
+    kinds = kinds_of(here, {}, good=True)
+    without, beside = (
+        told_by_changes(here, kinds, factors, {})[law] for factors in ({}, {law: seen_as(1e-5)})
+    )
+    assert beside == pytest.approx(without)
+    assert without == pytest.approx(here.of_changes.of_kinds(kinds)[law])
+    # what baselines changed by is of the same edges, and counts
+    again = told_by_changes(here, kinds, {}, {law: seen_as(1e-5)})[law]
+    assert again[0] > without[0]
+
+
 def test_a_law_that_is_measured_is_off_by_no_more_than_one_that_is_nominal() -> None:
     nominal = np.array([0.1, 0.8, 0.1, 1e-9, 1e-9])
     many = Kind(name="many", weights={"law: motion_blur (nominal)": nominal}, makes=70)
