@@ -22,7 +22,7 @@ from sensors.surface.albedo import Albedo
 from sensors.view.mirror import Mirror, mirror, thickness_mm
 from sensors.view.poses import displaced, to_part, travel_steps_mm, travelled_mm, turn_to_part
 from sensors.view.view_cache import ViewCache
-from sensors.view.visibility import camera_visible, facing_camera, half_vector_rad
+from sensors.view.visibility import camera_visible, facing_camera
 from sensors.view.working_range import reasons
 
 if TYPE_CHECKING:
@@ -269,11 +269,15 @@ class View:
 
     @cached_property
     def half_vector_rad(self) -> Floats:
-        """Angle between the normal and the half vector of laser and camera, (n, m) rad."""
-        return half_vector_rad(
-            self.scene.normals, self.triangle, self.poses, self.laser.x_mm, self.laser.slope_x,
-            self.depth_mm, self.datasheet.camera_offset_mm,
-        )  # fmt: skip
+        """Angle between the normal and the half vector of laser and camera, (n, m) rad.
+
+        That is the sum of the unit vectors to both, (2 + 2 cos γ)^½ long, γ between them.
+        """
+        away_mm = np.sqrt(self.x_mm**2 + self.datasheet.camera_offset_mm**2 + self.depth_mm**2)
+        along = self.ray[:, 0] * self.x_mm + self.ray[:, 2] * self.depth_mm
+        length = np.sqrt(2.0 + 2.0 * along / away_mm)
+        cosine = (self.cos_incidence + self.cos_camera) / length
+        return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
 
     @property
     def visible(self) -> NDArray[np.bool_]:

@@ -147,51 +147,19 @@ def facing_camera(
     n, m = depth.shape
     out = np.empty((n, m))
     for i in range(n):
+        r = poses[i]
         for j in range(m):
             z = depth[i, j]
             if np.isnan(z):
                 out[i, j] = np.nan
                 continue
+            p = normals[triangle[i, j]]
             x = x_mm[j] + slope_x[j] * z
-            nx, ny, nz = _turned(normals[triangle[i, j]], poses[i])
+            nx = p[0] * r[0, 0] + p[1] * r[1, 0] + p[2] * r[2, 0]
+            ny = p[0] * r[0, 1] + p[1] * r[1, 1] + p[2] * r[2, 1]
+            nz = p[0] * r[0, 2] + p[1] * r[1, 2] + p[2] * r[2, 2]
             out[i, j] = (ny * b - nx * x - nz * z) / np.sqrt(x * x + b * b + z * z)
     return out
-
-
-@njit(cache=True)
-def half_vector_rad(
-    normals: Floats, triangle: Ints, poses: Floats, x_mm: Floats, slope_x: Floats,
-    depth: Floats, b: float,
-) -> Floats:  # fmt: skip
-    """Angle between a hit's normal and the half vector of laser and camera, (n, m) rad.
-
-    The half vector is the sum of the unit vectors to both. Parameters as in `facing_camera`.
-    """
-    n, m = depth.shape
-    out = np.empty((n, m))
-    for i in range(n):
-        for j in range(m):
-            z = depth[i, j]
-            if np.isnan(z):
-                out[i, j] = np.nan
-                continue
-            x = x_mm[j] + slope_x[j] * z
-            far, along = np.sqrt(x * x + b * b + z * z), np.sqrt(slope_x[j] ** 2 + 1.0)
-            hx, hy, hz = -x / far - slope_x[j] / along, b / far, -z / far - 1.0 / along
-            nx, ny, nz = _turned(normals[triangle[i, j]], poses[i])
-            cosine = (nx * hx + ny * hy + nz * hz) / np.sqrt(hx * hx + hy * hy + hz * hz)
-            out[i, j] = np.arccos(min(max(cosine, -1.0), 1.0))
-    return out
-
-
-@njit(cache=True, inline="always")
-def _turned(p: Floats, r: Floats) -> tuple[float, float, float]:
-    """Turn a vector of the part frame into a sensor frame (4, 4)."""
-    return (
-        p[0] * r[0, 0] + p[1] * r[1, 0] + p[2] * r[2, 0],
-        p[0] * r[0, 1] + p[1] * r[1, 1] + p[2] * r[2, 1],
-        p[0] * r[0, 2] + p[1] * r[1, 2] + p[2] * r[2, 2],
-    )
 
 
 @njit(cache=True)
