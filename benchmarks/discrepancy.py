@@ -8,7 +8,7 @@ r"""What good instruments depart by: learn it from the calibration population an
 Only good instruments are used: folders whose truth hides nothing. Each gives, for each component
 of the diagnosis, the likelihood of each size; the mixing distribution over sizes is kept. The same
 is kept of changes, of what the other recordings have beside the first one, taken as a baseline: by
-how many steps of the grid they differ from what that one shows.
+how many steps of the grid they differ from what that one shows, or whatever it shows.
 Each population is a kind of instruments of its own; with `--makes` each is of another make.
 With `--left-out` each population is told by the others: how often an instrument is of yet another
 kind, by that.
@@ -37,17 +37,9 @@ from diagnosis.discrepancy.good_instrument import (
     kinds_of,
     mean_factors,
     rate_factors,
-    told,
 )
-from diagnosis.discrepancy.population import (
-    ASPECTS,
-    Kind,
-    Population,
-    aspect_of,
-    is_law,
-    learnt,
-    steps_to,
-)
+from diagnosis.discrepancy.learning import factors_of_change, learnt, learnt_changes
+from diagnosis.discrepancy.population import ASPECTS, Kind, Population, aspect_of
 from diagnosis.evidence.noise_level import AGAINST_PLATES, level_factors, level_unsure
 from diagnosis.evidence.seen import channels_seen, seen
 from diagnosis.model.model import Model
@@ -118,9 +110,9 @@ def lay_factors(ready: Prepared) -> Factors:
 
 
 def changes(inputs: Inputs, population: Population, kind: Kind) -> Factors:
-    """Likelihood of each number of steps from what the first recording shows to what others change.
+    """Likelihood of what others change beside the first recording, by component.
 
-    Of laws at edges that of each size of a change.
+    Of laws at edges that of each size of a change, else `factors_of_change`.
 
     Parameters
     ----------
@@ -139,22 +131,15 @@ def changes(inputs: Inputs, population: Population, kind: Kind) -> Factors:
     own = informed(population, kinds_of(population, shown, good=True), shown)
     channels = channels_seen(patches, ready.noise, Model(), now)
     found = change_factors(now, before, channels, usual, own) | lay_factors(ready)
-    steps = {
-        name: steps_to(told(kind.weights[name], shown.get(name, np.zeros(factors.size))), factors)
+    off_edges = {
+        name: factors_of_change(
+            kind.weights[name], shown.get(name, np.zeros(factors.size)), factors
+        )
         for name, factors in found.items()
         if name in kind.weights
     }
     first, rest = (Workspace.build(part, ready.noise) for part in (ready.baseline, patches))
-    return steps | factors_at_edges(now.components, rest, first)
-
-
-def learnt_changes(kinds: Sequence[Sequence[Factors]]) -> list[Factors]:
-    """Probability of changes, by kinds: of steps, and by themselves of sizes of laws at edges."""
-    sizes, steps = (
-        learnt([[{n: f for n, f in one.items() if is_law(n) is law} for one in k] for k in kinds])
-        for law in (True, False)
-    )
-    return [a | b for a, b in zip(steps, sizes, strict=True)]
+    return off_edges | factors_at_edges(now.components, rest, first)
 
 
 def simulated(seed: int) -> Inputs:
@@ -213,7 +198,10 @@ def main() -> None:
         for g, kind in zip(groups, known.kinds, strict=True)
     ])  # fmt: skip
     known = Population(
-        kinds=tuple(replace(k, changes=c) for k, c in zip(known.kinds, changing, strict=True))
+        kinds=tuple(
+            replace(k, changes=c, anew=a)
+            for k, (c, a) in zip(known.kinds, changing, strict=True)
+        )
     )
     args.write.write_text(written(known), encoding="utf-8")
 
@@ -309,7 +297,8 @@ def written(population: Population) -> str:
 
     kinds = [
         {"name": k.name, "makes": k.makes, "instruments": k.instruments, "columns": k.columns,
-         "components": rounded(k.weights), "changes": rounded(k.changes)}
+         "components": rounded(k.weights), "changes": rounded(k.changes),
+         "anew": {n: round(w, 6) for n, w in sorted(k.anew.items())}}
         for k in population.kinds
     ]  # fmt: skip
     return json.dumps({"kinds": kinds}, indent=1) + "\n"

@@ -170,10 +170,10 @@ def told_by_changes(
     """Probability of the sizes of an instrument's next change, by component, given its baselines.
 
     What an instrument has little of changes by little, and none by more than lies between two
-    departures of good ones; but of laws at edges a recording shows what its own edges do, and that
-    says nothing of the next. Whether changes of one instrument are alike or each as another
-    instrument's isn't known: two recordings may show another part of the field than the next two.
-    As likely is either.
+    departures of good ones; but a share of changes comes anew, whatever baselines show. Of laws at
+    edges a recording shows what its own edges do, and that says nothing of the next. Whether
+    changes of one instrument are alike or each as another instrument's isn't known: two recordings
+    may show another part of the field than the next two. As likely is either.
 
     Parameters
     ----------
@@ -197,7 +197,10 @@ def told_by_changes(
 def _usual_change(
     population: Population, name: str, likelihood: Floats | None
 ) -> Floats | None:
-    """Probability (kinds, S) of a change's size off edges; None where no kind has its like."""
+    """Probability (kinds, S) of a change's size off edges; None where no kind has its like.
+
+    An instrument that is unlike in what it departs by is so in what it changes by.
+    """
     steps = population.of_changes.apart(name)
     if steps is None:
         return None
@@ -205,17 +208,21 @@ def _usual_change(
     likelihood = np.zeros(len(unseen)) if likelihood is None else likelihood
     odds = logit(population.unlike(name)) + evidence(unseen, likelihood)
     unlike = expit(odds - evidence(known, likelihood))[:, None]
-    changed = (1 - unlike) * _next(known, steps[0], likelihood)
-    return np.asarray(changed + unlike * _next(unseen, steps[1], likelihood))
+    anew = population.anew(name)
+    changed = (1 - unlike) * _next(known, steps[0], anew[0], likelihood)
+    return np.asarray(changed + unlike * _next(unseen, steps[1], anew[1], likelihood))
 
 
-def _next(departures: Floats, steps: Floats, likelihood: Floats) -> Floats:
+def _next(
+    departures: Floats, steps: Floats, anew: Floats | float, likelihood: Floats
+) -> Floats:
     """Probability (..., S) of a change's size by one kind, given the likelihood of its baselines.
 
-    An instrument that is unlike in what it departs by is so in what it changes by.
+    It is so many steps from what they show, or as another instrument's departure.
     """
-    own = told(departures, likelihood)
-    return between(after_steps(own, steps), own, departures)
+    own, anew = told(departures, likelihood), np.asarray(anew)[..., None]
+    stepped = between(after_steps(own, steps), own, departures)
+    return np.asarray((1.0 - anew) * stepped + anew * departures)
 
 
 def _of_each_kind(population: Population, name: str) -> Floats:

@@ -4,9 +4,9 @@
 of each size of a grid: a lognormal distribution over instruments, fitted to the likelihood of the
 sizes in each one's recordings; and the same of changes, in recordings beside an earlier one of the
 instrument and the part, by steps of the grid from what the earlier one shows: what an instrument
-has little of changes by little. Of laws of light at edges it holds the changes' sizes, whatever the
-earlier recording shows of them: each recording has other edges. `python -m benchmarks.discrepancy`
-makes it.
+has little of changes by little. A share of changes comes anew: they are as another instrument's
+departures, whatever the earlier recording shows. Of laws of light at edges it holds the changes'
+sizes alone: each recording has other edges. `python -m benchmarks.discrepancy` makes it.
 
 Which kind an instrument is of, its own recordings tell: where one has none of the locking, bow and
 slips that all of a kind have, it isn't of that kind (a mixture; Gelman et al., Bayesian Data
@@ -15,14 +15,14 @@ its light at edges: of these each tells a kind of its own (`aspect_of`).
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.resources import files
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
 from diagnosis.components.component import components_of, stated, unlisted
 from diagnosis.evidence.changed_sizes import changed
@@ -30,19 +30,9 @@ from diagnosis.settings import SETTINGS
 from sensors.effects.relaxed import Relaxed
 
 Floats = NDArray[np.float64]
+T = TypeVar("T")
 Shares = Mapping[str, Floats]
 """Probability of each kind (kinds,), by aspect."""
-SPREADS = (0.35, 0.5, 0.7, 1.0)
-"""Standard deviations of the logarithm of the size among good instruments that are weighed."""
-SPREADS_OF_NOISE = (*SPREADS, 1.4, 2.0)
-"""The same of what the noise goes with: how it grows on slopes differs between good instruments by
-more than tenfold. Wider ones of the mean would let one component's rare departure stand for any
-other's, since the likeliest of all stands for a good instrument."""
-NONE = (0.0, 0.25, 0.5, 0.75)
-"""Shares of good instruments that have nothing of a component, which are weighed: they have the
-smallest size."""
-TURNS = 300
-"""Steps to the likeliest shares of the spreads; each makes them likelier."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -55,6 +45,7 @@ class Kind:
     weights : for each component's name, probability of each size
     changes : the same of what changes from one recording of an instrument and a part to another: of
         steps (2 sizes - 1,) of the grid from what it has; of laws at edges, of sizes
+    anew : by component, how often a change is as if recordings were of two instruments
     makes, instruments : how many it was learnt from
     columns : how its files say that columns lie, which decides about all but light at edges; ""
         for either way
@@ -63,6 +54,7 @@ class Kind:
     name: str
     weights: Mapping[str, Floats]
     changes: Mapping[str, Floats] = field(default_factory=dict)
+    anew: Mapping[str, float] = field(default_factory=dict)
     makes: int = 1
     columns: str = ""
     instruments: int = 1
@@ -159,12 +151,12 @@ class Population:
         interpolating leaves along the line is another in each recording.
         """
 
-        def told(by: Mapping[str, Floats]) -> Mapping[str, Floats]:
+        def told(by: Mapping[str, T]) -> Mapping[str, T]:
             return {n: w for n, w in by.items() if aspect_of(n) == EDGES}
 
         return replace(self, kinds=tuple(
             k if k.columns in ("", columns)
-            else replace(k, weights=told(k.weights), changes=told(k.changes))
+            else replace(k, weights=told(k.weights), changes=told(k.changes), anew=told(k.anew))
             for k in self.kinds
         ))  # fmt: skip
 
@@ -172,6 +164,13 @@ class Population:
     def of_changes(self) -> "Population":
         """The same kinds of instruments, by what changes in them."""
         return replace(self, kinds=tuple(replace(k, weights=k.changes) for k in self.kinds))
+
+    def anew(self, component: str) -> tuple[Floats, float]:
+        """How often a component's change comes anew in known kinds (kinds,), in one never seen."""
+        where = _where(component)
+        like = [w for k in self.kinds for name, w in k.anew.items() if _where(name) == where]
+        mean = float(np.mean(like)) if like else 0.0
+        return np.array([k.anew.get(component, mean) for k in self.kinds]), mean
 
     def of_kinds(self, shares: Shares) -> dict[str, Floats]:
         """Probabilities of each component's sizes where kinds have these probabilities."""
@@ -285,6 +284,7 @@ def population() -> Population:
                 name=kind["name"],
                 weights={n: np.array(w) for n, w in kind["components"].items()},
                 changes={n: np.array(w) for n, w in kind["changes"].items()},
+                anew=kind["anew"],
                 makes=kind["makes"],
                 instruments=kind["instruments"],
                 columns=kind["columns"],
@@ -292,18 +292,6 @@ def population() -> Population:
             for kind in json.loads(text)["kinds"]
         )
     )
-
-
-def steps_to(own: Floats, factors: Floats) -> Floats:
-    """Log factors (2 S - 1,) of how many steps lie between two sizes, those downwards first.
-
-    Parameters
-    ----------
-    own : probability of each size (S,) of the first
-    factors : log factors (S,) of each size of the second
-    """
-    log = np.log(np.maximum(own, 1e-300))
-    return np.asarray(logsumexp(log + factors[_ends(own.size)], axis=1))
 
 
 def after_steps(own: Floats, steps: Floats) -> Floats:
@@ -315,7 +303,7 @@ def after_steps(own: Floats, steps: Floats) -> Floats:
     steps : (..., 2 S - 1)
     """
     pairs = steps[..., :, None] * own[..., None, :]
-    ends = _ends(own.shape[-1])
+    ends = ends_of_steps(own.shape[-1])
     return np.stack([(pairs * (ends == k)).sum(axis=(-2, -1)) for k in range(own.shape[-1])], -1)
 
 
@@ -340,87 +328,7 @@ def between(change: Floats, one: Floats, other: Floats) -> Floats:
     return np.asarray(allowed / allowed.sum(axis=-1, keepdims=True))
 
 
-def _ends(count: int) -> NDArray[np.int64]:
+def ends_of_steps(count: int) -> NDArray[np.int64]:
     """Size (2 S - 1, S) to which each number of steps leads from each; none leads off the grid."""
     sizes = np.arange(count)
     return np.asarray(np.clip(sizes + np.arange(1 - count, count)[:, None], 0, count - 1))
-
-
-def learnt(kinds: Sequence[Sequence[Mapping[str, Floats]]]) -> list[dict[str, Floats]]:
-    """Probability of each size of each component, by kinds of instruments.
-
-    Of the instruments of a kind a share has nothing of a component, in the others its size is
-    lognormal: were those with nothing the low end of one distribution, its other end would be as
-    long, and no fault of ten times what any good instrument has would stand out. Share, median and
-    spread are averaged over their posterior. Before any instrument a median is the less probable
-    the larger it is, as its inverse: what no recording of the population could show isn't taken for
-    usual. How probable shares and spreads are before, components of a kind tell together, those of
-    the noise by themselves (empirical Bayes; Efron & Morris, J. Am. Stat. Assoc. 68 (1973) 117):
-    most are alike in all instruments, and in a few these differ widely.
-
-    Parameters
-    ----------
-    kinds : of each kind, each instrument's log factors of sizes, by component
-    """
-    out = []
-    for instruments in kinds:
-        found: dict[str, list[Floats]] = {}
-        for factors in instruments:
-            for name, own in factors.items():
-                found.setdefault(name, []).append(own)
-        noisy = {name for name in found if name.partition(": ")[0] == "scale"}
-        weights = _together({n: own for n, own in found.items() if n not in noisy}, SPREADS)
-        weights |= _together({n: found[n] for n in noisy}, SPREADS_OF_NOISE)
-        out.append({name: weights[name] for name in found})
-    return out
-
-
-def _together(
-    found: Mapping[str, Sequence[Floats]], spreads: Sequence[float]
-) -> dict[str, Floats]:
-    """Probability of each size of components whose shares and spreads are told together."""
-    if not found:
-        return {}
-    fits = {name: _fits(np.stack(own), spreads) for name, own in sorted(found.items())}
-    shares = _shares(np.stack([logsumexp(nats, axis=1) for nats, _ in fits.values()]))
-    return {name: _mixed(*fit, shares) for name, fit in fits.items()}
-
-
-def _shares(nats: Floats) -> Floats:
-    """Likeliest probability of each form (forms,), from log evidence (components, forms)."""
-    out = np.full(nats.shape[1], 1.0 / nats.shape[1])
-    for _ in range(TURNS):
-        each = nats + np.log(np.maximum(out, 1e-300))
-        out = np.exp(each - logsumexp(each, axis=1, keepdims=True)).mean(axis=0)
-    return np.asarray(out)
-
-
-def _mixed(nats: Floats, weights: Floats, shares: Floats) -> Floats:
-    """Probability of each size (sizes,), over all forms and medians."""
-    posterior = nats + np.log(np.maximum(shares, 1e-300))[:, None]
-    return np.asarray(np.einsum("fm,fmk->k", np.exp(posterior - logsumexp(posterior)), weights))
-
-
-def _fits(log: Floats, spreads: Sequence[float]) -> tuple[Floats, Floats]:
-    """Log evidence (forms, medians) and sizes (forms, medians, sizes) of lognormal ones.
-
-    A form has a spread, and a share of instruments that have nothing.
-
-    Parameters
-    ----------
-    log : (instruments, sizes) log factors of each instrument
-    """
-    steps = np.arange(log.shape[1], dtype=np.float64)
-    middles = np.arange(-2.0, log.shape[1], 0.5)
-    nats, weights = [], []
-    for spread in spreads:
-        some = np.exp(-0.5 * np.square((steps - middles[:, None]) * np.log(2.0) / spread))
-        some = np.maximum(some / np.maximum(some.sum(axis=1, keepdims=True), 1e-300), 1e-300)
-        some /= some.sum(axis=1, keepdims=True)
-        for none in NONE:
-            w = (1.0 - none) * some
-            w[:, 0] += none
-            own = logsumexp(log[None] + np.log(w)[:, None], axis=2).sum(axis=1)
-            nats.append(own - np.log(2.0) * middles)
-            weights.append(w)
-    return np.stack(nats), np.stack(weights)

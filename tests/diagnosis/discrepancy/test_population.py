@@ -4,77 +4,18 @@ import numpy as np
 import pytest
 
 from diagnosis.discrepancy.good_instrument import informed, kinds_of, told_by_changes
+from diagnosis.discrepancy.learning import learnt
 from diagnosis.discrepancy.population import (
     Kind,
     Population,
     after_steps,
     between,
-    learnt,
     population,
-    steps_to,
 )
-from diagnosis.evidence.changed_sizes import changed, usual
+from diagnosis.evidence.changed_sizes import changed
 from diagnosis.evidence.seen import RATES
 from diagnosis.settings import SETTINGS
-
-SIZES = SETTINGS.mean_sizes()
-
-
-def seen_as(size: float, k: int = 6, information: float = 4e4) -> np.ndarray:
-    """Log factors of each size where the true coefficients are of one size."""
-    pull = information * size * np.random.default_rng(round(1e6 * size)).standard_normal(k)
-    v = SIZES**2 * information
-    return np.array(
-        [0.5 * (s**2 * pull @ pull / (1 + w)) - 0.5 * k * np.log1p(w)
-         for s, w in zip(SIZES, v, strict=True)]
-    )  # fmt: skip
-
-
-def test_sizes_are_those_that_the_instruments_show() -> None:
-    rng = np.random.default_rng(0)
-    sizes = 0.03 * np.exp(0.5 * rng.standard_normal(40))
-    weights = learnt([[{"bow": seen_as(float(s))} for s in sizes]])[0]["bow"]
-    assert weights.sum() == pytest.approx(1.0)
-    typical = SIZES[np.searchsorted(np.cumsum(weights), 0.5)]
-    assert 0.015 < typical < 0.06
-    assert weights[SIZES > 0.5].sum() < 1e-3
-
-
-def test_spreads_are_those_that_components_have_together() -> None:
-    """Of thirty components alike in all instruments and one that differs widely, that one does."""
-    rng = np.random.default_rng(1)
-    alike = {f"scale: c{k}": [seen_as(0.03 * 1.01 ** rng.standard_normal()) for _ in range(20)]
-             for k in range(30)}  # fmt: skip
-    wide = [seen_as(float(s)) for s in 0.01 * np.exp(2.0 * rng.standard_normal(20))]
-    every = {**alike, "scale: wide": wide, "wide": wide}
-    (weights,) = learnt([[{n: own[k] for n, own in every.items()} for k in range(20)]])
-    assert weights["scale: wide"][SIZES > 0.1].sum() > 0.05
-    assert weights["scale: c0"][SIZES > 0.1].sum() < 0.01
-    # what the noise goes with may differ by more than what the mean does
-    assert weights["wide"][SIZES > 1.0].sum() < weights["scale: wide"][SIZES > 1.0].sum()
-
-
-def test_good_instruments_without_a_departure_have_none() -> None:
-    weights = learnt([[{"bow": seen_as(1e-5)}] * 30])[0]["bow"]
-    assert weights[SIZES > 0.05].sum() < 0.01
-
-
-def test_instruments_with_nothing_make_no_large_size_usual() -> None:
-    """Half have nothing, the others a twentieth: ten times that is no good instrument's."""
-    rng = np.random.default_rng(3)
-    some = [seen_as(0.05 * float(np.exp(0.3 * e)), 40) for e in rng.standard_normal(20)]
-    none = [seen_as(1e-5, 40)] * 20
-    mixed, alone = (learnt([[{"bow": one} for one in many]])[0]["bow"]
-                    for many in (some + none, some))  # fmt: skip
-    assert mixed[0] == pytest.approx(0.5, abs=0.15)
-    large = SIZES >= 0.4
-    assert mixed[large].sum() < 1e-4
-    # those with some are distributed as if there were no others
-    with_any = mixed[1:] / mixed[1:].sum()
-    assert with_any == pytest.approx(alone[1:] / alone[1:].sum(), abs=0.05)
-    # and a change is larger than what most of these have
-    assert SIZES[usual(mixed)] == pytest.approx(0.05, rel=0.5)
-    assert changed(mixed)[SIZES < 0.05].sum() < 1e-6
+from tests.support.seen_sizes import SIZES, seen_as
 
 
 def of_two(names: tuple[str, ...] = ("bow", "lens", "slips")) -> Population:
@@ -208,8 +149,6 @@ def test_steps_lead_from_one_size_to_another_and_back() -> None:
     assert after_steps(own, two_down) == pytest.approx(np.eye(SIZES.size)[2])
     # none leads off the grid
     assert after_steps(own, steps_of({-9: 1.0})) == pytest.approx(np.eye(SIZES.size)[0])
-    found = steps_to(own, np.log(np.where(np.arange(SIZES.size) == 2, 1.0, 1e-9)))
-    assert found.argmax() == SIZES.size - 1 - 2
     kinds = np.stack([own, own])
     assert after_steps(kinds, np.stack([two_down, two_down])).shape == kinds.shape
 
@@ -316,3 +255,18 @@ def test_what_files_list_as_measured_was_measured_on_each_instrument(instruments
     weights = Population(kinds=(one, many)).weights("law: finite_spot (listed)")
     assert weights is not None
     assert weights[0, -1] == pytest.approx(1 / (2 * instruments + 1), rel=1e-3)
+
+
+def test_a_share_of_changes_comes_anew() -> None:
+    """Whatever baselines show: as large as the departures of another instrument."""
+    flat = np.full(SIZES.size, 1 / SIZES.size)
+    least = steps_of({1 - SIZES.size: 1.0})
+    for share in (0.0, 0.4):
+        kind = Kind(name="any", weights={"bow": flat}, changes={"bow": least}, anew={"bow": share})
+        here = Population(kinds=(kind,), steps=0.0)
+        kinds = kinds_of(here, {}, good=True)
+        told = told_by_changes(here, kinds, {"bow": seen_as(0.02)}, {})["bow"]
+        assert told.sum() == pytest.approx(1.0)
+        assert told[1:] == pytest.approx(share * flat[1:])
+        # what no kind was seen to change by comes anew as often as what is weighed like it
+        assert here.anew("tilt")[1] == share

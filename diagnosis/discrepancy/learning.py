@@ -1,0 +1,168 @@
+"""Learn what good instruments have of each component, and what changes in them.
+
+Of each kind of instruments it needs, for each instrument, the likelihood of each size of each
+component: of what it departs from the nominal model by, and of what later recordings have beside
+its first.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from diagnosis.discrepancy.good_instrument import evidence, told
+from diagnosis.discrepancy.population import ends_of_steps, is_law
+
+Floats = NDArray[np.float64]
+SPREADS = (0.35, 0.5, 0.7, 1.0)
+"""Standard deviations of the logarithm of the size among good instruments that are weighed."""
+SPREADS_OF_NOISE = (*SPREADS, 1.4, 2.0)
+"""The same of what the noise goes with: how it grows on slopes differs between good instruments by
+more than tenfold. Wider ones of the mean would let one component's rare departure stand for any
+other's, since the likeliest of all stands for a good instrument."""
+NONE = (0.0, 0.25, 0.5, 0.75)
+"""Shares of good instruments that have nothing of a component, which are weighed: they have the
+smallest size."""
+ANEW = (0.0, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+"""Shares of changes that come anew, which are weighed."""
+TURNS = 300
+"""Steps to the likeliest shares of the spreads; each makes them likelier."""
+
+
+def learnt(
+    kinds: Sequence[Sequence[Mapping[str, Floats]]], anew: Sequence[float] = ()
+) -> list[dict[str, Floats]]:
+    """Probability of each size of each component, by kinds of instruments.
+
+    Of the instruments of a kind a share has nothing of a component, in the others its size is
+    lognormal: were those with nothing the low end of one distribution, its other end would be as
+    long, and no fault of ten times what any good instrument has would stand out. Share, median and
+    spread are averaged over their posterior. Before any instrument a median is the less probable
+    the larger it is, as its inverse: what no recording of the population could show isn't taken for
+    usual. How probable shares and spreads are before, components of a kind tell together, those of
+    the noise by themselves (empirical Bayes; Efron & Morris, J. Am. Stat. Assoc. 68 (1973) 117):
+    most are alike in all instruments, and in a few these differ widely.
+
+    Parameters
+    ----------
+    kinds : of each kind, each instrument's log factors of sizes, by component
+    anew : shares of the last that are weighed, where it is no size but an event apart
+    """
+    out = []
+    for instruments in kinds:
+        found: dict[str, list[Floats]] = {}
+        for factors in instruments:
+            for name, own in factors.items():
+                found.setdefault(name, []).append(own)
+        noisy = {name for name in found if name.partition(": ")[0] == "scale"}
+        weights = _together({n: own for n, own in found.items() if n not in noisy}, SPREADS, anew)
+        weights |= _together({n: found[n] for n in noisy}, SPREADS_OF_NOISE, anew)
+        out.append({name: weights[name] for name in found})
+    return out
+
+
+def _together(
+    found: Mapping[str, Sequence[Floats]], spreads: Sequence[float], anew: Sequence[float]
+) -> dict[str, Floats]:
+    """Probability of each size of components whose shares and spreads are told together."""
+    if not found:
+        return {}
+    fits = {name: _fits(np.stack(own), spreads, anew) for name, own in sorted(found.items())}
+    shares = _shares(np.stack([logsumexp(nats, axis=1) for nats, _ in fits.values()]))
+    return {name: _mixed(*fit, shares) for name, fit in fits.items()}
+
+
+def _shares(nats: Floats) -> Floats:
+    """Likeliest probability of each form (forms,), from log evidence (components, forms)."""
+    out = np.full(nats.shape[1], 1.0 / nats.shape[1])
+    for _ in range(TURNS):
+        each = nats + np.log(np.maximum(out, 1e-300))
+        out = np.exp(each - logsumexp(each, axis=1, keepdims=True)).mean(axis=0)
+    return np.asarray(out)
+
+
+def _mixed(nats: Floats, weights: Floats, shares: Floats) -> Floats:
+    """Probability of each size (sizes,), over all forms and medians."""
+    posterior = nats + np.log(np.maximum(shares, 1e-300))[:, None]
+    return np.asarray(np.einsum("fm,fmk->k", np.exp(posterior - logsumexp(posterior)), weights))
+
+
+def _fits(
+    log: Floats, spreads: Sequence[float], anew: Sequence[float]
+) -> tuple[Floats, Floats]:
+    """Log evidence (forms, medians) and sizes (forms, medians, sizes) of lognormal ones.
+
+    A form has a spread, a share of instruments that have nothing, and one of what comes anew.
+
+    Parameters
+    ----------
+    log : (instruments, sizes) log factors of each instrument
+    """
+    steps = np.arange(log.shape[1] - bool(anew), dtype=np.float64)
+    middles = np.arange(-2.0, steps.size, 0.5)
+    nats, weights = [], []
+    for spread in spreads:
+        some = np.exp(-0.5 * np.square((steps - middles[:, None]) * np.log(2.0) / spread))
+        some = np.maximum(some / np.maximum(some.sum(axis=1, keepdims=True), 1e-300), 1e-300)
+        some /= some.sum(axis=1, keepdims=True)
+        for none in NONE:
+            usual = (1.0 - none) * some
+            usual[:, 0] += none
+            for w in [_with_last(usual, share) for share in anew] or [usual]:
+                each = logsumexp(log[None] + np.log(np.maximum(w, 1e-300))[:, None], axis=2)
+                nats.append(each.sum(axis=1) - np.log(2.0) * middles)
+                weights.append(w)
+    return np.stack(nats), np.stack(weights)
+
+
+def _with_last(weights: Floats, share: float) -> Floats:
+    """Append a last event (medians, 1) of this share to weights (medians, sizes)."""
+    return np.column_stack([(1.0 - share) * weights, np.full(len(weights), share)])
+
+
+def factors_of_change(departures: Floats, shown: Floats, change: Floats) -> Floats:
+    """Log factors (2 S,) of a change: of steps from what is shown, last of one that comes anew.
+
+    Parameters
+    ----------
+    departures : probability (S,) of the component's sizes among the kind's instruments
+    shown, change : log factors (S,) of the sizes in the first recording, and of what others change
+    """
+    steps = steps_to(told(departures, shown), change)
+    return np.append(steps, evidence(departures, change))
+
+
+def learnt_changes(
+    kinds: Sequence[Sequence[Mapping[str, Floats]]],
+) -> list[tuple[dict[str, Floats], dict[str, float]]]:
+    """Probability of each kind's changes, by component, and how often they come anew.
+
+    Off edges changes are steps from what the earlier recording shows, or are as those of another
+    instrument; at edges laws change whatever it shows.
+
+    Parameters
+    ----------
+    kinds : of each kind, each instrument's log factors: of laws of sizes, else `factors_of_change`
+    """
+    steps, sizes = (
+        [[{n: f for n, f in one.items() if is_law(n) is law} for one in k] for k in kinds]
+        for law in (False, True)
+    )
+    out = []
+    for stepping, laws in zip(learnt(steps, ANEW), learnt(sizes), strict=True):
+        anew = {n: float(w[-1]) for n, w in stepping.items()}
+        out.append(({n: w[:-1] / w[:-1].sum() for n, w in stepping.items()} | laws, anew))
+    return out
+
+
+def steps_to(own: Floats, factors: Floats) -> Floats:
+    """Log factors (2 S - 1,) of how many steps lie between two sizes, those downwards first.
+
+    Parameters
+    ----------
+    own : probability of each size (S,) of the first
+    factors : log factors (S,) of each size of the second
+    """
+    log = np.log(np.maximum(own, 1e-300))
+    return np.asarray(logsumexp(log + factors[ends_of_steps(own.size)], axis=1))

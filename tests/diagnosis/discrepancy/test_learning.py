@@ -1,0 +1,86 @@
+"""What is learnt of good instruments' discrepancy and of what changes in them."""
+
+import numpy as np
+import pytest
+
+from diagnosis.discrepancy.learning import factors_of_change, learnt, learnt_changes, steps_to
+from diagnosis.evidence.changed_sizes import changed, usual
+from tests.support.seen_sizes import SIZES, seen_as
+
+
+def test_sizes_are_those_that_the_instruments_show() -> None:
+    rng = np.random.default_rng(0)
+    sizes = 0.03 * np.exp(0.5 * rng.standard_normal(40))
+    weights = learnt([[{"bow": seen_as(float(s))} for s in sizes]])[0]["bow"]
+    assert weights.sum() == pytest.approx(1.0)
+    typical = SIZES[np.searchsorted(np.cumsum(weights), 0.5)]
+    assert 0.015 < typical < 0.06
+    assert weights[SIZES > 0.5].sum() < 1e-3
+
+
+def test_spreads_are_those_that_components_have_together() -> None:
+    """Of thirty components alike in all instruments and one that differs widely, that one does."""
+    rng = np.random.default_rng(1)
+    alike = {f"scale: c{k}": [seen_as(0.03 * 1.01 ** rng.standard_normal()) for _ in range(20)]
+             for k in range(30)}  # fmt: skip
+    wide = [seen_as(float(s)) for s in 0.01 * np.exp(2.0 * rng.standard_normal(20))]
+    every = {**alike, "scale: wide": wide, "wide": wide}
+    (weights,) = learnt([[{n: own[k] for n, own in every.items()} for k in range(20)]])
+    assert weights["scale: wide"][SIZES > 0.1].sum() > 0.05
+    assert weights["scale: c0"][SIZES > 0.1].sum() < 0.01
+    # what the noise goes with may differ by more than what the mean does
+    assert weights["wide"][SIZES > 1.0].sum() < weights["scale: wide"][SIZES > 1.0].sum()
+
+
+def test_good_instruments_without_a_departure_have_none() -> None:
+    weights = learnt([[{"bow": seen_as(1e-5)}] * 30])[0]["bow"]
+    assert weights[SIZES > 0.05].sum() < 0.01
+
+
+def test_instruments_with_nothing_make_no_large_size_usual() -> None:
+    """Half have nothing, the others a twentieth: ten times that is no good instrument's."""
+    rng = np.random.default_rng(3)
+    some = [seen_as(0.05 * float(np.exp(0.3 * e)), 40) for e in rng.standard_normal(20)]
+    none = [seen_as(1e-5, 40)] * 20
+    mixed, alone = (learnt([[{"bow": one} for one in many]])[0]["bow"]
+                    for many in (some + none, some))  # fmt: skip
+    assert mixed[0] == pytest.approx(0.5, abs=0.15)
+    large = SIZES >= 0.4
+    assert mixed[large].sum() < 1e-4
+    # those with some are distributed as if there were no others
+    with_any = mixed[1:] / mixed[1:].sum()
+    assert with_any == pytest.approx(alone[1:] / alone[1:].sum(), abs=0.05)
+    # and a change is larger than what most of these have
+    assert SIZES[usual(mixed)] == pytest.approx(0.05, rel=0.5)
+    assert changed(mixed)[SIZES < 0.05].sum() < 1e-6
+
+
+def test_a_change_is_so_many_steps_from_what_is_shown() -> None:
+    own = np.eye(SIZES.size)[4]
+    found = steps_to(own, np.log(np.where(np.arange(SIZES.size) == 2, 1.0, 1e-9)))
+    assert found.argmax() == SIZES.size - 1 - 2
+
+
+@pytest.mark.parametrize("of_another", [False, True])
+def test_it_is_learnt_whether_changes_come_anew(of_another: bool) -> None:
+    """In half of the instruments a change is a departure of its own, or always half the first."""
+    rng = np.random.default_rng(4)
+    had = 0.1 * np.exp(1.0 * rng.standard_normal(60))
+    change = 0.5 * had
+    if of_another:
+        change[::2] = 0.1 * np.exp(1.0 * rng.standard_normal(30))
+    shown = [seen_as(float(s), 40) for s in had]
+    (departures,) = learnt([[{"bow": one} for one in shown]])
+    ((changes, anew),) = learnt_changes([[
+        {"bow": factors_of_change(departures["bow"], one, seen_as(float(c), 40))}
+        for one, c in zip(shown, change, strict=True)
+    ]])  # fmt: skip
+    assert changes["bow"].sum() == pytest.approx(1.0)
+    assert changes["bow"].argmax() == SIZES.size - 1 - 1
+    assert anew["bow"] == pytest.approx(0.5, abs=0.2) if of_another else anew["bow"] < 0.03
+
+
+def test_laws_at_edges_are_learnt_by_the_sizes_of_their_changes() -> None:
+    ((changes, anew),) = learnt_changes([[{"law: motion_blur (nominal)": seen_as(0.05)}] * 20])
+    assert SIZES[changes["law: motion_blur (nominal)"].argmax()] == pytest.approx(0.05, rel=0.5)
+    assert not anew
