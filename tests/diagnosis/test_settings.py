@@ -37,7 +37,7 @@ FORM = {
     "a bound that keeps a division finite": ["register/pose_derivative:EDGE_ON"],
     "a cell's floor of a sum": ["evidence/glm:SPARSE", "model/log_density:LOG_STRAY"],
     "when an iteration ends": [
-        "data/albedo:ROUNDS", "data/albedo:TURNS", "discrepancy/population:TURNS",
+        "data/albedo:ROUNDS", "data/albedo:TURNS", "discrepancy/learning:TURNS",
         "evidence/glm:LEAST_STEP", "evidence/glm:SETTLED", "evidence/glm:STEPS",
         "physics/column_offsets:SEARCHED", "physics/linear_fit:ROUNDS",
         "physics/uncertainty:ROUNDS", "physics/uncertainty:WORTH",
@@ -47,8 +47,9 @@ FORM = {
     ],
     "where a search begins, and its steps": [
         "claims/firmware:AMPLITUDES", "claims/firmware:MEANS_ACROSS", "claims/firmware:MEANS_ALONG",
-        "claims/firmware:MEDIANS", "claims/firmware:PEAKS", "discrepancy/population:NONE",
-        "discrepancy/population:SPREADS", "discrepancy/population:SPREADS_OF_NOISE",
+        "claims/firmware:MEDIANS", "claims/firmware:PEAKS", "discrepancy/learning:ANEW",
+        "discrepancy/learning:NONE", "discrepancy/learning:SPREADS",
+        "discrepancy/learning:SPREADS_OF_NOISE",
         "physics/curvature:FARTHER", "physics/curvature:FIRST_STEP", "physics/curvature:SHARES",
         "physics/effect_fit:FINER", "physics/effect_fit:MAX_GRID", "physics/effect_fit:PEAKS",
         "physics/effect_fit:RADII_MM", "physics/effect_fit:SMALL", "physics/effect_fit:STRONGER",
