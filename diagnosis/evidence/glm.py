@@ -76,11 +76,21 @@ class Responses:
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Mode:
-    """Most probable coefficients, their standard deviations, and the log evidence there."""
+    """Most probable coefficients, and the log evidence there.
+
+    Attributes
+    ----------
+    root : (k, k) R of the covariance R R' of the coefficients
+    """
 
     coefficients: Floats
-    sd: Floats
+    root: Floats
     log_evidence: float
+
+    @property
+    def sd(self) -> Floats:
+        """Standard deviations of the coefficients."""
+        return np.asarray(np.sqrt(np.square(self.root).sum(axis=1)))
 
 
 def mode(responses: Responses, columns: Floats, sd: Floats, start: Floats | None = None) -> Mode:
@@ -118,7 +128,7 @@ def mode(responses: Responses, columns: Floats, sd: Floats, start: Floats | None
     root, _ = _factor(scaled, curve)
     half = linalg.solve_triangular(root, np.eye(len(u)), lower=True)
     return Mode(
-        coefficients=sd * u, sd=sd * np.sqrt(np.square(half).sum(axis=0)),
+        coefficients=sd * u, root=sd[:, None] * half.T,
         log_evidence=best - float(np.log(np.diag(root)).sum()),
     )  # fmt: skip
 

@@ -35,11 +35,17 @@ def _width(variant: RateVariant) -> int:
 
 
 def _without(channel: Channel, usual: Channel) -> Channel:
-    """Move the responses by the curves that stand out in the baselines."""
-    responses, own = channel.responses, {c.key: c for c, _ in _both(channel, usual)}
+    """Move the responses by the curves that stand out in the baselines.
+
+    Where recordings reach farther than baselines, these leave a curve open (`Channel.doubts`).
+    """
+    own = {c.key: c for c, _ in _both(channel, usual)}
+    responses, doubts = channel.responses, []
     for found in in_turn(usual):
         key = likeliest(found)
         if found[key].stands_out and key in own:
             variant = own[key].variants[found[key].variant]
             responses = responses.moved(variant.change(found[key].coefficients))
-    return replace(channel, responses=responses)
+            columns = variant.size * variant.columns @ found[key].root
+            doubts.append(replace(variant, columns=columns, size=1.0))
+    return replace(channel, responses=responses, doubts=tuple(doubts))

@@ -9,7 +9,7 @@ from scipy.special import log_ndtr, logsumexp
 
 from diagnosis.evidence.glm import Mode, Responses, mode
 from diagnosis.evidence.mean_causes import Scales
-from diagnosis.evidence.noise_and_loss_channels import Channel, RateCandidate
+from diagnosis.evidence.noise_and_loss_channels import Channel, RateCandidate, RateVariant
 from diagnosis.settings import SETTINGS
 
 Floats = NDArray[np.float64]
@@ -60,6 +60,7 @@ class Sized:
     factors : (S,)
     gain : by how much the mode makes the readings more probable than their level alone, nats
     coefficients : (k,) at the mode, of the columns whatever their size
+    root : (k, j) R of their covariance R R'
     change : (N,) of the predictor there
     """
 
@@ -68,6 +69,7 @@ class Sized:
     variant: int
     size: float
     coefficients: Floats
+    root: Floats
     change: Floats
 
     @property
@@ -95,10 +97,13 @@ class RateSearch:
 
     def factors(
         self, responses: Responses, candidate: RateCandidate
-    ) -> tuple[Floats, Floats, list[Floats]]:
-        """Log Bayes factors and gains at the modes (variants, sizes), and the changes there."""
+    ) -> tuple[Floats, Floats, list[Mode]]:
+        """Log Bayes factors and gains at the modes (variants, sizes), and these one by one.
+
+        Of a mode's coefficients the first are those of the level.
+        """
         sizes = SETTINGS.rate_sizes()
-        factors, changes = np.zeros((len(candidate.variants), len(sizes))), []
+        factors, modes = np.zeros((len(candidate.variants), len(sizes))), []
         gains = np.zeros(factors.shape)
         for i, variant in enumerate(candidate.variants):
             cells = responses.in_cells(variant.owner, variant.count)
@@ -116,24 +121,50 @@ class RateSearch:
                 start = found.coefficients
                 if candidate.component.relaxed.grows:
                     factors[i, k] = _one_sided(factors[i, k], found, size, fall)
-                changes.append(found.coefficients[len(free) :])
-        return factors, gains, changes
+                modes.append(found)
+        return factors, gains, modes
 
     def sizes(self, responses: Responses, candidate: RateCandidate) -> Sized:
         """Weigh each size of a candidate against none."""
-        factors, gains, changes = self.factors(responses, candidate)
+        factors, gains, modes = self.factors(responses, candidate)
         v, k = (int(i) for i in np.unravel_index(int(np.argmax(factors)), factors.shape))
         variant = candidate.variants[v]
-        coefficients = changes[v * factors.shape[1] + k] / variant.size
+        at, free = modes[v * factors.shape[1] + k], len(self.channel.level_sd)
+        coefficients = at.coefficients[free:] / variant.size
         return Sized(
             factors=np.asarray(logsumexp(factors - np.log(len(factors)), axis=0)), variant=v,
             gain=float(gains[v, k]), size=float(SETTINGS.rate_sizes()[k]),
-            coefficients=coefficients,
+            coefficients=coefficients, root=at.root[free:] / variant.size,
             change=variant.change(coefficients),
         )  # fmt: skip
 
+    def as_recorded(
+        self, responses: Responses, doubts: Sequence[RateVariant]
+    ) -> tuple[Responses, float]:
+        """Move responses by what baselines leave open, and weigh that against moving nothing.
+
+        Returns
+        -------
+        the responses as they were, and 0, where nothing speaks for it
+        """
+        nats = 0.0
+        for doubt in doubts:
+            level, free = doubt.level, self.channel.level_sd
+            cells = responses.in_cells(doubt.owner, doubt.count)
+            x = np.concatenate([level, doubt.columns], axis=1)
+            found = mode(cells, x, np.concatenate([free, np.ones(doubt.columns.shape[1])]))
+            gain = found.log_evidence - mode(cells, level, free).log_evidence
+            if gain > 0:
+                nats += gain
+                responses = responses.moved(doubt.change(found.coefficients[len(free) :]))
+        return responses, nats
+
     def weigh(
-        self, responses: Responses, candidates: Sequence[RateCandidate], explained: float = 0.0
+        self,
+        responses: Responses,
+        candidates: Sequence[RateCandidate],
+        explained: float = 0.0,
+        doubted: float = 0.0,
     ) -> tuple[dict[str, _Weighed], RateCandidate | None]:
         """Weigh candidates, each against a good instrument, by name.
 
@@ -143,6 +174,7 @@ class RateSearch:
         Parameters
         ----------
         explained : size of what the responses were moved by
+        doubted : log evidence of what baselines leave open
 
         Returns
         -------
@@ -158,7 +190,7 @@ class RateSearch:
             for size in (best.size, explained)
         )
         found: dict[str, _Weighed] = {}
-        nothing, usual = left, None
+        nothing, usual = left + doubted, None
         for c in candidates:
             one = made[c.name]
             less = float(best.factors.max() - one.factors.max())
@@ -172,7 +204,7 @@ class RateSearch:
                 gain=one.gain, variant=one.variant, size=one.size, change=one.change,
             )  # fmt: skip
         weighed = {n: replace(w, nats=w.nats - nothing) for n, w in found.items()}
-        return weighed, usual if nothing >= left + SETTINGS.stands_out else None
+        return weighed, usual if nothing >= left + doubted + SETTINGS.stands_out else None
 
     def _beside(
         self, responses: Responses, usual: RateCandidate, as_weighed: _Weighed
@@ -192,17 +224,21 @@ class RateSearch:
         """Find causes until none has odds above one, beside what a good instrument has."""
         responses = self.channel.responses
         found: list[RateMember] = []
-        explained = 0.0
+        explained, doubts = 0.0, self.channel.doubts
         free = [
             c.unclaimed() if c.component.effect in self.withheld else c
             for c in self.channel.candidates
         ]
         while len(found) < SETTINGS.most_causes:
-            weighed, usual = self.weigh(responses, free, explained)
+            recorded, doubted = self.as_recorded(responses, doubts)
+            weighed, usual = self.weigh(responses, free, explained, doubted)
             odds = {c.name: weighed[c.name].nats + SETTINGS.log_odds(c.component.effect)
                     for c in free}  # fmt: skip
             best = max(free, key=lambda c: odds[c.name], default=None)
             if best is None or odds[best.name] <= 0:
+                if usual is None and doubted >= SETTINGS.stands_out:
+                    responses, doubts = recorded, ()
+                    continue
                 if usual is None:
                     break
                 responses = self._beside(responses, usual, weighed[usual.name])
@@ -226,14 +262,27 @@ class RateSearch:
 def in_turn(channel: Channel) -> Iterator[dict[str, Sized]]:
     """Weigh all candidates; take the likeliest as given, and weigh all again while one stands out.
 
+    What baselines leave open is taken as given, too, once it explains more than any candidate;
+    before, a candidate counts by what it explains beyond that.
+
     Yields
     ------
     each candidate by its key; the last beside all that stands out
     """
     search = RateSearch(channel, Scales(sizes=SETTINGS.rate_sizes(), weights={}))
     responses, waiting = channel.responses, {c.key: c for c in channel.candidates}
+    doubts = channel.doubts
     while waiting:
         found = {key: search.sizes(responses, c) for key, c in waiting.items()}
+        recorded, doubted = search.as_recorded(responses, doubts)
+        if doubted > 0:
+            beside = {key: search.sizes(recorded, c) for key, c in waiting.items()}
+            if doubted >= found[likeliest(found)].factors.max():
+                responses, doubts, found = recorded, (), beside
+            else:
+                most = {k: np.maximum(one.factors - doubted, beside[k].factors)
+                        for k, one in found.items()}  # fmt: skip
+                found = {k: replace(one, factors=most[k]) for k, one in found.items()}
         yield found
         best = likeliest(found)
         if not found[best].stands_out:

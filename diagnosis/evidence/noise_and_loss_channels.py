@@ -95,6 +95,8 @@ class Channel:
     ----------
     level_sd : deviations of the level, off edges and at them
     picks : for each patch, which readings take part
+    doubts : curves by which what baselines show may be off in the recordings; their coefficients
+        have the standard deviation 1
     """
 
     name: str
@@ -102,6 +104,7 @@ class Channel:
     level_sd: Floats
     candidates: tuple[RateCandidate, ...]
     picks: tuple[Mask, ...]
+    doubts: tuple[RateVariant, ...] = ()
 
 
 def channel_of(

@@ -1,5 +1,8 @@
 """Beside baselines: what they show as well is no change."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from diagnosis.evidence.mean_causes import Scales
@@ -7,7 +10,7 @@ from diagnosis.evidence.noise_and_loss_baselines import beside_baselines
 from diagnosis.evidence.noise_and_loss_causes import RateMember, RateSearch
 from diagnosis.evidence.noise_and_loss_channels import Channel
 from diagnosis.settings import SETTINGS
-from tests.support.cell_readings import LINEAR, channel_with
+from tests.support.cell_readings import LINEAR, U, channel_with
 
 FOLLOWED = [("scale", "incidence_noise"), ("rate", "specular_dropout")]
 
@@ -33,6 +36,31 @@ def test_what_has_changed_since_is_found_with_its_size(kind: str, effect: str) -
     (member,) = found_beside(channel(0.9, kind, effect, 1), channel(0.4, kind, effect, 2))
     assert member.candidate.component.effect == effect
     assert 0.5 < member.size / 0.5 < 2.0
+
+
+@pytest.mark.parametrize(("kind", "effect"), FOLLOWED)
+def test_where_baselines_did_not_look_they_promise_nothing(kind: str, effect: str) -> None:
+    """The baselines' curve rises as far as they reach; farther out the recordings' is flat."""
+    flat = np.minimum(LINEAR, LINEAR[U < 0].max())
+    curves = np.stack([LINEAR, LINEAR - flat], axis=1)
+    now = with_columns(channel_with(0.9, kind, effect, flat[:, None], 1), curves)
+    usual = with_columns(channel(0.9, kind, effect, 2), curves)
+    owner, all_of_it = usual.candidates[0].variants[0].owner, usual.responses
+    reached = U[owner] < 0
+    usual = replace(usual, responses=replace(
+        all_of_it, seen=all_of_it.seen * reached, usual=all_of_it.usual * reached
+    ))  # fmt: skip
+    assert not found_beside(now, usual)
+    # where baselines looked, what has changed is found as before
+    assert found_beside(with_columns(channel(1.8, kind, effect, 3), curves), usual)
+
+
+def with_columns(one: Channel, columns: np.ndarray) -> Channel:
+    """Let a channel's candidate have other columns."""
+    (candidate,) = one.candidates
+    (variant,) = candidate.variants
+    variants = (replace(variant, columns=columns),)
+    return replace(one, candidates=(replace(candidate, variants=variants),))
 
 
 def test_a_channel_without_baselines_stays_as_it_is() -> None:
