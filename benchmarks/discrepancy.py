@@ -7,8 +7,8 @@ r"""What good instruments depart by: learn it from the calibration population an
 
 Only good instruments are used: folders whose truth hides nothing. Each gives, for each component
 of the diagnosis, the likelihood of each size; the mixing distribution over sizes is kept. The same
-is kept of changes, of what the other recordings have beside the first one, taken as a baseline: by
-how many steps of the grid they differ from what that one shows, or whatever it shows.
+is kept of changes, of what the other recordings have beside the first one, taken as a baseline, and
+how often the next recordings depart as another instrument's would.
 Each population is a kind of instruments of its own; with `--makes` each is of another make.
 With `--left-out` each population is told by the others: how often an instrument is of yet another
 kind, by that.
@@ -112,7 +112,7 @@ def lay_factors(ready: Prepared) -> Factors:
 def changes(inputs: Inputs, population: Population, kind: Kind) -> Factors:
     """Likelihood of what others change beside the first recording, by component.
 
-    Of laws at edges that of each size of a change, else `factors_of_change`.
+    See `factors_of_change`.
 
     Parameters
     ----------
@@ -130,16 +130,20 @@ def changes(inputs: Inputs, population: Population, kind: Kind) -> Factors:
     population = population.of_files(inputs.datasheet.columns)
     own = informed(population, kinds_of(population, shown, good=True), shown)
     channels = channels_seen(patches, ready.noise, Model(), now)
-    found = change_factors(now, before, channels, usual, own) | lay_factors(ready)
-    off_edges = {
+    first, rest = (Workspace.build(part, ready.noise) for part in (ready.baseline, patches))
+    found = {
+        **change_factors(now, before, channels, usual, own),
+        **lay_factors(ready),
+        # what a recording shows of a law is its own edges', and says nothing of the next
+        **factors_at_edges(now.components, rest, first),
+    }
+    return {
         name: factors_of_change(
             kind.weights[name], shown.get(name, np.zeros(factors.size)), factors
         )
         for name, factors in found.items()
         if name in kind.weights
     }
-    first, rest = (Workspace.build(part, ready.noise) for part in (ready.baseline, patches))
-    return off_edges | factors_at_edges(now.components, rest, first)
 
 
 def simulated(seed: int) -> Inputs:

@@ -14,10 +14,8 @@ from diagnosis.discrepancy.population import (
     ASPECTS,
     Population,
     Shares,
-    after_steps,
     aspect_of,
-    between,
-    is_law,
+    larger_of,
     tells_kind,
 )
 from diagnosis.evidence.candidates import Candidate
@@ -169,23 +167,18 @@ def told_by_changes(
 ) -> dict[str, Floats]:
     """Probability of the sizes of an instrument's next change, by component, given its baselines.
 
-    What an instrument has little of changes by little, and none by more than lies between two
-    departures of good ones; but a share of changes comes anew, whatever baselines show. Of laws at
-    edges a recording shows what its own edges do, and that says nothing of the next. Whether
-    changes of one instrument are alike or each as another instrument's isn't known: two recordings
-    may show another part of the field than the next two. As likely is either.
+    Whether changes of one instrument are alike or each as another instrument's isn't known: two
+    recordings may show another part of the field than the next two. As likely is either.
 
     Parameters
     ----------
-    factors : log Bayes factor of each size of each component, of the baselines
+    factors : log Bayes factor of each size of each component, of the baselines; of laws at edges
+        there are none, since a recording shows what its own edges do
     among : the same of what later baselines have beside the first
     """
     changes, out = population.of_changes, {}
     for name in {n: None for k in changes.kinds for n in k.weights} | dict.fromkeys(among):
-        if is_law(name):
-            usual = changes.weights(name)
-        else:
-            usual = _usual_change(population, name, factors.get(name))
+        usual = _usual_change(population, name, factors.get(name))
         if usual is None:
             continue
         shares = changes.having(name, kinds)
@@ -197,32 +190,29 @@ def told_by_changes(
 def _usual_change(
     population: Population, name: str, likelihood: Floats | None
 ) -> Floats | None:
-    """Probability (kinds, S) of a change's size off edges; None where no kind has its like.
+    """Probability (kinds, S) of a change's size; None where no kind has its like.
 
     An instrument that is unlike in what it departs by is so in what it changes by.
     """
-    steps = population.of_changes.apart(name)
-    if steps is None:
+    changes = population.of_changes.apart(name)
+    if changes is None:
         return None
     known, unseen = population.apart(name) or (_small(name)[None], _small(name))
     likelihood = np.zeros(len(unseen)) if likelihood is None else likelihood
     odds = logit(population.unlike(name)) + evidence(unseen, likelihood)
     unlike = expit(odds - evidence(known, likelihood))[:, None]
     anew = population.anew(name)
-    changed = (1 - unlike) * _next(known, steps[0], anew[0], likelihood)
-    return np.asarray(changed + unlike * _next(unseen, steps[1], anew[1], likelihood))
+    alike = _next(known, changes[0], anew[0][:, None], likelihood)
+    other = _next(unseen, changes[1], anew[1], likelihood)
+    return np.asarray((1 - unlike) * alike + unlike * other)
 
 
 def _next(
-    departures: Floats, steps: Floats, anew: Floats | float, likelihood: Floats
+    departures: Floats, changes: Floats, anew: Floats | float, likelihood: Floats
 ) -> Floats:
-    """Probability (..., S) of a change's size by one kind, given the likelihood of its baselines.
-
-    It is so many steps from what they show, or as another instrument's departure.
-    """
-    own, anew = told(departures, likelihood), np.asarray(anew)[..., None]
-    stepped = between(after_steps(own, steps), own, departures)
-    return np.asarray((1.0 - anew) * stepped + anew * departures)
+    """Probability (..., S) of a change's size by one kind, given its baselines' likelihood."""
+    of_two = larger_of(departures, told(departures, likelihood))
+    return np.asarray((1 - anew) * changes + anew * of_two)
 
 
 def _of_each_kind(population: Population, name: str) -> Floats:

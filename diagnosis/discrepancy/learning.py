@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from diagnosis.discrepancy.good_instrument import evidence, told
-from diagnosis.discrepancy.population import ends_of_steps, is_law
+from diagnosis.discrepancy.population import larger_of
 
 Floats = NDArray[np.float64]
 SPREADS = (0.35, 0.5, 0.7, 1.0)
@@ -122,47 +122,28 @@ def _with_last(weights: Floats, share: float) -> Floats:
 
 
 def factors_of_change(departures: Floats, shown: Floats, change: Floats) -> Floats:
-    """Log factors (2 S,) of a change: of steps from what is shown, last of one that comes anew.
+    """Log factors (S + 1,) of a change: of its sizes, and last of one that comes anew.
 
     Parameters
     ----------
     departures : probability (S,) of the component's sizes among the kind's instruments
     shown, change : log factors (S,) of the sizes in the first recording, and of what others change
     """
-    steps = steps_to(told(departures, shown), change)
-    return np.append(steps, evidence(departures, change))
+    of_two = larger_of(departures, told(departures, shown))
+    return np.append(change, evidence(of_two, change))
 
 
 def learnt_changes(
     kinds: Sequence[Sequence[Mapping[str, Floats]]],
 ) -> list[tuple[dict[str, Floats], dict[str, float]]]:
-    """Probability of each kind's changes, by component, and how often they come anew.
-
-    Off edges changes are steps from what the earlier recording shows, or are as those of another
-    instrument; at edges laws change whatever it shows.
+    """Probability of the sizes of each kind's changes, by component, and how often they come anew.
 
     Parameters
     ----------
-    kinds : of each kind, each instrument's log factors: of laws of sizes, else `factors_of_change`
+    kinds : of each kind, each instrument's `factors_of_change` by component
     """
-    steps, sizes = (
-        [[{n: f for n, f in one.items() if is_law(n) is law} for one in k] for k in kinds]
-        for law in (False, True)
-    )
-    out = []
-    for stepping, laws in zip(learnt(steps, ANEW), learnt(sizes), strict=True):
-        anew = {n: float(w[-1]) for n, w in stepping.items()}
-        out.append(({n: w[:-1] / w[:-1].sum() for n, w in stepping.items()} | laws, anew))
-    return out
-
-
-def steps_to(own: Floats, factors: Floats) -> Floats:
-    """Log factors (2 S - 1,) of how many steps lie between two sizes, those downwards first.
-
-    Parameters
-    ----------
-    own : probability of each size (S,) of the first
-    factors : log factors (S,) of each size of the second
-    """
-    log = np.log(np.maximum(own, 1e-300))
-    return np.asarray(logsumexp(log + factors[ends_of_steps(own.size)], axis=1))
+    return [
+        ({n: w[:-1] / w[:-1].sum() for n, w in one.items()},
+         {n: float(w[-1]) for n, w in one.items()})
+        for one in learnt(kinds, ANEW)
+    ]  # fmt: skip

@@ -3,10 +3,9 @@
 `discrepancy.json` holds kinds of instruments and, for each component of each kind, the probability
 of each size of a grid: a lognormal distribution over instruments, fitted to the likelihood of the
 sizes in each one's recordings; and the same of changes, in recordings beside an earlier one of the
-instrument and the part, by steps of the grid from what the earlier one shows: what an instrument
-has little of changes by little. A share of changes comes anew: they are as another instrument's
-departures, whatever the earlier recording shows. Of laws of light at edges it holds the changes'
-sizes alone: each recording has other edges. `python -m benchmarks.discrepancy` makes it.
+instrument and the part. A share of changes comes anew: the instrument departs as another one of its
+kind would, and the change is the difference of both departures. The others are small, and of sizes
+of their own. `python -m benchmarks.discrepancy` makes it.
 
 Which kind an instrument is of, its own recordings tell: where one has none of the locking, bow and
 slips that all of a kind have, it isn't of that kind (a mixture; Gelman et al., Bayesian Data
@@ -43,9 +42,9 @@ class Kind:
     ----------
     name : of the recordings that it was learnt from
     weights : for each component's name, probability of each size
-    changes : the same of what changes from one recording of an instrument and a part to another: of
-        steps (2 sizes - 1,) of the grid from what it has; of laws at edges, of sizes
-    anew : by component, how often a change is as if recordings were of two instruments
+    changes : the same of what changes from one recording of an instrument and a part to another,
+        where that doesn't come anew
+    anew : by component, how often an instrument departs as another one the next time
     makes, instruments : how many it was learnt from
     columns : how its files say that columns lie, which decides about all but light at edges; ""
         for either way
@@ -229,11 +228,6 @@ def aspect_of(component: str) -> str:
     return {"": "mean", "spectrum": "scale"}.get(channel, channel)
 
 
-def is_law(component: str) -> bool:
-    """Whether a component is a law of light at edges, by its own size."""
-    return component.startswith(f"{LAW}: ")
-
-
 def tells_kind(component: str) -> bool:
     """Whether a component's size tells a kind.
 
@@ -294,41 +288,14 @@ def population() -> Population:
     )
 
 
-def after_steps(own: Floats, steps: Floats) -> Floats:
-    """Probability (..., S) of the second size, from that of the first and of each number of steps.
+def larger_of(one: Floats, other: Floats) -> Floats:
+    """Probability (..., S) of the size of the difference of two departures, on a doubling grid.
+
+    Independent vectors add in quadrature, √(d₁² + d₂²): the larger one, to within half a step.
 
     Parameters
     ----------
-    own : (..., S)
-    steps : (..., 2 S - 1)
-    """
-    pairs = steps[..., :, None] * own[..., None, :]
-    ends = ends_of_steps(own.shape[-1])
-    return np.stack([(pairs * (ends == k)).sum(axis=(-2, -1)) for k in range(own.shape[-1])], -1)
-
-
-def between(change: Floats, one: Floats, other: Floats) -> Floats:
-    """Probability (..., S) of a change's size where it leads from one departure to another.
-
-    By the triangle inequality it is at most twice the larger of both, one step of the grid.
-
-    Parameters
-    ----------
-    change : (..., S) as good instruments change
     one, other : (..., S) probability of each departure's size
     """
-
-    def smaller(weights: Floats) -> Floats:
-        """Probability that a size is less than half of each."""
-        below = np.cumsum(weights, axis=-1) - weights
-        return np.concatenate([np.zeros_like(below[..., :1]), below[..., :-1]], axis=-1)
-
-    larger = np.maximum(1.0 - smaller(one) * smaller(other), np.finfo(np.float64).eps)
-    allowed = change * larger
-    return np.asarray(allowed / allowed.sum(axis=-1, keepdims=True))
-
-
-def ends_of_steps(count: int) -> NDArray[np.int64]:
-    """Size (2 S - 1, S) to which each number of steps leads from each; none leads off the grid."""
-    sizes = np.arange(count)
-    return np.asarray(np.clip(sizes + np.arange(1 - count, count)[:, None], 0, count - 1))
+    below = np.cumsum(one, axis=-1) * np.cumsum(other, axis=-1)
+    return np.asarray(np.diff(below, axis=-1, prepend=0.0))

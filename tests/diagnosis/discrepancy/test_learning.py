@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diagnosis.discrepancy.learning import factors_of_change, learnt, learnt_changes, steps_to
+from diagnosis.discrepancy.learning import factors_of_change, learnt, learnt_changes
 from diagnosis.evidence.changed_sizes import changed, usual
 from tests.support.seen_sizes import SIZES, seen_as
 
@@ -55,20 +55,14 @@ def test_instruments_with_nothing_make_no_large_size_usual() -> None:
     assert changed(mixed)[SIZES < 0.05].sum() < 1e-6
 
 
-def test_a_change_is_so_many_steps_from_what_is_shown() -> None:
-    own = np.eye(SIZES.size)[4]
-    found = steps_to(own, np.log(np.where(np.arange(SIZES.size) == 2, 1.0, 1e-9)))
-    assert found.argmax() == SIZES.size - 1 - 2
-
-
 @pytest.mark.parametrize("of_another", [False, True])
 def test_it_is_learnt_whether_changes_come_anew(of_another: bool) -> None:
-    """In half of the instruments a change is a departure of its own, or always half the first."""
+    """In half of the instruments a change is that of two departures, or always small."""
     rng = np.random.default_rng(4)
-    had = 0.1 * np.exp(1.0 * rng.standard_normal(60))
-    change = 0.5 * had
+    had, other = (0.1 * np.exp(0.7 * rng.standard_normal(60)) for _ in range(2))
+    change = np.full(60, 0.004)
     if of_another:
-        change[::2] = 0.1 * np.exp(1.0 * rng.standard_normal(30))
+        change[::2] = np.hypot(had, other)[::2]
     shown = [seen_as(float(s), 40) for s in had]
     (departures,) = learnt([[{"bow": one} for one in shown]])
     ((changes, anew),) = learnt_changes([[
@@ -76,11 +70,5 @@ def test_it_is_learnt_whether_changes_come_anew(of_another: bool) -> None:
         for one, c in zip(shown, change, strict=True)
     ]])  # fmt: skip
     assert changes["bow"].sum() == pytest.approx(1.0)
-    assert changes["bow"].argmax() == SIZES.size - 1 - 1
-    assert anew["bow"] == pytest.approx(0.5, abs=0.2) if of_another else anew["bow"] < 0.03
-
-
-def test_laws_at_edges_are_learnt_by_the_sizes_of_their_changes() -> None:
-    ((changes, anew),) = learnt_changes([[{"law: motion_blur (nominal)": seen_as(0.05)}] * 20])
-    assert SIZES[changes["law: motion_blur (nominal)"].argmax()] == pytest.approx(0.05, rel=0.5)
-    assert not anew
+    assert changes["bow"][SIZES < 0.02].sum() > 0.95
+    assert anew["bow"] == pytest.approx(0.5, abs=0.1) if of_another else anew["bow"] < 0.05

@@ -8,8 +8,7 @@ from diagnosis.discrepancy.learning import learnt
 from diagnosis.discrepancy.population import (
     Kind,
     Population,
-    after_steps,
-    between,
+    larger_of,
     population,
 )
 from diagnosis.evidence.changed_sizes import changed
@@ -135,99 +134,74 @@ def test_the_more_kinds_were_seen_the_less_another_one_may_be_unlike_them() -> N
     assert weights[:, 3] == pytest.approx(0.25 * 0.5)
 
 
-def steps_of(share: dict[int, float]) -> np.ndarray:
-    """Probability of numbers of steps."""
-    out = np.zeros(2 * SIZES.size - 1)
-    for steps, probability in share.items():
-        out[SIZES.size - 1 + steps] = probability
-    return out
-
-
-def test_steps_lead_from_one_size_to_another_and_back() -> None:
-    own = np.eye(SIZES.size)[4]
-    two_down = steps_of({-2: 1.0})
-    assert after_steps(own, two_down) == pytest.approx(np.eye(SIZES.size)[2])
-    # none leads off the grid
-    assert after_steps(own, steps_of({-9: 1.0})) == pytest.approx(np.eye(SIZES.size)[0])
-    kinds = np.stack([own, own])
-    assert after_steps(kinds, np.stack([two_down, two_down])).shape == kinds.shape
-
-
-def test_a_change_is_at_most_twice_the_larger_of_two_departures() -> None:
-    flat = np.full(SIZES.size, 1 / SIZES.size)
-    one, other = np.eye(SIZES.size)[3], np.eye(SIZES.size)[6]
-    changing = between(flat, one, other)
-    assert changing == pytest.approx(np.where(np.arange(SIZES.size) <= 7, 1 / 8, 0.0))
-    assert between(flat, other, one) == pytest.approx(changing)
-    # drawn at random, departures differ by sizes that the two allow
-    rng = np.random.default_rng(5)
-    had, has = (0.02 * 2.0 ** rng.normal(0, 1, 400) for _ in range(2))
-    weights = [np.bincount(np.abs(np.log2(v[:, None] / SIZES)).argmin(axis=1), minlength=SIZES.size)
-               / 400 for v in (had, has)]  # fmt: skip
-    six = rng.standard_normal((2, 400, 6)) * np.stack([had, has])[..., None]
-    apart = np.sqrt(np.square(six[0] - six[1]).mean(axis=1))
-    allowed = between(flat, *weights) > 1e-6
-    largest = np.log2(apart / SIZES[0]).max()
-    assert np.flatnonzero(allowed).max() >= int(largest)
-    assert not np.all(allowed)
-
-
-def test_what_an_instrument_has_little_of_changes_by_little() -> None:
-    flat = np.full(SIZES.size, 1 / SIZES.size)
-    half = steps_of({-1: 1.0})
-    here = Population(kinds=(Kind(name="any", weights={"bow": flat}, changes={"bow": half}),))
-    kinds = kinds_of(here, {}, good=True)
-    for shown in (0.002, 0.2):
-        changing = told_by_changes(here, kinds, {"bow": seen_as(shown)}, {})["bow"]
-        assert changing.sum() == pytest.approx(1.0)
-        typical = float(np.exp(changing @ np.log(SIZES)))
-        # a kind that is unlike this make has half of the weight, and changes by the same steps
-        assert typical == pytest.approx(shown / 2, rel=0.5)
-
-
 def test_an_instrument_that_is_unlike_in_what_it_has_is_so_in_what_it_changes_by() -> None:
     """The share of unlike instruments counts once: not in the departure and in the change."""
     small, large = np.eye(SIZES.size)[1], np.eye(SIZES.size)[-2]
-    same, apart = steps_of({0: 1.0}), steps_of({-1: 1.0})
-    here = Population(kinds=(
-        Kind(name="like", weights={"bow": small, "tilt": large},
-             changes={"bow": same, "tilt": apart}),
-    ), steps=0.0)  # fmt: skip
+    kind = Kind(name="like", weights={"bow": small, "tilt": large},
+                changes={"bow": small, "tilt": large})  # fmt: skip
+    here = Population(kinds=(kind,), steps=0.0)
     kinds = kinds_of(here, {}, good=True)
-    share = here.unlike("bow")
-    _, unseen = here.apart("bow") or (None, small)
     told = told_by_changes(here, kinds, {}, {})["bow"]
-    # of the unlike ones half have the large size; counted twice it were half as probable
-    assert told[5:].sum() == pytest.approx(share * unseen[-2], rel=0.3)
+    assert told[5:].sum() == pytest.approx(0.5 * here.unlike("bow"))
+    # baselines that show an unlike departure show such an instrument
+    beside = told_by_changes(here, kinds, {"bow": seen_as(float(SIZES[-2]))}, {})["bow"]
+    assert beside[5:].sum() == pytest.approx(0.5, rel=0.1)
 
 
 def test_one_small_change_is_no_promise_of_the_next() -> None:
     flat = np.full(SIZES.size, 1 / SIZES.size)
-    same = steps_of({0: 1.0})
-    here = Population(kinds=(Kind(name="any", weights={"bow": flat}, changes={"bow": same}),))
+    here = Population(kinds=(Kind(name="any", weights={"bow": flat}, changes={"bow": flat}),))
     kinds = kinds_of(here, {}, good=True)
-    small = {"bow": seen_as(1e-5)}
-    told = told_by_changes(here, kinds, {}, small)["bow"]
+    told = told_by_changes(here, kinds, {}, {"bow": seen_as(1e-5)})["bow"]
     assert told.sum() == pytest.approx(1.0)
-    usual = between(flat, flat, flat)
-    assert told[SIZES > 0.1].sum() == pytest.approx(0.5 * usual[SIZES > 0.1].sum(), abs=1e-3)
+    assert told[SIZES > 0.1].sum() == pytest.approx(0.5 * flat[SIZES > 0.1].sum(), rel=0.05)
     assert told[0] > 2 / SIZES.size
 
 
-def test_what_a_recording_shows_of_a_law_at_edges_says_nothing_of_the_next() -> None:
+def test_what_changes_anew_departs_as_another_instrument_would() -> None:
+    """The change is the difference of what the instrument had and of what another one has."""
+    flat, least = np.full(SIZES.size, 1 / SIZES.size), np.eye(SIZES.size)[0]
+    for share in (0.0, 0.4):
+        kind = Kind(name="any", weights={"bow": flat}, changes={"bow": least}, anew={"bow": share})
+        here = Population(kinds=(kind,), steps=0.0)
+        kinds = kinds_of(here, {}, good=True)
+        told = told_by_changes(here, kinds, {"bow": seen_as(float(SIZES[4]), 40)}, {})["bow"]
+        assert told.sum() == pytest.approx(1.0)
+        # as large as what it had with each departure of another that is smaller
+        assert told[4] == pytest.approx(share * 5 / SIZES.size, rel=0.1)
+        assert told[5:] == pytest.approx(share * flat[5:], rel=0.1)
+        # what no kind was seen to change by comes anew as often as what is weighed like it
+        assert here.anew("tilt")[1] == share
+
+
+def test_departures_that_differ_do_so_by_the_larger_one() -> None:
+    one, other = np.eye(SIZES.size)[3], np.eye(SIZES.size)[6]
+    assert larger_of(one, other) == pytest.approx(other)
+    assert larger_of(other, one) == pytest.approx(other)
+    # drawn at random, with six columns each
+    rng = np.random.default_rng(5)
+    had, has = (0.02 * 2.0 ** rng.normal(0, 1, 4000) for _ in range(2))
+    six = rng.standard_normal((2, 4000, 6)) * np.stack([had, has])[..., None]
+    apart = np.sqrt(np.square(six[0] - six[1]).mean(axis=1))
+    had_, has_, apart_ = (
+        np.bincount(np.abs(np.log2(v[:, None] / SIZES)).argmin(axis=1), minlength=SIZES.size) / 4000
+        for v in (had, has, apart)
+    )
+    expected = larger_of(had_, has_)
+    assert expected.sum() == pytest.approx(1.0)
+    steps = np.arange(SIZES.size)
+    assert expected @ steps == pytest.approx(apart_ @ steps, abs=0.5)
+
+
+def test_what_baselines_changed_by_counts() -> None:
     law, small = "law: motion_blur (nominal)", np.eye(SIZES.size)[1]
     sizes = np.exp(-0.5 * np.square(np.log(SIZES / 0.05)))
     sizes /= sizes.sum()
     here = Population(kinds=(Kind(name="any", weights={law: small}, changes={law: sizes}),))
     kinds = kinds_of(here, {}, good=True)
-    without, beside = (
-        told_by_changes(here, kinds, factors, {})[law] for factors in ({}, {law: seen_as(1e-5)})
-    )
-    assert beside == pytest.approx(without)
+    without = told_by_changes(here, kinds, {}, {})[law]
     assert without == pytest.approx(here.of_changes.of_kinds(kinds)[law])
-    # what baselines changed by is of the same edges, and counts
-    again = told_by_changes(here, kinds, {}, {law: seen_as(1e-5)})[law]
-    assert again[0] > without[0]
+    assert told_by_changes(here, kinds, {}, {law: seen_as(1e-5)})[law][0] > without[0]
 
 
 def test_a_law_that_is_measured_is_off_by_no_more_than_one_that_is_nominal() -> None:
@@ -255,18 +229,3 @@ def test_what_files_list_as_measured_was_measured_on_each_instrument(instruments
     weights = Population(kinds=(one, many)).weights("law: finite_spot (listed)")
     assert weights is not None
     assert weights[0, -1] == pytest.approx(1 / (2 * instruments + 1), rel=1e-3)
-
-
-def test_a_share_of_changes_comes_anew() -> None:
-    """Whatever baselines show: as large as the departures of another instrument."""
-    flat = np.full(SIZES.size, 1 / SIZES.size)
-    least = steps_of({1 - SIZES.size: 1.0})
-    for share in (0.0, 0.4):
-        kind = Kind(name="any", weights={"bow": flat}, changes={"bow": least}, anew={"bow": share})
-        here = Population(kinds=(kind,), steps=0.0)
-        kinds = kinds_of(here, {}, good=True)
-        told = told_by_changes(here, kinds, {"bow": seen_as(0.02)}, {})["bow"]
-        assert told.sum() == pytest.approx(1.0)
-        assert told[1:] == pytest.approx(share * flat[1:])
-        # what no kind was seen to change by comes anew as often as what is weighed like it
-        assert here.anew("tilt")[1] == share
