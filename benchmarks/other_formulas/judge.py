@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import beta
 
-from challenge.judging.probabilities import calibration_error, reliability
+from challenge.judging.probabilities import calibration_error, error_by_chance, reliability
 
 STRANGE = ("unexplained", "partly_explained")
 CONFIDENT = 0.5
@@ -204,6 +204,8 @@ def figures(answers: Sequence[Answer]) -> list[tuple[str, str, str]]:
         ("coverage of 95 % intervals", share(coverage(answers)), "0.92 to 0.98"),
         ("names in a set, mean", f"{np.mean(sizes):.2f} ({len(sizes)})" if sizes else "-", "-"),
         ("expected calibration error", error if named else "no probabilities", "0.05"),
+        ("- of as many names whose probabilities are true, by chance",
+         f"{error_by_chance(named):.3f}" if named else "-", "-"),
         ("no answer (counted as missed)", f"{lost} of {len(answers)}", "0"),
         ("processor seconds of a case, median and longest",
          f"{np.median(seconds):.1f}, {seconds.max():.1f}", "longest at most 3 medians"),

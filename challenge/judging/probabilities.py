@@ -60,9 +60,33 @@ def calibration_error(curve: Iterable[tuple[float, float, int]]) -> float:
     return sum(n * abs(p - share) for p, share, n in rows) / total if total else float("nan")
 
 
+def error_by_chance(pairs: Iterable[tuple[float, bool]]) -> float:
+    """Return the calibration error expected of as many names whose probabilities are true.
+
+    In each tenth the number of right names is Poisson-binomial; few names depart by chance.
+    """
+    given = np.array([p for p, _ in pairs])
+    which = np.minimum((given * BINS).astype(int), BINS - 1)
+    apart = 0.0
+    for p in (given[which == b] for b in range(BINS)):
+        chances = np.ones(1)
+        for one in p:
+            chances = np.convolve(chances, [1.0 - one, one])
+        apart += float(chances @ np.abs(np.arange(chances.size) - p.sum()))
+    return apart / given.size if given.size else float("nan")
+
+
 def log_score(pairs: Iterable[tuple[float, bool]]) -> float:
     """Mean negative log probability of what was so, nats a name; NaN without names."""
     given = [(min(max(p, _LEAST), 1 - _LEAST), hit) for p, hit in pairs]
     if not given:
         return float("nan")
     return float(-np.mean([np.log(p if hit else 1 - p) for p, hit in given]))
+
+
+def score_by_chance(pairs: Iterable[tuple[float, bool]]) -> float:
+    """Return the log score expected where the probabilities are true: their mean entropy."""
+    given = [min(max(p, _LEAST), 1 - _LEAST) for p, _ in pairs]
+    if not given:
+        return float("nan")
+    return float(-np.mean([p * np.log(p) + (1 - p) * np.log(1 - p) for p in given]))

@@ -9,8 +9,10 @@ import numpy as np
 
 from challenge.judging.probabilities import (
     calibration_error,
+    error_by_chance,
     log_score,
     reliability,
+    score_by_chance,
     stated,
     stated_strange,
 )
@@ -203,7 +205,9 @@ def _probabilities(cases: Sequence[Case]) -> list[tuple[str, str]]:
         error = calibration_error(reliability(named))
         rows = [
             (ERROR, f"{error:.3f} ({len(named)})"),
+            ("- expected of true probabilities, by chance", f"{error_by_chance(named):.3f}"),
             ("log score of probabilities, nats a name", f"{log_score(named):.2f} ({len(named)})"),
+            ("- expected of true probabilities", f"{score_by_chance(named):.2f}"),
         ]
     strange = [pair for c in cases for pair in stated_strange(c)]
     if strange:
