@@ -8,7 +8,8 @@ r"""What good instruments depart by: learn it from the calibration population an
 Only good instruments are used: folders whose truth hides nothing. Each gives, for each component
 of the diagnosis, the likelihood of each size; the mixing distribution over sizes is kept. The same
 is kept of changes, of what the other recordings have beside the first one, taken as a baseline, and
-how often the next recordings depart as another instrument's would.
+how often the next recordings depart as another instrument's would; and of the third beside the
+first two, how often a change is as the one before.
 Each population is a kind of instruments of its own; with `--makes` each is of another make.
 With `--left-out` each population is told by the others: how often an instrument is of yet another
 kind, by that.
@@ -36,9 +37,16 @@ from diagnosis.discrepancy.good_instrument import (
     informed,
     kinds_of,
     mean_factors,
+    next_changes,
     rate_factors,
 )
-from diagnosis.discrepancy.learning import factors_of_change, learnt, learnt_changes
+from diagnosis.discrepancy.learning import (
+    factors_alike,
+    factors_of_change,
+    learnt,
+    learnt_alike,
+    learnt_changes,
+)
 from diagnosis.discrepancy.population import ASPECTS, Kind, Population, aspect_of
 from diagnosis.evidence.noise_level import AGAINST_PLATES, level_factors, level_unsure
 from diagnosis.evidence.seen import channels_seen, seen
@@ -46,6 +54,7 @@ from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.physics.laws_at_edges import factors_at_edges
 from diagnosis.prepare import Inputs, Prepared, prepared
+from diagnosis.usual_sizes import changes_among
 from pipeline.parts.part import load_part
 from sensors.datasheet import Datasheet
 from sensors.recording import Recording
@@ -119,9 +128,43 @@ def changes(inputs: Inputs, population: Population, kind: Kind) -> Factors:
     population : by which the first recording is a baseline
     kind : which the instrument is of
     """
-    earlier, *others = inputs.recordings
-    beside = replace(inputs, recordings=others, holdout=[earlier], baselines=[earlier])
-    ready = prepared(beside, [], lambda _: None)
+    shown, _, found = beside(inputs, population, 1)
+    return {
+        name: factors_of_change(
+            kind.weights[name], shown.get(name, np.zeros(factors.size)), factors
+        )
+        for name, factors in found.items()
+        if name in kind.weights
+    }
+
+
+def again(inputs: Inputs, population: Population) -> Factors:
+    """Likelihood of each share of changes that are as those before, by component.
+
+    The first two recordings are baselines of the third.
+    """
+    shown, among, found = beside(inputs, population, 2)
+    population = population.of_files(inputs.datasheet.columns)
+    kinds = kinds_of(population, shown, good=True)
+    both = next_changes(population, kinds, shown, among)
+    return {
+        name: factors_alike(*both[name], found[name])
+        for name in among.keys() & both.keys() & found.keys()
+    }
+
+
+def beside(inputs: Inputs, population: Population, count: int) -> tuple[Factors, Factors, Factors]:
+    """Look at later recordings beside the first ones as baselines.
+
+    Returns
+    -------
+    likelihood of each size of each component in the first; of what they change among themselves; of
+    what the later ones change
+    """
+    first, later = inputs.recordings[:count], inputs.recordings[count:]
+    ready = prepared(
+        replace(inputs, recordings=later, holdout=first[:1], baselines=first), [], lambda _: None
+    )
     patches = [p for p in ready.patches if p.fit.any()]
     now = seen(patches, ready.noise, Model())
     before = seen(ready.baseline, ready.noise, Model(), like=now)
@@ -130,20 +173,14 @@ def changes(inputs: Inputs, population: Population, kind: Kind) -> Factors:
     population = population.of_files(inputs.datasheet.columns)
     own = informed(population, kinds_of(population, shown, good=True), shown)
     channels = channels_seen(patches, ready.noise, Model(), now)
-    first, rest = (Workspace.build(part, ready.noise) for part in (ready.baseline, patches))
+    base, rest = (Workspace.build(part, ready.noise) for part in (ready.baseline, patches))
     found = {
         **change_factors(now, before, channels, usual, own),
         **lay_factors(ready),
         # what a recording shows of a law is its own edges', and says nothing of the next
-        **factors_at_edges(now.components, rest, first),
+        **factors_at_edges(now.components, rest, base),
     }
-    return {
-        name: factors_of_change(
-            kind.weights[name], shown.get(name, np.zeros(factors.size)), factors
-        )
-        for name, factors in found.items()
-        if name in kind.weights
-    }
+    return shown, changes_among(ready, now, own), found
 
 
 def simulated(seed: int) -> Inputs:
@@ -180,6 +217,8 @@ def main() -> None:
     parser.add_argument("--write", type=Path, required=True, metavar="FILE.json")
     args = parser.parse_args()
     groups = [group for root in args.roots for group in _of_folders(root)]
+    # the others are the same instrument in each recording: of these nothing is learnt of that
+    changing_ones = [make for group in groups for make in group.instruments]
     for name, count, make in (
         ("simulated", args.simulated, simulated), ("tolerances", args.tolerances, good_instrument),
     ):  # fmt: skip
@@ -207,6 +246,8 @@ def main() -> None:
             for k, (c, a) in zip(known.kinds, changing, strict=True)
         )
     )
+    alike = learnt_alike(work(delayed(_again)(make, known) for make in changing_ones))
+    known = replace(known, alike=alike)
     args.write.write_text(written(known), encoding="utf-8")
 
 
@@ -247,6 +288,10 @@ def _departures_of(make: Callable[[], Inputs]) -> Factors:
 
 def _changes_of(make: Callable[[], Inputs], known: Population, kind: Kind) -> Factors:
     return changes(make(), known, kind)
+
+
+def _again(make: Callable[[], Inputs], known: Population) -> Factors:
+    return again(make(), known)
 
 
 def left_out(known: Population, shown: Sequence[Sequence[Factors]]) -> str:
@@ -305,7 +350,8 @@ def written(population: Population) -> str:
          "anew": {n: round(w, 6) for n, w in sorted(k.anew.items())}}
         for k in population.kinds
     ]  # fmt: skip
-    return json.dumps({"kinds": kinds}, indent=1) + "\n"
+    alike = {aspect: round(share, 6) for aspect, share in population.alike.items()}
+    return json.dumps({"alike": alike, "kinds": kinds}, indent=1) + "\n"
 
 
 if __name__ == "__main__":

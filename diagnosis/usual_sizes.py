@@ -50,7 +50,7 @@ def usual_sizes(
     rates = rate_factors(baseline_channels.values())
     kinds = kinds_of(population, factors | rates, good=True)
     departures = informed(population, kinds, factors | rates)
-    among = _changes_among(ready, first, departures)
+    among = changes_among(ready, first, departures)
     changes = departures | told_by_changes(population, kinds, factors | rates, among)
     departures, changes = (
         alike_at_edges(one, factors, before.candidates) for one in (departures, changes)
@@ -61,7 +61,7 @@ def usual_sizes(
     return departures, changes
 
 
-def _changes_among(
+def changes_among(
     ready: Prepared, like: Seen, departures: Mapping[str, Field]
 ) -> dict[str, Field]:
     """Log factors of the sizes of what later baselines have beside the first; {} of one alone."""

@@ -167,8 +167,25 @@ def told_by_changes(
 ) -> dict[str, Floats]:
     """Probability of the sizes of an instrument's next change, by component, given its baselines.
 
-    Whether changes of one instrument are alike or each as another instrument's isn't known: two
-    recordings may show another part of the field than the next two. As likely is either.
+    See `next_changes`; how often the next is as those before, the population tells.
+    """
+    out = {}
+    for name, (usual, alike) in next_changes(population, kinds, factors, among).items():
+        share = population.alike.get(aspect_of(name), 0.5)
+        out[name] = (1 - share) * usual + share * alike
+    return out
+
+
+def next_changes(
+    population: Population,
+    kinds: Shares,
+    factors: Mapping[str, Floats],
+    among: Mapping[str, Floats],
+) -> dict[str, tuple[Floats, Floats]]:
+    """Probability (S,) of the sizes of an instrument's next change, by component, in two ways.
+
+    As another instrument's, and as its own before: two recordings may show another part of the
+    field than the next two.
 
     Parameters
     ----------
@@ -182,8 +199,8 @@ def told_by_changes(
         if usual is None:
             continue
         shares = changes.having(name, kinds)
-        this = told(usual, among[name]) if name in among else usual
-        out[name] = 0.5 * shares @ (this + usual)
+        alike = told(usual, among[name]) if name in among else usual
+        out[name] = shares @ usual, shares @ alike
     return out
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from diagnosis.discrepancy.good_instrument import evidence, told
-from diagnosis.discrepancy.population import larger_of
+from diagnosis.discrepancy.population import aspect_of, larger_of
 
 Floats = NDArray[np.float64]
 SPREADS = (0.35, 0.5, 0.7, 1.0)
@@ -26,6 +26,8 @@ NONE = (0.0, 0.25, 0.5, 0.75)
 smallest size."""
 ANEW = (0.0, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 """Shares of changes that come anew, which are weighed."""
+ALIKE = np.linspace(0.0, 1.0, 21)
+"""Shares of instruments whose next change is as those before, which are weighed."""
 TURNS = 300
 """Steps to the likeliest shares of the spreads; each makes them likelier."""
 
@@ -147,3 +149,27 @@ def learnt_changes(
          {n: float(w[-1]) for n, w in one.items()})
         for one in learnt(kinds, ANEW)
     ]  # fmt: skip
+
+
+def factors_alike(usual: Floats, alike: Floats, change: Floats) -> Floats:
+    """Log evidence (A,) of each share of instruments whose next change is as those before.
+
+    Parameters
+    ----------
+    usual, alike : probability (S,) of the next change's sizes in both cases
+    change : log factors (S,) of the next change
+    """
+    return evidence(usual + ALIKE[:, None] * (alike - usual), change)
+
+
+def learnt_alike(instruments: Sequence[Mapping[str, Floats]]) -> dict[str, float]:
+    """Mean of the share's posterior, by aspect.
+
+    Parameters
+    ----------
+    instruments : of each, `factors_alike` by component
+    """
+    nats: dict[str, Floats] = {}
+    for name, own in (item for one in instruments for item in one.items()):
+        nats[aspect_of(name)] = nats.get(aspect_of(name), np.zeros(ALIKE.size)) + own
+    return {a: float(np.exp(own - logsumexp(own)) @ ALIKE) for a, own in sorted(nats.items())}

@@ -5,7 +5,8 @@ of each size of a grid: a lognormal distribution over instruments, fitted to the
 sizes in each one's recordings; and the same of changes, in recordings beside an earlier one of the
 instrument and the part. A share of changes comes anew: the instrument departs as another one of its
 kind would, and the change is the difference of both departures. The others are small, and of sizes
-of their own. `python -m benchmarks.discrepancy` makes it.
+of their own. Where an instrument has changed before, its next change is like that one in a share of
+instruments (`alike`). `python -m benchmarks.discrepancy` makes it.
 
 Which kind an instrument is of, its own recordings tell: where one has none of the locking, bow and
 slips that all of a kind have, it isn't of that kind (a mixture; Gelman et al., Bayesian Data
@@ -67,11 +68,13 @@ class Population:
     ----------
     share : of instruments that are of a kind that was never seen; None for as the kinds say
     steps : by how much further sizes lie apart in such a kind (`spread_out`)
+    alike : by aspect, how often an instrument's next change is as those before
     """
 
     kinds: tuple[Kind, ...]
     share: float | None = None
     steps: float = SETTINGS.unlike_steps
+    alike: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -272,7 +275,9 @@ def _where(component: str) -> tuple[str, ...]:
 def population() -> Population:
     """Read the population that the project was calibrated on."""
     text = (files("diagnosis.discrepancy") / "discrepancy.json").read_text(encoding="utf-8")
+    known = json.loads(text)
     return Population(
+        alike=known["alike"],
         kinds=tuple(
             Kind(
                 name=kind["name"],
@@ -283,8 +288,8 @@ def population() -> Population:
                 instruments=kind["instruments"],
                 columns=kind["columns"],
             )
-            for kind in json.loads(text)["kinds"]
-        )
+            for kind in known["kinds"]
+        ),
     )
 
 

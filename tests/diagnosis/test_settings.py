@@ -47,8 +47,8 @@ FORM = {
     ],
     "where a search begins, and its steps": [
         "claims/firmware:AMPLITUDES", "claims/firmware:MEANS_ACROSS", "claims/firmware:MEANS_ALONG",
-        "claims/firmware:MEDIANS", "claims/firmware:PEAKS", "discrepancy/learning:ANEW",
-        "discrepancy/learning:NONE", "discrepancy/learning:SPREADS",
+        "claims/firmware:MEDIANS", "claims/firmware:PEAKS", "discrepancy/learning:ALIKE",
+        "discrepancy/learning:ANEW", "discrepancy/learning:NONE", "discrepancy/learning:SPREADS",
         "discrepancy/learning:SPREADS_OF_NOISE",
         "physics/curvature:FARTHER", "physics/curvature:FIRST_STEP", "physics/curvature:SHARES",
         "physics/effect_fit:FINER", "physics/effect_fit:MAX_GRID", "physics/effect_fit:PEAKS",

@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from diagnosis.discrepancy.learning import factors_of_change, learnt, learnt_changes
+from diagnosis.discrepancy.good_instrument import told
+from diagnosis.discrepancy.learning import (
+    factors_alike,
+    factors_of_change,
+    learnt,
+    learnt_alike,
+    learnt_changes,
+)
 from diagnosis.evidence.changed_sizes import changed, usual
 from tests.support.seen_sizes import SIZES, seen_as
 
@@ -72,3 +79,21 @@ def test_it_is_learnt_whether_changes_come_anew(of_another: bool) -> None:
     assert changes["bow"].sum() == pytest.approx(1.0)
     assert changes["bow"][SIZES < 0.02].sum() > 0.95
     assert anew["bow"] == pytest.approx(0.5, abs=0.1) if of_another else anew["bow"] < 0.05
+
+
+@pytest.mark.parametrize("share", [0.1, 0.9])
+def test_it_is_learnt_whether_changes_of_an_instrument_are_alike(share: float) -> None:
+    usual = np.where((SIZES > 0.005) & (SIZES < 1.0), 1.0, 1e-6)
+    usual /= usual.sum()
+    rng = np.random.default_rng(6)
+    instruments = []
+    for k in range(40):
+        before, other = rng.choice(SIZES, 2, p=usual)
+        after = before if k < 40 * share else other
+        alike = told(usual, seen_as(float(before), 40))
+        one = factors_alike(usual, alike, seen_as(float(after), 40))
+        instruments.append({"bow": one, "missing: losses": np.zeros(one.size)})
+    shares = learnt_alike(instruments)
+    assert shares["mean"] == pytest.approx(share, abs=0.15)
+    # what nothing is known of: either as likely
+    assert shares["missing"] == pytest.approx(0.5)

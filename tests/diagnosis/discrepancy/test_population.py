@@ -1,5 +1,7 @@
 """What is learnt of good instruments' discrepancy, and what baselines add."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -201,7 +203,11 @@ def test_what_baselines_changed_by_counts() -> None:
     kinds = kinds_of(here, {}, good=True)
     without = told_by_changes(here, kinds, {}, {})[law]
     assert without == pytest.approx(here.of_changes.of_kinds(kinds)[law])
-    assert told_by_changes(here, kinds, {}, {law: seen_as(1e-5)})[law][0] > without[0]
+    among = {law: seen_as(1e-5)}
+    assert told_by_changes(here, kinds, {}, among)[law][0] > without[0]
+    # as far as the next change of a good instrument is like its last one
+    of_another = replace(here, alike={"edges": 0.0})
+    assert told_by_changes(of_another, kinds, {}, among)[law] == pytest.approx(without)
 
 
 def test_a_law_that_is_measured_is_off_by_no_more_than_one_that_is_nominal() -> None:
