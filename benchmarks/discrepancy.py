@@ -217,8 +217,8 @@ def main() -> None:
     parser.add_argument("--write", type=Path, required=True, metavar="FILE.json")
     args = parser.parse_args()
     groups = [group for root in args.roots for group in _of_folders(root)]
-    # the others are the same instrument in each recording: of these nothing is learnt of that
-    changing_ones = [make for group in groups for make in group.instruments]
+    # simulated instruments are the same in each recording, and tell nothing of changes alike
+    recorded = [make for group in groups for make in group.instruments]
     for name, count, make in (
         ("simulated", args.simulated, simulated), ("tolerances", args.tolerances, good_instrument),
     ):  # fmt: skip
@@ -246,7 +246,7 @@ def main() -> None:
             for k, (c, a) in zip(known.kinds, changing, strict=True)
         )
     )
-    alike = learnt_alike(work(delayed(_again)(make, known) for make in changing_ones))
+    alike = learnt_alike(work(delayed(_again)(make, known) for make in recorded))
     known = replace(known, alike=alike)
     args.write.write_text(written(known), encoding="utf-8")
 

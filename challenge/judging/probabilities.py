@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from challenge.judging.score import SWITCHES
 
@@ -45,12 +46,17 @@ def reliability(pairs: Iterable[tuple[float, bool]]) -> list[tuple[float, float,
         return []
     p = np.array([a for a, _ in given])
     hit = np.array([float(b) for _, b in given])
-    which = np.minimum((p * BINS).astype(int), BINS - 1)
+    which = _tenths(p)
     return [
         (float(p[which == b].mean()), float(hit[which == b].mean()), int((which == b).sum()))
         for b in range(BINS)
         if (which == b).any()
     ]
+
+
+def _tenths(p: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Tenth in which each probability lies."""
+    return np.minimum((p * BINS).astype(np.int64), BINS - 1)
 
 
 def calibration_error(curve: Iterable[tuple[float, float, int]]) -> float:
@@ -66,7 +72,7 @@ def error_by_chance(pairs: Iterable[tuple[float, bool]]) -> float:
     In each tenth the number of right names is Poisson-binomial; few names depart by chance.
     """
     given = np.array([p for p, _ in pairs])
-    which = np.minimum((given * BINS).astype(int), BINS - 1)
+    which = _tenths(given)
     apart = 0.0
     for p in (given[which == b] for b in range(BINS)):
         chances = np.ones(1)
@@ -78,7 +84,7 @@ def error_by_chance(pairs: Iterable[tuple[float, bool]]) -> float:
 
 def log_score(pairs: Iterable[tuple[float, bool]]) -> float:
     """Mean negative log probability of what was so, nats a name; NaN without names."""
-    given = [(min(max(p, _LEAST), 1 - _LEAST), hit) for p, hit in pairs]
+    given = [(_bounded(p), hit) for p, hit in pairs]
     if not given:
         return float("nan")
     return float(-np.mean([np.log(p if hit else 1 - p) for p, hit in given]))
@@ -86,7 +92,12 @@ def log_score(pairs: Iterable[tuple[float, bool]]) -> float:
 
 def score_by_chance(pairs: Iterable[tuple[float, bool]]) -> float:
     """Return the log score expected where the probabilities are true: their mean entropy."""
-    given = [min(max(p, _LEAST), 1 - _LEAST) for p, _ in pairs]
+    given = [_bounded(p) for p, _ in pairs]
     if not given:
         return float("nan")
     return float(-np.mean([p * np.log(p) + (1 - p) * np.log(1 - p) for p in given]))
+
+
+def _bounded(p: float) -> float:
+    """Keep a probability from 0 and 1."""
+    return min(max(p, _LEAST), 1 - _LEAST)

@@ -95,19 +95,14 @@ class RateSearch:
     ) -> None:
         self.channel, self.scales, self.withheld = channel, scales, withheld
 
-    def factors(
-        self, responses: Responses, candidate: RateCandidate
-    ) -> tuple[Floats, Floats, list[Mode]]:
-        """Log Bayes factors and gains at the modes (variants, sizes), and these one by one.
-
-        Of a mode's coefficients the first are those of the level.
-        """
-        sizes = SETTINGS.rate_sizes()
-        factors, modes = np.zeros((len(candidate.variants), len(sizes))), []
-        gains = np.zeros(factors.shape)
+    def sizes(self, responses: Responses, candidate: RateCandidate) -> Sized:
+        """Weigh each size of a candidate against none."""
+        sizes, free = SETTINGS.rate_sizes(), self.channel.level_sd
+        factors = np.zeros((len(candidate.variants), len(sizes)))
+        # of the likeliest alone the mode is kept: its covariance is as large as columns are many
+        best: tuple[float, int, float, float, Mode] | None = None
         for i, variant in enumerate(candidate.variants):
             cells = responses.in_cells(variant.owner, variant.count)
-            free = self.channel.level_sd
             base = mode(cells, variant.level, free)
             level, slope, _ = cells.likelihood(variant.level @ base.coefficients)
             fall = -float(variant.columns[:, -1] @ slope)
@@ -117,24 +112,20 @@ class RateSearch:
                 sd = np.concatenate([free, np.full(variant.columns.shape[1], size)])
                 found = mode(cells, x, sd, start)
                 factors[i, k] = found.log_evidence - base.log_evidence
-                gains[i, k] = cells.likelihood(x @ found.coefficients)[0] - level
                 start = found.coefficients
                 if candidate.component.relaxed.grows:
                     factors[i, k] = _one_sided(factors[i, k], found, size, fall)
-                modes.append(found)
-        return factors, gains, modes
-
-    def sizes(self, responses: Responses, candidate: RateCandidate) -> Sized:
-        """Weigh each size of a candidate against none."""
-        factors, gains, modes = self.factors(responses, candidate)
-        v, k = (int(i) for i in np.unravel_index(int(np.argmax(factors)), factors.shape))
+                if best is None or factors[i, k] > best[0]:
+                    gain = cells.likelihood(x @ found.coefficients)[0] - level
+                    best = factors[i, k], i, float(size), gain, found
+        assert best is not None
+        _, v, size, gain, at = best
         variant = candidate.variants[v]
-        at, free = modes[v * factors.shape[1] + k], len(self.channel.level_sd)
-        coefficients = at.coefficients[free:] / variant.size
+        coefficients = at.coefficients[len(free) :] / variant.size
         return Sized(
-            factors=np.asarray(logsumexp(factors - np.log(len(factors)), axis=0)), variant=v,
-            gain=float(gains[v, k]), size=float(SETTINGS.rate_sizes()[k]),
-            coefficients=coefficients, root=at.root[free:] / variant.size,
+            factors=np.asarray(logsumexp(factors - np.log(len(factors)), axis=0)),
+            gain=gain, variant=v, size=size,
+            coefficients=coefficients, root=at.root[len(free) :] / variant.size,
             change=variant.change(coefficients),
         )  # fmt: skip
 
@@ -236,11 +227,11 @@ class RateSearch:
                     for c in free}  # fmt: skip
             best = max(free, key=lambda c: odds[c.name], default=None)
             if best is None or odds[best.name] <= 0:
-                if usual is None and doubted >= SETTINGS.stands_out:
+                if usual is None:
+                    if doubted < SETTINGS.stands_out:
+                        break
                     responses, doubts = recorded, ()
                     continue
-                if usual is None:
-                    break
                 responses = self._beside(responses, usual, weighed[usual.name])
                 explained = float(np.hypot(explained, weighed[usual.name].size))
                 free = [c for c in free if c is not usual]
