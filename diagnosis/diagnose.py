@@ -26,8 +26,7 @@ from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.uncertainty import refined
 from diagnosis.prepare import Inputs, Prepared, prepared
-from diagnosis.refuted import with_free_curves, without_names
-from diagnosis.settings import SETTINGS
+from diagnosis.refuted import LAW_REFUTED, with_free_curves, without_names
 from diagnosis.validate.found_effects import FoundEffect, at_limits, found_effects, sheet_with
 from diagnosis.validate.heldout import Judgement, judge
 from diagnosis.validate.placement_candidates import Candidates, Placed, candidates_of
@@ -131,14 +130,14 @@ def _standing(
     """
     model, against_claims, plain_noise = _against_claims(ready, explanation, withheld)
     model = refined(explanation.ws, model)
-    judged = _judge_on_heldout(ready, explanation, model, plain_noise, notes)
+    judged = judge_on_heldout(ready, explanation, model, plain_noise, notes)
     for instead, why in ((with_free_curves, LAWS_REFUTED), (without_names, CURVES_REFUTED)):
         if not _refuted(explanation, judged):
             break
         notes.append(why)
         explanation = instead(explanation, ready)
         model, against_claims, plain_noise = _against_claims(ready, explanation, withheld)
-        judged = _judge_on_heldout(ready, explanation, model, plain_noise, notes)
+        judged = judge_on_heldout(ready, explanation, model, plain_noise, notes)
     return explanation, judged, against_claims
 
 
@@ -224,14 +223,17 @@ def _against_claims(
     return model, against_claims, plain_noise
 
 
-def _judge_on_heldout(
+def judge_on_heldout(
     ready: Prepared,
     explanation: Explanation,
     model: Model,
     plain_noise: NoiseModel,
     notes: list[str],
 ) -> _Judged:
-    """Judge nominal and found model on held-out readings, without causes that are of no use."""
+    """Judge nominal and found model on held-out readings, without laws that are of no use.
+
+    A cause whose law is of none has no name, unless readings held out show it by themselves.
+    """
     ws, causes, share_own = explanation.ws, list(explanation.causes), not ready.single
     candidates = candidates_of(
         explanation.recorded, ready.placed, explanation.placed,
@@ -246,7 +248,10 @@ def _judge_on_heldout(
     while idle := _idle(found, causes):
         # what is of no use on held-out readings beside a law that is, is that one's remainder
         notes.append(f"{', '.join(sorted(idle))}: fitted, but of no use on held-out readings")
-        causes = [c for c in causes if c.name not in idle]
+        causes = [
+            c.doubted(LAW_REFUTED) if c.name in idle else c
+            for c in causes if c.name not in idle or c.shown_again
+        ]  # fmt: skip
         model = refined(ws, model.without(*idle))
         found, after = found_effects(ws, model, causes, candidates)
     return _Judged(
@@ -256,15 +261,12 @@ def _judge_on_heldout(
 
 
 def _idle(found: Sequence[FoundEffect], causes: Sequence[Cause]) -> set[str]:
-    """Name the causes that held-out readings make unlikely; of all, the worst.
+    """Name the causes whose laws held-out readings make unlikely; of all, the worst.
 
     What only the noise told of is weighed with that.
     """
     named = {c.name for c in causes}
-    idle = [
-        f for f in found
-        if f.name in named and f.heldout_gain < 0 and 1 - f.none_of_these <= SETTINGS.reported
-    ]  # fmt: skip
+    idle = [f for f in found if f.name in named and f.heldout_gain < 0 and not f.law_stands]
     if idle and len(idle) == len(named):
         idle = [min(idle, key=lambda f: f.heldout_gain)]
     return {f.name for f in idle}

@@ -11,7 +11,10 @@ from diagnosis.prepare import Prepared
 
 
 def with_free_curves(explanation: Explanation, ready: Prepared) -> Explanation:
-    """Put the curves by which causes were weighed in place of all laws; the rest has no name."""
+    """Put the curves by which causes were weighed in place of all laws.
+
+    The rest has no name, but for what readings held out show by themselves.
+    """
     curves = {
         m.candidate.effect: m for m in explanation.members if is_curve(m.candidate.component)
     }
@@ -26,10 +29,18 @@ def with_free_curves(explanation: Explanation, ready: Prepared) -> Explanation:
     model = Model(curve=curve)
     others = tuple(c for c in explanation.causes if c.name not in curves)
     plain = without_names(replace(explanation, causes=others), ready)
-    return under(model, replace(plain, causes=kept), ready)
+    return under(model, replace(plain, causes=(*kept, *plain.causes)), ready)
 
 
 def without_names(explanation: Explanation, ready: Prepared) -> Explanation:
-    """Take all laws back: what their components show has no name."""
-    left = (*unnamed(explanation.causes), *explanation.unexplained)
-    return under(Model(), replace(explanation, causes=(), unexplained=left), ready)
+    """Take all laws back: what their components show has no name.
+
+    Where readings held out show it by themselves, it keeps its name without a law.
+    """
+    kept = tuple(c.doubted(LAW_REFUTED) for c in explanation.causes if c.shown_again)
+    rest = [c for c in explanation.causes if not c.shown_again]
+    left = (*unnamed(rest), *explanation.unexplained)
+    return under(Model(), replace(explanation, causes=kept, unexplained=left), ready)
+
+
+LAW_REFUTED = "Readings held out depart as well, but not by its law: the formula is another."

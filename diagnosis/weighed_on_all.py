@@ -16,6 +16,7 @@ from diagnosis.evidence.seen import Seen, seen
 from diagnosis.explanation import Explanation, under
 from diagnosis.model.model import Model
 from diagnosis.physics.joint_fit import fit_laws
+from diagnosis.physics.remainder import is_curve
 from diagnosis.prepare import Prepared
 from diagnosis.settings import SETTINGS
 
@@ -97,9 +98,10 @@ def _shared_anew(
     best = next(n for n in order if n == cause.name or n in may)
     ways = [c for c in now.candidates if c.effect == best and c.name in member.odds]
     likeliest = max(ways, key=lambda c: member.odds[c.name])
+    component = cause.component if best == cause.name else likeliest.component
     return replace(
-        cause, name=best, probability=named[best], none_of_these=rest,
-        component=cause.component if best == cause.name else likeliest.component,
+        cause, name=best, probability=named[best], none_of_these=rest, component=component,
+        shown_again=component is not None and not is_curve(component),
         alternatives=tuple(
             (n, named[n]) for n in order if n != best and named[n] > SETTINGS.offered
         ),

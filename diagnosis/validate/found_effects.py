@@ -34,6 +34,7 @@ class FoundEffect:
     alternatives : (name, nats per fitted reading, probability) of other causes in its place
     none_of_these : probability that neither it nor an alternative is at work
     doubt : what speaks against its law, not against the cause
+    law_stands : whether held-out readings leave its law more probable than not
     """
 
     name: str
@@ -49,6 +50,7 @@ class FoundEffect:
     probability: float
     none_of_these: float
     doubt: str = ""
+    law_stands: bool = True
 
     def times(self, share: float) -> "FoundEffect":
         """Return the effect where that share of the probability of all its names is left."""
@@ -87,11 +89,12 @@ def found_effects(
                 name=effect.name, channel=effect.channels[0], probability=sure, alternatives=(),
                 none_of_these=1 - sure, nats=0.0,
             )  # fmt: skip
-        cause = _on_heldout(cause, gains[effect.name], _readings(effect, after))
-        out.append(_found(
-            effect, effect.describe(), bounds.get(effect.name, {}), gains[effect.name], cause,
-            ws.count(),
-        ))  # fmt: skip
+        weighed = _on_heldout(cause, gains[effect.name], _readings(effect, after))
+        one = _found(
+            effect, effect.describe(), bounds.get(effect.name, {}), gains[effect.name],
+            replace(cause, doubt=weighed.doubt) if cause.shown_again else weighed, ws.count(),
+        )  # fmt: skip
+        out.append(replace(one, law_stands=1 - weighed.none_of_these > SETTINGS.reported))
     # recognised by what they follow, while their laws don't fit
     lawless = [c for c in causes if c.name not in model.names()]
     out += [

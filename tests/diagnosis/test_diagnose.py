@@ -113,3 +113,4 @@ def test_what_laws_gain_is_how_much_more_probable_they_make_the_fitted_readings(
     assert nats(0.0) == 0.0
     # quadratic about the truth: half of it gains three quarters
     assert nats(15.0) == pytest.approx(0.75 * nats(30.0), rel=0.1)
+

@@ -4,9 +4,13 @@ from dataclasses import replace
 
 import pytest
 
+from diagnosis.diagnose import judge_on_heldout
 from diagnosis.explanation import Explanation
+from diagnosis.model.model import Model
 from diagnosis.prepare import Prepared
+from diagnosis.refuted import without_names
 from diagnosis.weighed_on_all import weighed_on_all
+from sensors.effects.stage_vibration import StageVibration
 from tests.support.explained import explained
 from tests.support.prepared_parts import ready
 
@@ -60,3 +64,25 @@ def test_held_out_readings_speak_against_what_was_there_by_chance(found: Explana
     left, unlikely = weighed_on_all(fooled, plain, frozenset())
     assert unlikely == ["line_bow"]
     assert left is fooled
+
+
+def test_what_each_recording_shows_keeps_its_name_where_its_law_is_another(
+    bent: Prepared, found: Explanation
+) -> None:
+    """Of knocks in one recording, a sine says nothing in the next: that refuted the name."""
+    assert not weighed_on_all(found, bent, frozenset())[0].causes[0].shown_again
+    shaken = ready([{"name": "stage_vibration", "amplitude_um": 5.0, "frequency_hz": 40.0}], 12)
+    shown, _ = weighed_on_all(explained(shaken), shaken, frozenset())
+    assert [(c.name, c.shown_again) for c in shown.causes] == [("stage_vibration", True)]
+    another = StageVibration(amplitude_um=5.0, frequency_hz=25.0)
+    misled = replace(shown, model=Model(effects=(another,)))
+    judged = judge_on_heldout(shaken, misled, misled.model, shaken.noise, [])
+    assert judged.model.is_nominal
+    (effect,) = judged.found
+    assert effect.name == "stage_vibration"
+    assert effect.effect.is_null
+    assert effect.probability > 0.9
+    assert "the formula is another" in effect.doubt
+    assert without_names(misled, shaken).causes[0].name == "stage_vibration"
+    of_curves = replace(misled, causes=(replace(misled.causes[0], shown_again=False),))
+    assert judge_on_heldout(shaken, of_curves, misled.model, shaken.noise, []).found == ()
