@@ -100,7 +100,7 @@ def diagnose(
         next_measurements=measure,
         none_of_these=_none_of_these(judged.causes, against_claims),
         population=known.name,
-        assumed=_assumed(sheet, inputs.datasheet),
+        assumed=assumed(sheet, inputs.datasheet),
         regions=tuple(region for m in maps for region in m.regions),
         share_of_points=float(np.mean(np.concatenate([m.mask.ravel() for m in maps]))),
         before=judged.before,
@@ -310,13 +310,20 @@ def _maps(
     return maps
 
 
-def _assumed(sheet: Datasheet, given: Datasheet) -> dict[str, object]:
-    """Return what the sensor's file didn't state of its camera, with the values that were tried."""
-    return {
+def assumed(sheet: Datasheet, given: Datasheet) -> dict[str, object]:
+    """Return what the sensor's file didn't state, with the values that suit the readings."""
+    of_camera = {
         key: getattr(sheet, key)
         for key in ("triangulation_angle_deg", "camera_side")
         if getattr(sheet, key) != getattr(given, key)
     }
+    stated = {e["name"]: e for e in given.effects}
+    of_effects = {
+        f"{e['name']}.{key}": value
+        for e in sheet.effects for key, value in e.items()
+        if key not in stated.get(e["name"], e)
+    }  # fmt: skip
+    return {**of_camera, **of_effects}
 
 
 def _verdict(named: bool, unexplained: bool) -> str:

@@ -15,6 +15,7 @@ from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.calibration import calibrated_noise
 from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.physics.assumed_threshold import with_threshold
 from diagnosis.register.placement import Placement
 from diagnosis.register.registration import register
 from files.errors import RecipeError
@@ -114,15 +115,17 @@ def prepared(inputs: Inputs, notes: list[str], progress: Progress) -> Prepared:
             for k, r in enumerate(everything)
         ),
     )  # fmt: skip
-    patches = [p for k, r in enumerate(everything) for p in recorded.cut(k, placed[r.name])]
-    check_overlap(patches)
     theirs = replace(
         recorded, recordings=tuple(good), scene=bare,
         held_out=tuple(np.zeros(r.depth_mm.shape, dtype=bool) for r in good),
     )  # fmt: skip
-    baseline = [p for k, r in enumerate(good) for p in theirs.cut(k, placed[r.name])]
-    check_overlap(baseline)
+    patches, baseline = _cut(recorded, placed), _cut(theirs, placed)
     progress("calibrating the noise")
+    noise, _ = calibrated_noise(patches, (), [])
+    complete = with_threshold(sheet, [*patches, *baseline], noise)
+    if complete is not sheet:
+        recorded, theirs = (replace(r, datasheet=complete) for r in (recorded, theirs))
+        patches, baseline = _cut(recorded, placed), _cut(theirs, placed)
     noise, nominal = calibrated_noise(patches, known.plates, notes)
     if baseline:
         nominal = _nominal_of(baseline)
@@ -132,6 +135,15 @@ def prepared(inputs: Inputs, notes: list[str], progress: Progress) -> Prepared:
         noise=noise, nominal=nominal, surface=known.surface,
         fitted=tuple(r.name for r in fit_on), held=tuple(r.name for r in held), single=single,
     )  # fmt: skip
+
+
+def _cut(recorded: Recorded, placed: Mapping[str, Placement]) -> list[Patch]:
+    """Look at all recordings from where they lie."""
+    patches = [
+        p for k, r in enumerate(recorded.recordings) for p in recorded.cut(k, placed[r.name])
+    ]
+    check_overlap(patches)
+    return patches
 
 
 def _nominal_of(baseline: Sequence[Patch]) -> NoiseModel:

@@ -333,6 +333,12 @@ class PhysicsSettings:
         default=0.25, unit="1", low=0.0, high=1.0,
         source="a search rarely doubles a gain, and a law with half of the best one's is no cause",
     )  # fmt: skip
+    weakest_shares: tuple[float, ...] = quantity(
+        "visible shares of a line's light, least of which gives a reading, that are tried where "
+        "the sensor's file states none",
+        default=(0.4, 0.25, 0.1, 0.04), unit="1", low=0.0, high=1.0,
+        source="between the steps in which parts of a line are hidden (`sub_lines`)",
+    )  # fmt: skip
     tried_readings: int = quantity(
         "readings on which laws at edges are tried",
         default=30000, unit="", low=1, whole=True,
