@@ -121,8 +121,7 @@ def prepared(inputs: Inputs, notes: list[str], progress: Progress) -> Prepared:
     )  # fmt: skip
     patches, baseline = _cut(recorded, placed), _cut(theirs, placed)
     progress("calibrating the noise")
-    noise, _ = calibrated_noise(patches, (), [])
-    complete = with_threshold(sheet, [*patches, *baseline], noise)
+    complete = with_threshold(sheet, patches, baseline)
     if complete is not sheet:
         recorded, theirs = (replace(r, datasheet=complete) for r in (recorded, theirs))
         patches, baseline = _cut(recorded, placed), _cut(theirs, placed)

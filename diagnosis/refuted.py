@@ -9,6 +9,8 @@ from diagnosis.model.model import Model
 from diagnosis.physics.remainder import curves_of, is_curve
 from diagnosis.prepare import Prepared
 
+LAW_REFUTED = "Readings held out depart as well, but not by its law: the formula is another."
+
 
 def with_free_curves(explanation: Explanation, ready: Prepared) -> Explanation:
     """Put the curves by which causes were weighed in place of all laws.
@@ -41,6 +43,3 @@ def without_names(explanation: Explanation, ready: Prepared) -> Explanation:
     rest = [c for c in explanation.causes if not c.shown_again]
     left = (*unnamed(rest), *explanation.unexplained)
     return under(Model(), replace(explanation, causes=kept, unexplained=left), ready)
-
-
-LAW_REFUTED = "Readings held out depart as well, but not by its law: the formula is another."

@@ -46,7 +46,9 @@ class Cause:
     doubt: str = ""
 
     def doubted(self, why: str) -> "Cause":
-        """Return the cause with a doubt about its law."""
+        """Return the cause with a doubt about its law, each said once."""
+        if why in self.doubt:
+            return self
         return replace(self, doubt=f"{self.doubt} {why}".strip())
 
     def at_most(self, probability: float) -> "Cause":

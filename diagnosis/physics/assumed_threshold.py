@@ -1,8 +1,8 @@
 """How little of a line's light still gives a reading, where the sensor's file doesn't state it.
 
-Beside a shadow the camera sees a part of the line, and reads it while the peak finder makes a peak
-of what is left. No datasheet states how little that is. Readings beside shadows show it: with
-another threshold they are lost, or come from where none is expected, all along the shadow.
+Beside a shadow the camera sees a part of the line only. Below a threshold of its light the peak
+finder gives no reading, and no datasheet states this threshold. Readings beside shadows show it:
+with another one they are lost, or come from where none is expected, all along the shadow.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from diagnosis.data.patch import Patch
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
-from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.noise.calibration import calibrated_noise
 from diagnosis.physics.assumed_camera import seen_by
 from diagnosis.settings import SETTINGS
 from sensors.datasheet import Datasheet, with_effects
@@ -18,7 +18,7 @@ from sensors.effects.camera_occlusion import CameraOcclusion
 
 
 def with_threshold(
-    sheet: Datasheet, patches: Sequence[Patch], noise: NoiseModel
+    sheet: Datasheet, patches: Sequence[Patch], baseline: Sequence[Patch]
 ) -> Datasheet:
     """Return the sensor's file with the threshold that suits the readings best.
 
@@ -27,7 +27,7 @@ def with_threshold(
 
     Parameters
     ----------
-    patches : of recordings and baselines
+    patches, baseline : of recordings, whose noise is taken, and of baselines
     """
     listed = next((e for e in sheet.effects if e["name"] == CameraOcclusion.name), None)
     if listed is None or "weakest" in listed or not listed.get("line_sd_um"):
@@ -36,7 +36,8 @@ def with_threshold(
         with_effects(sheet, ({**listed, "weakest": share},))
         for share in SETTINGS.physics.weakest_shares
     ]
-    ws = Workspace.build([p for p in patches if p.fit.any()], noise)
+    noise, _ = calibrated_noise(patches, (), [])
+    ws = Workspace.build([p for p in (*patches, *baseline) if p.fit.any()], noise)
     ws = ws.thin(SETTINGS.physics.tried_readings)
 
     def nats(one: Datasheet) -> float:

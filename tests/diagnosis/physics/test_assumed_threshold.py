@@ -50,5 +50,5 @@ def test_a_file_that_states_the_threshold_or_lists_no_such_shadow_stays_as_it_is
         datasheet(100),
         replace(datasheet(100), effects=({"name": "camera_occlusion"},)),
     ):
-        assert with_threshold(sheet, ready.patches, ready.noise) is sheet
+        assert with_threshold(sheet, ready.patches, ready.baseline) is sheet
     assert assumed(ready.recorded.datasheet, sheet_with(weakest=0.3)) == {}
