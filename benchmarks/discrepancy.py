@@ -48,6 +48,7 @@ from diagnosis.discrepancy.learning import (
     learnt_changes,
 )
 from diagnosis.discrepancy.population import ASPECTS, Kind, Population, aspect_of
+from diagnosis.evidence.long_waves import long_wave_factors
 from diagnosis.evidence.noise_level import AGAINST_PLATES, level_factors, level_unsure
 from diagnosis.evidence.seen import channels_seen, seen
 from diagnosis.model.model import Model
@@ -102,6 +103,7 @@ def departures(inputs: Inputs) -> Factors:
     channels = channels_seen(patches, ready.noise, Model(), one)
     found = mean_factors(one) | rate_factors(channels.values())
     ws = Workspace.build(patches, ready.noise)
+    found |= long_wave_factors(ws)
     if ready.nominal is not None:
         change = level_change(ws, Model(), ready.nominal.sd_mm)
         unsure = np.hypot(change.unsure, level_unsure(ready.nominal))

@@ -75,7 +75,9 @@ def _explained(
     explained = any(c.channel == "mean" for c in found.causes)
     # what no cause claims would pass for noise
     nameless = any(u.channel == "mean" for u in found.unexplained)
-    power = power_of_long_waves(found.ws, found.model) if explained and not nameless else 1.0
+    power = 1.0
+    if explained and not nameless:
+        power = power_of_long_waves(found.ws, found.model, look.departures)
     if power > 1:
         said = [LOUDER.format(power)]
         ready = replace(ready, noise=replace(ready.noise, long_waves=power))

@@ -13,6 +13,7 @@ from diagnosis.discrepancy.good_instrument import (
     told_by_changes,
 )
 from diagnosis.discrepancy.population import Population
+from diagnosis.evidence.long_waves import long_wave_factors
 from diagnosis.evidence.noise_and_loss_channels import Channel
 from diagnosis.evidence.noise_level import AGAINST_PLATES, steady_level
 from diagnosis.evidence.seen import Seen, channels_seen, seen
@@ -48,6 +49,7 @@ def usual_sizes(
         return departures, departures
     factors = mean_factors(before)
     rates = rate_factors(baseline_channels.values())
+    rates |= long_wave_factors(Workspace.build(ready.baseline, ready.noise))
     kinds = kinds_of(population, factors | rates, good=True)
     departures = informed(population, kinds, factors | rates)
     among = changes_among(ready, first, departures)

@@ -10,20 +10,50 @@ equations of the mean are divided (quasi-likelihood: Wedderburn, Biometrika 61 (
 """
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
+from diagnosis.evidence.mean_causes import Scales
+from diagnosis.evidence.noise_level import LevelChange, level_factors
 from diagnosis.fields import Field, Mask
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.settings import SETTINGS
 
+LONG_WAVES = "scale: long waves of the noise"
+"""Key of the population's sizes: of the logarithm of their root mean square."""
 
-def power_of_long_waves(ws: Workspace, model: Model) -> float:
-    """Return the power that the long waves of whitened readings have, 1 or more.
+
+def power_of_long_waves(ws: Workspace, model: Model, usual: Mapping[str, Field]) -> float:
+    """Return the power that the long waves of the noise have, 1 or more.
+
+    At most what most good instruments stay below.
+
+    Parameters
+    ----------
+    usual : probability of each component's sizes in a good instrument
+    """
+    found = louder_waves(ws, model)
+    most = Scales(sizes=SETTINGS.rate_sizes(), weights=usual).typical(LONG_WAVES)
+    return 1.0 if found is None else math.exp(2.0 * min(found.log, most))
+
+
+def long_wave_factors(ws: Workspace) -> dict[str, Field]:
+    """Log Bayes factor of each size of what an instrument has in long waves, by its key.
+
+    What it departs from the nominal model by is in it. {} where there are too few waves.
+    """
+    found = louder_waves(ws, Model())
+    return {} if found is None else {LONG_WAVES: level_factors(found.log, found.unsure)}
+
+
+def louder_waves(ws: Workspace, model: Model) -> LevelChange | None:
+    """Measure how much louder long waves are than whitening leaves them; None of too few waves.
 
     What a law's error may leave of a large signal is no noise: as far as the law is doubted, and if
-    all of that were in these waves.
+    all of that were in these waves. The median of the power of F waves is known to 1 / (ln 2 √F) of
+    itself.
     """
     laws, plain = ws.predict(model), ws.predict(Model())
     waves, signal = [np.zeros(0)], 0.0
@@ -34,9 +64,12 @@ def power_of_long_waves(ws: Workspace, model: Model) -> float:
             waves.append(_power(state.innovations, use))
     power = np.concatenate(waves)
     if power.size < SETTINGS.least_waves:
-        return 1.0
+        return None
     doubted = SETTINGS.doubt**2 * signal / power.size
-    return max(float(np.median(power)) / math.log(2) - doubted, 1.0)
+    louder = max(float(np.median(power)) / math.log(2) - doubted, 1.0)
+    return LevelChange(
+        log=0.5 * math.log(louder), unsure=0.5 / (math.log(2) * math.sqrt(power.size))
+    )
 
 
 def _power(values: Field, use: Mask) -> Field:

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.evidence.long_waves import power_of_long_waves
+from diagnosis.evidence.long_waves import LONG_WAVES, louder_waves, power_of_long_waves
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
+from diagnosis.settings import SETTINGS
 from tests.support.effect_case import bench_workspace
 
 
@@ -30,9 +31,16 @@ def with_noise(ws: Workspace, relief: float, seed: int = 1) -> Workspace:
     return Workspace.build(patches, noise)
 
 
+def power(ws: Workspace) -> float:
+    """Power of long waves."""
+    found = louder_waves(ws, Model())
+    assert found is not None
+    return float(np.exp(2 * found.log))
+
+
 def test_white_noise_has_no_more_power_in_long_waves() -> None:
     ws = bench_workspace("domes")
-    found = [power_of_long_waves(with_noise(ws, 0.0, seed=k), Model()) for k in range(4)]
+    found = [power(with_noise(ws, 0.0, seed=k)) for k in range(4)]
     assert max(found) < 1.5
     assert np.mean(found) < 1.25
 
@@ -42,7 +50,7 @@ def test_relief_has_the_power_that_it_was_made_with() -> None:
     n, m = ws.patches[0].shape
     # all its variance is in π 12² of n m waves
     wanted = 1 + 0.25**2 * n * m / (np.pi * 12**2)
-    found = [power_of_long_waves(with_noise(ws, 0.25, seed=k), Model()) for k in range(4)]
+    found = [power(with_noise(ws, 0.25, seed=k)) for k in range(4)]
     assert np.mean(found) == pytest.approx(wanted, rel=0.3)
 
 
@@ -54,5 +62,16 @@ def test_what_whole_profiles_and_columns_do_is_no_noise_of_long_waves() -> None:
         across = np.cos(2 * np.pi * 3 * np.arange(m) / m)[None]
         moved.append(replace(p, depth_mm=p.depth_mm + 0.3 * ws.noise.sd_mm * (along + across)))
     # each of the two waves has the power of 160 others
-    still = power_of_long_waves(ws, Model())
-    assert power_of_long_waves(Workspace.build(moved, ws.noise), Model()) < 1.2 * still
+    assert power(Workspace.build(moved, ws.noise)) < 1.2 * power(ws)
+
+
+def test_what_no_good_instrument_has_in_long_waves_is_no_noise() -> None:
+    ws = with_noise(bench_workspace("domes"), 0.5)
+    sizes = SETTINGS.rate_sizes()
+    assert power(ws) > 2
+    for most in (2, 3):
+        usual = {LONG_WAVES: np.eye(sizes.size)[most]}
+        found = power_of_long_waves(ws, Model(), usual)
+        assert found == pytest.approx(np.exp(2 * sizes[most]))
+    # a good instrument that has more of it than this
+    assert power_of_long_waves(ws, Model(), {LONG_WAVES: np.eye(sizes.size)[-1]}) == power(ws)
