@@ -118,7 +118,8 @@ def laws_in_turn(
 ) -> list[LawAtEdges]:
     """Fit the law that explains most beside a model, and each other one beside that as well.
 
-    They resemble each other: most of what another law explains alone, the strongest explains.
+    They resemble each other: most of what another law explains alone, the strongest explains. One
+    that explains nothing alone has nothing left to explain.
 
     Parameters
     ----------
@@ -133,8 +134,11 @@ def laws_in_turn(
     beside = now.with_law(most.fitted)
     there = then.with_law(most.before) if then and most.before else then
     explained = math.hypot(explained, most.size)
-    others = [law for law in laws if law is not most.component]
-    return [most, *(_law_at_edges(law, beside, there, explained) for law in others)]
+    return [
+        law if law is most or law.fitted is None
+        else _law_at_edges(law.component, beside, there, explained)
+        for law in alone
+    ]  # fmt: skip
 
 
 def _law_at_edges(

@@ -14,7 +14,8 @@ from sensors.law import Law
 from sensors.line.beam import Beam
 from sensors.line.line_operator import gaussian_weights, read_line, sub_lines
 from sensors.view.covariates import hidden_from
-from sensors.view.view import Reason, View
+from sensors.view.view import KEPT_IN_ALL, Reason, View
+from sensors.view.view_cache import ViewCache
 
 Floats = NDArray[np.float64]
 
@@ -96,10 +97,7 @@ class CameraOcclusion(Effect):
         if self.line_sd_um == 0.0:
             seen = view.visible_from(offset)
         else:
-            lines = sub_lines(self.line_sd_um * 1e-3)
-            weights = gaussian_weights(lines, self.line_sd_um * 1e-3)
-            read = read_line(view, lines, weights, visible=True, merge_mm=0.0, camera_y_mm=offset)
-            seen = read.light >= self.weakest
+            seen = _light(view, self.line_sd_um * 1e-3, offset) >= self.weakest
         return law.without(view.in_range & ~seen, Reason.HIDDEN_FROM_CAMERA)
 
     def covariate_values(self, view: View) -> Floats:
@@ -122,3 +120,21 @@ class CameraOcclusion(Effect):
             offset = sheet.working_distance_mm * math.tan(angle_rad)
         side = sheet.camera_side if self.camera_side is None else self.camera_side
         return offset if side == "+y" else -offset
+
+
+_LIGHT: ViewCache[Floats] = ViewCache(2, room=KEPT_IN_ALL)
+
+
+def _light(view: View, sd_mm: float, camera_y_mm: float) -> Floats:
+    """Share of a line's light that a camera sees, (n, m); kept with the view.
+
+    It has nothing to do with what other effects read, nor with how little makes a peak.
+    """
+
+    def light() -> Floats:
+        lines = sub_lines(sd_mm)
+        weights = gaussian_weights(lines, sd_mm)
+        read = read_line(view, lines, weights, visible=True, merge_mm=0.0, camera_y_mm=camera_y_mm)
+        return read.light
+
+    return _LIGHT.get(view, (sd_mm, camera_y_mm), light, size=math.prod(view.shape))
