@@ -53,7 +53,7 @@ from diagnosis.evidence.noise_level import AGAINST_PLATES, level_factors, level_
 from diagnosis.evidence.seen import channels_seen, seen
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
-from diagnosis.physics.laws_at_edges import factors_at_edges
+from diagnosis.physics.laws_at_edges import factors_at_edges, shown_at_edges
 from diagnosis.prepare import Inputs, Prepared, prepared
 from diagnosis.usual_sizes import changes_among
 from pipeline.parts.part import load_part
@@ -108,7 +108,8 @@ def departures(inputs: Inputs) -> Factors:
         change = level_change(ws, Model(), ready.nominal.sd_mm)
         unsure = np.hypot(change.unsure, level_unsure(ready.nominal))
         found[AGAINST_PLATES] = level_factors(change.log, float(unsure))
-    return found | lay_factors(ready) | factors_at_edges(one.components, ws)
+    laws = shown_at_edges(one.components, ws)
+    return found | lay_factors(ready) | factors_at_edges(laws)
 
 
 def lay_factors(ready: Prepared) -> Factors:
@@ -145,23 +146,25 @@ def again(inputs: Inputs, population: Population) -> Factors:
 
     The first two recordings are baselines of the third.
     """
-    shown, among, found = beside(inputs, population, 2)
+    shown, (among, laws), found = beside(inputs, population, 2)
     population = population.of_files(inputs.datasheet.columns)
     kinds = kinds_of(population, shown, good=True)
-    both = next_changes(population, kinds, shown, among)
+    both = next_changes(population, kinds, shown | laws, among)
     return {
         name: factors_alike(*both[name], found[name])
         for name in among.keys() & both.keys() & found.keys()
     }
 
 
-def beside(inputs: Inputs, population: Population, count: int) -> tuple[Factors, Factors, Factors]:
+def beside(
+    inputs: Inputs, population: Population, count: int
+) -> tuple[Factors, tuple[Factors, Factors], Factors]:
     """Look at later recordings beside the first ones as baselines.
 
     Returns
     -------
-    likelihood of each size of each component in the first; of what they change among themselves; of
-    what the later ones change
+    likelihood of each size of each component in the first; of what they change among themselves,
+    with what laws at edges do in them; of what the later ones change
     """
     first, later = inputs.recordings[:count], inputs.recordings[count:]
     ready = prepared(
@@ -180,7 +183,7 @@ def beside(inputs: Inputs, population: Population, count: int) -> tuple[Factors,
         **change_factors(now, before, channels, usual, own),
         **lay_factors(ready),
         # what a recording shows of a law is its own edges', and says nothing of the next
-        **factors_at_edges(now.components, rest, base),
+        **factors_at_edges(shown_at_edges(now.components, rest, base)),
     }
     return shown, changes_among(ready, now, own), found
 

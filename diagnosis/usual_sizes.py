@@ -20,7 +20,7 @@ from diagnosis.evidence.seen import Seen, channels_seen, seen
 from diagnosis.fields import Field
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
-from diagnosis.physics.laws_at_edges import factors_at_edges
+from diagnosis.physics.laws_at_edges import factors_at_edges, shown_at_edges
 from diagnosis.prepare import Prepared
 
 
@@ -52,8 +52,8 @@ def usual_sizes(
     rates |= long_wave_factors(Workspace.build(ready.baseline, ready.noise))
     kinds = kinds_of(population, factors | rates, good=True)
     departures = informed(population, kinds, factors | rates)
-    among = changes_among(ready, first, departures)
-    changes = departures | told_by_changes(population, kinds, factors | rates, among)
+    among, laws = changes_among(ready, first, departures)
+    changes = departures | told_by_changes(population, kinds, factors | rates | laws, among)
     departures, changes = (
         alike_at_edges(one, factors, before.candidates) for one in (departures, changes)
     )
@@ -65,18 +65,24 @@ def usual_sizes(
 
 def changes_among(
     ready: Prepared, like: Seen, departures: Mapping[str, Field]
-) -> dict[str, Field]:
-    """Log factors of the sizes of what later baselines have beside the first; {} of one alone."""
+) -> tuple[dict[str, Field], dict[str, Field]]:
+    """Log factors of sizes in later baselines, of what they have beside the first; {} of one alone.
+
+    Returns
+    -------
+    of what they change by; of all that laws at edges do in them
+    """
     earliest = min(p.recording for p in ready.baseline)
     first, later = (
         [p for p in ready.baseline if (p.recording == earliest) is is_first]
         for is_first in (True, False)
     )
     if not later:
-        return {}
+        return {}, {}
     noise = ready.noise
     one, other = (seen(part, noise, Model(), like=like) for part in (first, later))
     usual, channels = (channels_seen(part, noise, Model(), like) for part in (first, later))
     before, after = (Workspace.build(part, noise) for part in (first, later))
-    laws = factors_at_edges(one.components, after, before)
-    return change_factors(other, one, channels, usual, departures) | laws
+    laws = shown_at_edges(one.components, after, before)
+    among = change_factors(other, one, channels, usual, departures) | factors_at_edges(laws)
+    return among, {law.key: law.all_factors for law in laws}

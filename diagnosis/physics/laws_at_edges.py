@@ -50,6 +50,7 @@ class LawAtEdges:
     gain : nats, less the numbers fitted; 0 where it can't act
     size : whitened rms of what it explains; beside baselines, of what it changed by
     factors : log Bayes factor of each size of the grid against none, (S,)
+    all_factors : the same of all that it explains, whatever baselines show
     fitted : None where it gains nothing
     before : the same in baselines, where it is asked for
     """
@@ -59,6 +60,7 @@ class LawAtEdges:
     gain: float
     size: float
     factors: Floats
+    all_factors: Floats
     fitted: Fitted | None
     before: Fitted | None = None
 
@@ -134,11 +136,11 @@ def laws_in_turn(
     beside = now.with_law(most.fitted)
     there = then.with_law(most.before) if then and most.before else then
     explained = math.hypot(explained, most.size)
-    return [
-        law if law is most or law.fitted is None
-        else _law_at_edges(law.component, beside, there, explained)
-        for law in alone
-    ]  # fmt: skip
+    others = (law for law in alone if law is not most)
+    return [most, *(
+        law if law.fitted is None else _law_at_edges(law.component, beside, there, explained)
+        for law in others
+    )]  # fmt: skip
 
 
 def _law_at_edges(
@@ -148,25 +150,33 @@ def _law_at_edges(
     fitted, gain = now.fit(law)
     then, _ = (None, 0.0) if before is None or fitted is None else before.fit(law)
     usual = 0.0 if then is None else now.gain(then.effect.shared())
-    size = math.sqrt(2 * max(gain - max(usual, 0.0), 0.0) / now.count)
+    whole, size = (
+        math.sqrt(2 * max(nats, 0.0) / now.count) for nats in (gain, gain - max(usual, 0.0))
+    )
     unsure = math.hypot(1 / math.sqrt(now.count), SETTINGS.doubt * explained)
+    every, factors = (factors_of_value(s, unsure, SETTINGS.mean_sizes()) for s in (whole, size))
     return LawAtEdges(
-        component=law, key=key_of(law, listed=now.listed), gain=gain, size=size,
-        factors=factors_of_value(size, unsure, SETTINGS.mean_sizes()), fitted=fitted, before=then,
+        component=law, key=key_of(law, listed=now.listed), gain=gain, size=size, factors=factors,
+        all_factors=every, fitted=fitted, before=then,
     )  # fmt: skip
 
 
-def factors_at_edges(
+def shown_at_edges(
     components: Sequence[Component], ws: Workspace, before: Workspace | None = None
-) -> dict[str, Floats]:
-    """Log Bayes factors of each known law's sizes, by its key: the strongest, others beside it.
+) -> list[LawAtEdges]:
+    """Fit each known law under the nominal model: the strongest, others beside it.
 
     Parameters
     ----------
     before : of baselines, beyond which a law is looked for
     """
     laws = known_laws(components, ws.patches[0].view.datasheet)
-    return {law.key: law.factors for law in laws_in_turn(laws, ws, NOMINAL, before)}
+    return laws_in_turn(laws, ws, NOMINAL, before)
+
+
+def factors_at_edges(laws: Sequence[LawAtEdges]) -> dict[str, Floats]:
+    """Log Bayes factors of each law's sizes, by its key."""
+    return {law.key: law.factors for law in laws}
 
 
 def key_of(law: Component, *, listed: str) -> str:

@@ -150,6 +150,25 @@ def test_an_instrument_that_is_unlike_in_what_it_has_is_so_in_what_it_changes_by
     assert beside[5:].sum() == pytest.approx(0.5, rel=0.1)
 
 
+def test_baselines_without_a_law_at_edges_are_of_no_unlike_instrument() -> None:
+    """What edges of theirs show says how unlike the instrument is; nothing else of the next."""
+    small = np.eye(SIZES.size)[1]
+    name = "law: finite_spot"
+    kind = Kind(name="like", weights={name: small}, changes={name: small}, anew={name: 0.5})
+    here = Population(kinds=(kind,))
+    kinds = kinds_of(here, {}, good=True)
+    usual = told_by_changes(here, kinds, {}, {})[name]
+    still, large = (
+        told_by_changes(here, kinds, {name: seen_as(size)}, {})[name] for size in (1e-5, 0.3)
+    )
+    assert still[4:].sum() < 0.25 * usual[4:].sum()
+    assert large[4:].sum() > 1.5 * usual[4:].sum()
+    # of a known kind the next departs as another instrument, whatever these show
+    known = replace(here, share=1e-9)
+    every = [told_by_changes(known, kinds, {name: seen_as(s)}, {})[name] for s in (1e-5, 0.02)]
+    assert every[0] == pytest.approx(every[1], abs=1e-6)
+
+
 def test_one_small_change_is_no_promise_of_the_next() -> None:
     flat = np.full(SIZES.size, 1 / SIZES.size)
     here = Population(kinds=(Kind(name="any", weights={"bow": flat}, changes={"bow": flat}),))
