@@ -5,7 +5,8 @@ finder gives no reading, and no datasheet states this threshold. Readings beside
 with another one they are lost, or come from where none is expected, all along the shadow.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 from diagnosis.data.patch import Patch
 from diagnosis.model.model import Model
@@ -14,7 +15,7 @@ from diagnosis.noise.calibration import calibrated_noise
 from diagnosis.physics.assumed_camera import seen_by
 from diagnosis.settings import SETTINGS
 from sensors.datasheet import Datasheet, with_effects
-from sensors.effects.camera_occlusion import CameraOcclusion
+from sensors.effects import CATALOGUE
 
 
 def with_threshold(
@@ -29,13 +30,9 @@ def with_threshold(
     ----------
     patches, baseline : of recordings, whose noise is taken, and of baselines
     """
-    listed = next((e for e in sheet.effects if e["name"] == CameraOcclusion.name), None)
-    if listed is None or "weakest" in listed or not listed.get("line_sd_um"):
+    tried = [with_effects(sheet, (one,)) for one in _untold(sheet)]
+    if not tried:
         return sheet
-    tried = [
-        with_effects(sheet, ({**listed, "weakest": share},))
-        for share in SETTINGS.physics.weakest_shares
-    ]
     noise, _ = calibrated_noise(patches, (), [])
     ws = Workspace.build([p for p in (*patches, *baseline) if p.fit.any()], noise)
     ws = ws.thin(SETTINGS.physics.tried_readings)
@@ -44,3 +41,12 @@ def with_threshold(
         return Workspace.build(seen_by(ws.patches, one), noise).most_probable(Model())
 
     return max([sheet, *tried], key=nats)
+
+
+def _untold(sheet: Datasheet) -> Iterator[dict[str, Any]]:
+    """Yield each listed effect of a line with a width that leaves its threshold out, with one."""
+    for listed in sheet.effects:
+        kind = CATALOGUE[listed["name"]]
+        if kind.least_light and kind.least_light not in listed and listed.get(kind.line_width):
+            for share in SETTINGS.physics.weakest_shares:
+                yield {**listed, kind.least_light: share}

@@ -43,6 +43,7 @@ class CameraOcclusion(Effect):
     relaxed: ClassVar = (Relaxed(channel="missing", spanned=True),)
     rivals: ClassVar = ("specular_dropout", "random_dropout")
     line_width: ClassVar = "line_sd_um"
+    least_light: ClassVar = "weakest"
     separating: ClassVar = (
         "turn the part or the sensor by 180° about the laser's axis: shadows change sides on the "
         "part; dropouts at low signal do not"

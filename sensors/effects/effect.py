@@ -55,6 +55,8 @@ class Effect(ABC):
     separating : the measurement that separates the effect from these
     needs : keys of the datasheet that the effect requires
     line_width : parameter of the laser line's width, where the effect is the line's geometry
+    least_light : parameter of the share of the line's light below which a reading is lost, which no
+        datasheet states
     on_albedo : whether the effect follows the part's albedo, whose pattern a simulation of it needs
     """
 
@@ -73,6 +75,7 @@ class Effect(ABC):
     separating: ClassVar[str]
     needs: ClassVar[tuple[str, ...]] = ()
     line_width: ClassVar[str] = ""
+    least_light: ClassVar[str] = ""
     on_albedo: ClassVar[bool] = False
 
     # ---- defined by a subclass
