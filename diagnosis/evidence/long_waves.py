@@ -28,15 +28,17 @@ LONG_WAVES = "scale: long waves of the noise"
 def power_of_long_waves(ws: Workspace, model: Model, usual: Mapping[str, Field]) -> float:
     """Return the power that the long waves of the noise have, 1 or more.
 
-    At most what most good instruments stay below.
+    At most what most good instruments stay below, and 1 where chance leaves as much.
 
     Parameters
     ----------
     usual : probability of each component's sizes in a good instrument
     """
     found = louder_waves(ws, model)
+    if found is None or found.log <= found.unsure:
+        return 1.0
     most = Scales(sizes=SETTINGS.rate_sizes(), weights=usual).typical(LONG_WAVES)
-    return 1.0 if found is None else math.exp(2.0 * min(found.log, most))
+    return math.exp(2.0 * min(found.log, most))
 
 
 def long_wave_factors(ws: Workspace) -> dict[str, Field]:

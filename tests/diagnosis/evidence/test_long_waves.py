@@ -43,6 +43,12 @@ def test_white_noise_has_no_more_power_in_long_waves() -> None:
     found = [power(with_noise(ws, 0.0, seed=k)) for k in range(4)]
     assert max(found) < 1.5
     assert np.mean(found) < 1.25
+    # what chance leaves of it doesn't count
+    usual = {LONG_WAVES: np.eye(SETTINGS.rate_steps)[-1]}
+    counted = [power_of_long_waves(with_noise(ws, 0.0, seed=k), Model(), usual) for k in range(4)]
+    assert max(counted) <= max(found)
+    assert min(counted) == 1.0
+    assert sum(counted) < sum(found)
 
 
 def test_relief_has_the_power_that_it_was_made_with() -> None:
