@@ -64,6 +64,7 @@ def _explained(
     """Explain recordings; once more where their noise has more power in long waves than modelled.
 
     What is left tells, once the causes found are taken away: before, they would pass for noise.
+    What no cause claims may pass for noise as far as good instruments have as much.
 
     Returns
     -------
@@ -72,11 +73,8 @@ def _explained(
     said: list[str] = []
     explained_by = partial(explain, withheld=withheld, refuted=refuted, progress=progress)
     found = explained_by(ready, look, notes=said)
-    explained = any(c.channel == "mean" for c in found.causes)
-    # what no cause claims would pass for noise
-    nameless = any(u.channel == "mean" for u in found.unexplained)
     power = 1.0
-    if explained and not nameless:
+    if any(one.channel == "mean" for one in (*found.causes, *found.unexplained)):
         power = power_of_long_waves(found.ws, found.model, look.departures)
     if power > 1:
         said = [LOUDER.format(power)]
