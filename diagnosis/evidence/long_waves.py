@@ -28,7 +28,8 @@ LONG_WAVES = "scale: long waves of the noise"
 def power_of_long_waves(ws: Workspace, model: Model, usual: Mapping[str, Field]) -> float:
     """Return the power that the long waves of the noise have, 1 or more.
 
-    At most what most good instruments stay below, and 1 where chance leaves as much.
+    As much as is measured, as probably as good instruments have as much; else no more than most of
+    these do. 1 where chance leaves as much.
 
     Parameters
     ----------
@@ -37,8 +38,11 @@ def power_of_long_waves(ws: Workspace, model: Model, usual: Mapping[str, Field])
     found = louder_waves(ws, model)
     if found is None or found.log <= found.unsure:
         return 1.0
-    most = Scales(sizes=SETTINGS.rate_sizes(), weights=usual).typical(LONG_WAVES)
-    return math.exp(2.0 * min(found.log, most))
+    scales = Scales(sizes=SETTINGS.rate_sizes(), weights=usual)
+    nats = scales.nats(LONG_WAVES, level_factors(found.log, found.unsure))
+    mismatch = SETTINGS.probability(nats, "")
+    most = min(found.log, scales.typical(LONG_WAVES))
+    return math.exp(2.0 * (mismatch * most + (1.0 - mismatch) * found.log))
 
 
 def long_wave_factors(ws: Workspace) -> dict[str, Field]:
