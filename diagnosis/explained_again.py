@@ -74,7 +74,8 @@ def _explained(
     explained_by = partial(explain, withheld=withheld, refuted=refuted, progress=progress)
     found = explained_by(ready, look, notes=said)
     power = 1.0
-    if any(one.channel == "mean" for one in (*found.causes, *found.unexplained)):
+    channels = {c.channel for c in found.causes} | {u.channel for u in found.unexplained}
+    if "mean" in channels:
         power = power_of_long_waves(found.ws, found.model, look.departures)
     if power > 1:
         said = [LOUDER.format(power)]
