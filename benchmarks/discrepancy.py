@@ -1,8 +1,8 @@
 r"""What good instruments depart by: learn it from the calibration population and keep it.
 
-    flawforge challenge calibrate --out out/calibration --each 0
-    flawforge challenge calibrate --out out/makes --makes --nulls 72 --each 0
-    python -m benchmarks.discrepancy out/calibration out/makes --simulated 70 --tolerances 70 \
+    flawforge challenge calibrate --out out/calibration --nulls 20 --each 0
+    flawforge challenge calibrate --out out/makes --makes --nulls 48 --each 0
+    python -m benchmarks.discrepancy out/calibration out/makes --simulated 40 --tolerances 40 \
         --jobs 2 --write diagnosis/discrepancy/discrepancy.json
 
 Only good instruments are used: folders whose truth hides nothing. Each gives, for each component
