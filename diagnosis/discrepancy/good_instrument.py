@@ -15,7 +15,7 @@ from diagnosis.discrepancy.population import (
     Population,
     Shares,
     aspect_of,
-    is_law,
+    is_law_at_edges,
     larger_of,
     tells_kind,
 )
@@ -190,8 +190,8 @@ def next_changes(
 
     Parameters
     ----------
-    factors : log Bayes factor of each size of each component, of the baselines. What laws at edges
-        do in a recording is its own edges', and tells of the next only how unlike the instrument is
+    factors : log Bayes factor of each size of each component, of the baselines. What a law at edges
+        does there depends on their edges: it tells how unlike the instrument is, and no size
     among : the same of what later baselines have beside the first
     """
     changes, out = population.of_changes, {}
@@ -219,7 +219,7 @@ def _usual_change(
     likelihood = np.zeros(len(unseen)) if likelihood is None else likelihood
     odds = logit(population.unlike(name)) + evidence(unseen, likelihood)
     unlike = expit(odds - evidence(known, likelihood))[:, None]
-    if is_law(name):
+    if is_law_at_edges(name):
         likelihood = np.zeros_like(likelihood)
     anew = population.anew(name)
     alike = _next(known, changes[0], anew[0][:, None], likelihood)

@@ -113,11 +113,11 @@ class Population:
         edges tell it together: of these each law of each make counts. What files list as measured
         was measured on each instrument for itself: of these laws, each law of each instrument.
         """
-        if not is_law(component):
+        if not is_law_at_edges(component):
             return sum(component in k.weights for k in self.kinds)
         how = component.removeprefix(unlisted(component))
         names = {n for k in self.kinds for n in k.weights}
-        alike = {n for n in names if n == unlisted(n) + how and is_law(n)}
+        alike = {n for n in names if n == unlisted(n) + how and is_law_at_edges(n)}
         measured = _measured(component)
         return sum(
             k.instruments if measured else k.makes
@@ -133,7 +133,7 @@ class Population:
         maker lists the law as measured, it has no more than where only nominal numbers are stated.
         """
         where = _where(component)
-        if is_law(component) and _measured(component):
+        if is_law_at_edges(component) and _measured(component):
             less_known = stated(unlisted(component), "nominal")
             weights = self.weights(less_known)
             if weights is not None:
@@ -142,7 +142,7 @@ class Population:
         if not like:
             return None
         mean = np.asarray(np.mean(like, axis=0))
-        if is_law(component):
+        if is_law_at_edges(component):
             return changed(mean)
         return mean if aspect_of(component) == EDGES else spread_out(mean, self.steps)
 
@@ -226,12 +226,12 @@ ASPECTS = ("mean", EDGES, "scale", "missing", "outliers")
 def aspect_of(component: str) -> str:
     """Name what a component is an aspect of: the mean off edges, edges, or a channel."""
     channel = component.rpartition(": ")[0]
-    if is_law(component) or " at edges" in component:
+    if is_law_at_edges(component) or " at edges" in component:
         return EDGES
     return {"": "mean", "spectrum": "scale"}.get(channel, channel)
 
 
-def is_law(component: str) -> bool:
+def is_law_at_edges(component: str) -> bool:
     """Whether a component is a law of light at edges whose own size it is."""
     return component.rpartition(": ")[0] == LAW
 

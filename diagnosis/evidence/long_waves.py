@@ -28,8 +28,8 @@ LONG_WAVES = "scale: long waves of the noise"
 def power_of_long_waves(ws: Workspace, model: Model, usual: Mapping[str, Field]) -> float:
     """Return the power that the long waves of the noise have, 1 or more.
 
-    As much as is measured, as probably as good instruments have as much; else no more than most of
-    these do. 1 where chance leaves as much.
+    Some of what is measured may be a mismatch. Its logarithm is the mean of the measured one and of
+    what most good instruments stay below, by the probability of that. 1 where chance explains it.
 
     Parameters
     ----------
