@@ -177,11 +177,13 @@ def _drawn(place_mm: Field, log: Field, pitch_mm: float) -> AlbedoPattern | None
     blur = BLUR * pitch_mm / cell
     smooth = _mean(total, count, blur)
     wide = WINDOW * blur
-    middle = _mean(total, count, wide)
+    sums, counts = _blurred(total, wide), _blurred(count, wide)
+    middle = _ratio(sums, counts)
     low = high = middle
     for _ in range(ROUNDS):
         bright = smooth > middle
-        low, high = (_mean(total * side, count * side, wide) for side in (~bright, bright))
+        upper, above = _blurred(total * bright, wide), _blurred(count * bright, wide)
+        low, high = _ratio(sums - upper, counts - above), _ratio(upper, above)
         middle = 0.5 * (low + high)
     step, least = high - low, SETTINGS.data.pattern_step
     if np.median(step.ravel()[index]) < least:
@@ -200,7 +202,11 @@ def _binned(index: NDArray[np.int64], values: Field | None, shape: tuple[int, ..
 
 def _mean(total: Field, count: Field, sd: float) -> Field:
     """Mean of the readings in a window, `sd` cells."""
-    return np.asarray(_blurred(total, sd) / np.maximum(_blurred(count, sd), 1e-12))
+    return _ratio(_blurred(total, sd), _blurred(count, sd))
+
+
+def _ratio(total: Field, count: Field) -> Field:
+    return np.asarray(total / np.maximum(count, 1e-12))
 
 
 def _blurred(field: Field, sd: float) -> Field:

@@ -23,10 +23,13 @@ from sensors.datasheet import Datasheet
 from sensors.model import SensorModel
 from sensors.recording import Recording, repeated_rows
 from sensors.view.view import View
+from sensors.view.view_cache import ViewCache
 
 WHOLE = 450_000
 STRIP_ROWS = 40
 STRIPS = 5
+KEPT_STRIPS = 8
+"""Strips of a patch that are kept, with what their views have seen, for the next search."""
 FEWEST_ROWS = 16
 """Profiles that a strip keeps at least: several correlation lengths."""
 
@@ -172,7 +175,11 @@ def thinned(patches: Sequence[Patch], budget: int) -> list[Patch]:
 
 
 def strip_of(patch: Patch, part: slice) -> Patch:
-    """Take the profiles `part` of a patch, with their place in time and travel."""
+    """Take the profiles `part` of a patch, with their place in time and travel; kept with it."""
+    return _STRIPS.get(patch, (part.start, part.stop), lambda: _strip_of(patch, part))
+
+
+def _strip_of(patch: Patch, part: slice) -> Patch:
     start = patch.rows.start
     return replace(
         patch,
@@ -217,6 +224,9 @@ def spikes(residual_mm: Field, used: Mask, sd_mm: Field) -> Mask:
     limit_mm = SETTINGS.data.outlier_sd * sd_mm
     limit = np.ascontiguousarray(np.broadcast_to(limit_mm, residual_mm.shape))
     return np.asarray(_spikes(np.ascontiguousarray(residual_mm), used, limit))
+
+
+_STRIPS: ViewCache[Patch] = ViewCache(KEPT_STRIPS)
 
 
 @njit(cache=True)

@@ -17,7 +17,8 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg, sparse
+from scipy import sparse
+from scipy.linalg import lapack
 
 Floats = NDArray[np.float64]
 Owners = NDArray[np.int64]
@@ -109,7 +110,7 @@ def mode(responses: Responses, columns: Floats, sd: Floats, start: Floats | None
     best, slope, curve = responses.likelihood(scaled @ u)
     best -= 0.5 * float(u @ u)
     for _ in range(STEPS):
-        step = linalg.cho_solve(_factor(scaled, curve), scaled.T @ slope - u)
+        step, _ = lapack.dpotrs(_factor(scaled, curve), scaled.T @ slope - u, lower=1)
         step *= min(1.0, 2.0 / max(np.abs(scaled @ step).max(initial=0.0), 1e-12))
         size, before = 1.0, best
         while size > LEAST_STEP:
@@ -125,19 +126,30 @@ def mode(responses: Responses, columns: Floats, sd: Floats, start: Floats | None
         if best - before < SETTLED:
             break
     _, _, curve = responses.likelihood(scaled @ u)
-    root, _ = _factor(scaled, curve)
-    half = linalg.solve_triangular(root, np.eye(len(u)), lower=True)
+    root = _factor(scaled, curve)
+    half, _ = lapack.dtrtri(root, lower=1)
     return Mode(
         coefficients=sd * u, root=sd[:, None] * half.T,
         log_evidence=best - float(np.log(np.diag(root)).sum()),
     )  # fmt: skip
 
 
-def _factor(columns: Floats | sparse.csr_array, curve: Floats) -> tuple[Floats, bool]:
-    """Cholesky factor of the precision I + X'HX, for `cho_solve`."""
+def _factor(columns: Floats | sparse.csr_array, curve: Floats) -> Floats:
+    """Lower Cholesky factor of the precision I + X'HX; zeros above its diagonal.
+
+    LAPACK is called by itself: the matrices are small, and there are thousands of them.
+
+    Raises
+    ------
+    LinAlgError
+        Where the precision isn't positive: curvatures that aren't finite.
+    """
     if isinstance(columns, np.ndarray):
         inner = (columns * curve[:, None]).T @ columns
     else:
         inner = (columns.multiply(curve[:, None]).T @ columns).toarray()
-    root, lower = linalg.cho_factor(np.eye(len(inner)) + inner, lower=True)
-    return np.asarray(root), bool(lower)
+    inner[np.diag_indices_from(inner)] += 1.0
+    root, failed = lapack.dpotrf(inner, lower=1, clean=1)
+    if failed:
+        raise np.linalg.LinAlgError("the precision of a rate's coefficients isn't positive")
+    return np.asarray(root)

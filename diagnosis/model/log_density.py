@@ -5,11 +5,13 @@ Gaussian; a missing return scores the log probability of missing. The placement 
 generalised least squares on the readings that may be fitted, the same for every model.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from diagnosis.data.patch import Patch, spikes
 from diagnosis.fields import Field, Mask, Single
@@ -19,8 +21,8 @@ from diagnosis.predict.prediction import Prediction
 from diagnosis.settings import SETTINGS
 from sensors.view.view_cache import ViewCache
 
-LOG_ROOT_2PI = 0.5 * np.log(2 * np.pi)
-LOG_STRAY = float(np.log(1e-4))
+ROOT_2PI = math.sqrt(2 * math.pi)
+STRAY = 1e-4
 _WHITENERS: ViewCache[Whitener] = ViewCache(3)
 _COLUMNS: ViewCache[Single] = ViewCache(3)
 
@@ -163,11 +165,36 @@ def _taken(
     patch: Patch, prediction: Prediction, noise: NoiseModel, placement: Field
 ) -> tuple[Mask, Field, Mask, Whitener]:
     """Tell readings seen by both, their residuals, which are no spikes, and the whitener."""
-    seen = prediction.seen & patch.observed & patch.counted
-    mean = np.nan_to_num(prediction.mean_mm) + patch.columns @ placement
-    residual = np.where(seen, patch.depth_mm - mean, 0.0)
-    used = seen & (np.abs(residual) < SETTINGS.data.outlier_sd * prediction.sd_mm)
+    farthest = SETTINGS.data.outlier_sd
+    seen, residual, used = _met(
+        prediction.mean_mm, patch.columns, placement, patch.depth_mm, patch.dropped,
+        prediction.sd_mm, farthest,
+    )  # fmt: skip
     return seen, residual, used, _whitener(patch, used, noise)
+
+
+@njit(cache=True)
+def _met(
+    mean: Field, columns: Field, placement: Field, depth: Field, dropped: Mask, sd: Field,
+    farthest: float,
+) -> tuple[Mask, Field, Mask]:  # fmt: skip
+    """Readings seen by both, residuals at a placement, and which are nearer than `farthest`."""
+    n, m, count = columns.shape
+    seen, used = np.zeros((2, n, m), dtype=np.bool_)
+    residual = np.zeros((n, m))
+    for i in range(n):
+        if dropped[i]:
+            continue
+        for j in range(m):
+            left = depth[i, j] - mean[i, j]
+            if not np.isfinite(left):
+                continue
+            for k in range(count):
+                left -= columns[i, j, k] * placement[k]
+            seen[i, j] = True
+            residual[i, j] = left
+            used[i, j] = abs(left) < farthest * sd[i, j]
+    return seen, residual, used
 
 
 def log_density(
@@ -180,20 +207,44 @@ def log_density(
 
     0 in profiles that aren't measurements.
     """
-    missing = prediction.p_missing
     seen, residual, used, whitener = _taken(patch, prediction, noise, placement)
     innovation = whitener.apply(np.where(used, residual / prediction.sd_mm, 0.0))
-    spread = np.where(used, whitener.conditional_sd(), 1.0) * prediction.sd_mm
-    standard = np.where(used, innovation, residual / prediction.sd_mm)
-    inner = np.log1p(-prediction.p_outlier) - 0.5 * standard**2 - np.log(spread)
-    wide = prediction.outlier_sd_mm
-    outer = np.log(prediction.p_outlier) - 0.5 * (residual / wide) ** 2 - np.log(wide)
-    nowhere = -np.log(patch.view.datasheet.z_range_mm)
-    # a reading may come from anywhere, once in ten thousand: no single one decides
-    found = np.logaddexp(np.logaddexp(inner, outer) - LOG_ROOT_2PI, LOG_STRAY + nowhere)
-    value = np.where(
-        patch.observed,
-        np.log1p(-missing) + np.where(seen, found, nowhere),
-        np.log(missing),
-    )
-    return np.where(patch.counted, value, 0.0)
+    return _densities(
+        residual, seen, used, innovation, whitener.pattern, whitener.deviation, prediction.sd_mm,
+        prediction.p_missing, prediction.p_outlier, prediction.outlier_sd_mm, patch.depth_mm,
+        patch.dropped, patch.view.datasheet.z_range_mm,
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _densities(
+    residual: Field, seen: Mask, used: Mask, innovation: Field, pattern: NDArray[np.int32],
+    deviation: Field, sd: Field, p_missing: Field, p_outlier: Field, outlier_sd: Field,
+    depth: Field, dropped: Mask, range_mm: float,
+) -> Field:  # fmt: skip
+    """Log density (n, m) of readings whose neighbours leave them `deviation[pattern]` of the sd."""
+    n, m = residual.shape
+    out = np.zeros((n, m))
+    for i in range(n):
+        if dropped[i]:
+            continue
+        for j in range(m):
+            if np.isnan(depth[i, j]):
+                out[i, j] = math.log(p_missing[i, j])
+                continue
+            # a reading may come from anywhere, once in ten thousand: no single one decides
+            density = STRAY / range_mm
+            if seen[i, j]:
+                away, own, share = residual[i, j], sd[i, j], p_outlier[i, j]
+                standard = away / own
+                if used[i, j]:
+                    standard = innovation[i, j]
+                    own *= deviation[pattern[i, j]]
+                inner = (1.0 - share) * math.exp(-0.5 * standard**2) / own
+                wide = away / outlier_sd[i, j]
+                outer = share * math.exp(-0.5 * wide**2) / outlier_sd[i, j]
+                density += (inner + outer) / ROOT_2PI
+            else:
+                density = 1.0 / range_mm
+            out[i, j] = math.log1p(-p_missing[i, j]) + math.log(density)
+    return out

@@ -12,7 +12,6 @@ from diagnosis.data.patch import Patch
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.calibration import calibrated_noise
-from diagnosis.physics.assumed_camera import seen_by
 from diagnosis.settings import SETTINGS
 from sensors.datasheet import Datasheet, with_effects
 from sensors.effects import CATALOGUE
@@ -30,17 +29,20 @@ def with_threshold(
     ----------
     patches, baseline : of recordings, whose noise is taken, and of baselines
     """
-    tried = [with_effects(sheet, (one,)) for one in _untold(sheet)]
+    tried = list(_untold(sheet))
     if not tried:
         return sheet
     noise, _ = calibrated_noise(patches, (), [])
     ws = Workspace.build([p for p in (*patches, *baseline) if p.fit.any()], noise)
     ws = ws.thin(SETTINGS.physics.tried_readings)
 
-    def nats(one: Datasheet) -> float:
-        return Workspace.build(seen_by(ws.patches, one), noise).most_probable(Model())
+    def nats(listed: dict[str, Any] | None) -> float:
+        # in place of the listed effect: what light reaches the camera is the same for all of them
+        effect = () if listed is None else (CATALOGUE[listed["name"]].from_mapping(listed),)
+        return ws.most_probable(Model(effects=effect))
 
-    return max([sheet, *tried], key=nats)
+    best = max([None, *tried], key=nats)
+    return sheet if best is None else with_effects(sheet, (best,))
 
 
 def _untold(sheet: Datasheet) -> Iterator[dict[str, Any]]:

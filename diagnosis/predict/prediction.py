@@ -23,7 +23,7 @@ from sensors.model import as_moved, as_wide
 from sensors.noise.perlin import PerlinField
 from sensors.noise.uncertainty import sigma_mm
 from sensors.view.covariates import COVARIATES
-from sensors.view.view import KEPT_POINTS, View
+from sensors.view.view import KEPT_IN_ALL, KEPT_POINTS, KEPT_WIDTHS, View
 from sensors.view.view_cache import ViewCache
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ Each time two more are asked for: that of its effects on edges alone, and the fi
 """
 _TRIALS: ViewCache[Law] = ViewCache(KEPT_TRIALS)
 _LAWS: ViewCache[Law] = ViewCache(KEPT_LAWS)
-_SHIFTS: ViewCache[Field] = ViewCache(KEPT_LAWS)
+_SHIFTS: ViewCache[Field] = ViewCache(KEPT_WIDTHS, room=KEPT_IN_ALL)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -134,7 +134,7 @@ def _with(effect: Effect, law: Law, view: View) -> Law:
             view.datasheet.require(key)
         return np.asarray(effect.shift(view))
 
-    return replace(law, mean_mm=law.mean_mm + _SHIFTS.get(view, effect, shift))
+    return replace(law, mean_mm=law.mean_mm + _SHIFTS.get(view, effect, shift, size=math.prod(view.shape)))
 
 
 def plain_gain(view: View) -> Field:

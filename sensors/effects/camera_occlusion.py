@@ -14,7 +14,7 @@ from sensors.law import Law
 from sensors.line.beam import Beam
 from sensors.line.line_operator import gaussian_weights, read_line, sub_lines
 from sensors.view.covariates import hidden_from
-from sensors.view.view import KEPT_IN_ALL, Reason, View
+from sensors.view.view import KEPT_IN_ALL, KEPT_WIDTHS, Reason, View
 from sensors.view.view_cache import ViewCache
 
 Floats = NDArray[np.float64]
@@ -123,7 +123,7 @@ class CameraOcclusion(Effect):
         return offset if side == "+y" else -offset
 
 
-_LIGHT: ViewCache[Floats] = ViewCache(2, room=KEPT_IN_ALL)
+_LIGHT: ViewCache[Floats] = ViewCache(KEPT_WIDTHS, room=KEPT_IN_ALL)
 
 
 def _light(view: View, sd_mm: float, camera_y_mm: float) -> Floats:

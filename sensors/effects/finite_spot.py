@@ -1,5 +1,6 @@
 """The laser line has a width: each reading is an average over its footprint."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
@@ -19,10 +20,10 @@ from sensors.line.line_operator import (
     read_line,
     sub_lines,
 )
-from sensors.view.view import View
+from sensors.view.view import KEPT_IN_ALL, KEPT_WIDTHS, View
 from sensors.view.view_cache import ViewCache
 
-_ROUNDED: ViewCache[NDArray[np.float64]] = ViewCache(1)
+_ROUNDED: ViewCache[NDArray[np.float64]] = ViewCache(KEPT_WIDTHS, room=KEPT_IN_ALL)
 TIMES_WIDER = (0.5, 1.4, 2.0, 2.8)
 """Starting widths of a search, over the width of the line that the file states."""
 
@@ -130,7 +131,9 @@ class FiniteSpot(Effect):
     def shift(self, view: View) -> NDArray[np.float64]:
         """Return the footprint's mean minus the centre's depth, a wider line's change included."""
         measured = self.as_measured()
-        rounded = _ROUNDED.get(view, measured, lambda: measured._rounded(view))
+        rounded = _ROUNDED.get(
+            view, measured, lambda: measured._rounded(view), size=math.prod(view.shape)
+        )
         return rounded + wider_mm(view, 1e-3 * self.beam_um) if self.beam_um else rounded
 
     def _rounded(self, view: View) -> NDArray[np.float64]:

@@ -11,13 +11,13 @@ from sensors.line.lambertian_light import lambertian_light
 from sensors.line.line_operator import STEEPEST, Line, line_sd_mm, read_line
 from sensors.line.line_spread import LineSpread, line_spread, step_between
 from sensors.line.peak_finder import above_threshold
-from sensors.view.view import KEPT_IN_ALL, View
+from sensors.view.view import KEPT_IN_ALL, KEPT_WIDTHS, View
 from sensors.view.view_cache import ViewCache
 
 FINELY = 0.4
 """Longest step, in standard deviations, with which a line is sampled that edges may cut."""
 _SHIFTS: ViewCache[NDArray[np.float64]] = ViewCache(2)
-_READ: ViewCache[Line] = ViewCache(4, room=KEPT_IN_ALL)
+_READ: ViewCache[Line] = ViewCache(KEPT_WIDTHS, room=KEPT_IN_ALL)
 
 
 class Width(Protocol):

@@ -34,6 +34,8 @@ Floats = NDArray[np.float64]
 KEPT_POINTS = 200_000
 KEPT_IN_ALL = 4_000_000
 """Points of all shifted views that are kept: 200 MB, at fifty bytes or so each."""
+KEPT_WIDTHS = 24
+"""Widths of the line, and exposures, whose readings of a view are kept for the next who asks."""
 
 
 class Reason(IntEnum):
