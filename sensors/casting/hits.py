@@ -1,5 +1,6 @@
 """First hits of a scan's rays on a mesh."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,3 +25,11 @@ class Hits:
     def rows(self, part: slice) -> "Hits":
         """Return the hits of some of the profiles."""
         return Hits(depth_mm=self.depth_mm[part], triangle=self.triangle[part])
+
+    @classmethod
+    def joined(cls, parts: Sequence["Hits"]) -> "Hits":
+        """Return the hits of several scans as those of one, profile after profile."""
+        return cls(
+            depth_mm=np.concatenate([hits.depth_mm for hits in parts]),
+            triangle=np.concatenate([hits.triangle for hits in parts]),
+        )

@@ -197,12 +197,13 @@ def _read_rows(
     sums = np.zeros((10, *view.shape))
     whole = view.in_range.copy()
     one = np.ones((1, 1))
+    places = [eta if len(eta) > 1 else eta[0] for eta in offsets]
+    subs = view.shifted_each(places, axis=axis, camera_y_mm=seen_from)
     for side in (middle >= 0, middle < 0):
         last_depth, last_offset, joined = view.depth_mm, np.zeros(1), view.in_range.copy()
         for k in sorted(np.nonzero(side)[0], key=lambda i: abs(middle[i])):
             eta = offsets[k]
-            place = eta if len(eta) > 1 else eta[0]
-            sub = view.shifted(dy_mm=place) if axis == "y" else view.shifted(dx_mm=place)
+            sub = subs[k]
             light = one
             if intensity is not None:
                 light = intensity(eta)
