@@ -1,6 +1,6 @@
 """Registration again under a model: where the recordings lie if its effects are there."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -23,6 +23,7 @@ def placed_anew(
     noise: NoiseModel,
     *,
     by_law: bool,
+    settled: Collection[int] = (),
 ) -> tuple[list[Patch], dict[str, Placement]]:
     """Place each recording anew with the effects in the model; patches, and placements by name.
 
@@ -34,6 +35,7 @@ def placed_anew(
     ----------
     placed : each recording's placement so far
     by_law : whether the model's law at edges counts, or silhouettes as if they were sharp
+    settled : recordings that are known to lie well under this model
     """
     out: list[Patch] = []
     found = dict(placed)
@@ -41,7 +43,7 @@ def placed_anew(
     for number, recording in enumerate(recorded.recordings):
         own = [p for p in patches if p.recording == number]
         before = placed[recording.name]
-        if not is_whole(own, recorded, number):
+        if number in settled or not is_whole(own, recorded, number):
             placement = before
         elif by_law:
             placement = placed_by_law(own[0], before, model, noise)
@@ -67,10 +69,15 @@ def reregistered(
     """Place recordings anew under a model while that still moves them."""
     if model.is_nominal:
         return patches, placed
+    settled: set[int] = set()
     for _ in range(SETTINGS.placed):
         before = patches
-        patches, placed = placed_anew(model, patches, recorded, placed, noise, by_law=False)
-        if all(a is b for a, b in zip(before, patches, strict=True)):
+        patches, placed = placed_anew(
+            model, patches, recorded, placed, noise, by_law=False, settled=settled
+        )
+        # the same again would come out for them
+        settled |= {a.recording for a, b in zip(before, patches, strict=True) if a is b}
+        if settled.issuperset(p.recording for p in patches):
             break
     return patches, placed
 
