@@ -28,8 +28,6 @@ from sensors.view.view_cache import ViewCache
 WHOLE = 450_000
 STRIP_ROWS = 40
 STRIPS = 5
-KEPT_STRIPS = 8
-"""Strips of a patch that are kept, with what their views have seen, for the next search."""
 FEWEST_ROWS = 16
 """Profiles that a strip keeps at least: several correlation lengths."""
 
@@ -226,7 +224,8 @@ def spikes(residual_mm: Field, used: Mask, sd_mm: Field) -> Mask:
     return np.asarray(_spikes(np.ascontiguousarray(residual_mm), used, limit))
 
 
-_STRIPS: ViewCache[Patch] = ViewCache(KEPT_STRIPS)
+_STRIPS: ViewCache[Patch] = ViewCache(8)
+"""Strips of a patch, with what their views have seen, for the next search."""
 
 
 @njit(cache=True)

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from diagnosis.data.patch import Patch, spikes
 from diagnosis.fields import Field, Mask, Single
@@ -178,7 +177,7 @@ def _met(
     mean: Field, columns: Field, placement: Field, depth: Field, dropped: Mask, sd: Field,
     farthest: float,
 ) -> tuple[Mask, Field, Mask]:  # fmt: skip
-    """Readings seen by both, residuals at a placement, and which are nearer than `farthest`."""
+    """Tell readings seen by both, their residuals at a placement, which are within `farthest`."""
     n, m, count = columns.shape
     seen, used = np.zeros((2, n, m), dtype=np.bool_)
     residual = np.zeros((n, m))
@@ -208,9 +207,10 @@ def log_density(
     0 in profiles that aren't measurements.
     """
     seen, residual, used, whitener = _taken(patch, prediction, noise, placement)
-    innovation = whitener.apply(np.where(used, residual / prediction.sd_mm, 0.0))
+    sd = prediction.sd_mm
+    standard = np.where(used, whitener.apply(np.where(used, residual / sd, 0.0)), residual / sd)
     return _densities(
-        residual, seen, used, innovation, whitener.pattern, whitener.deviation, prediction.sd_mm,
+        residual, standard, seen, np.where(used, whitener.conditional_sd(), 1.0) * sd,
         prediction.p_missing, prediction.p_outlier, prediction.outlier_sd_mm, patch.depth_mm,
         patch.dropped, patch.view.datasheet.z_range_mm,
     )  # fmt: skip
@@ -218,11 +218,15 @@ def log_density(
 
 @njit(cache=True)
 def _densities(
-    residual: Field, seen: Mask, used: Mask, innovation: Field, pattern: NDArray[np.int32],
-    deviation: Field, sd: Field, p_missing: Field, p_outlier: Field, outlier_sd: Field,
-    depth: Field, dropped: Mask, range_mm: float,
+    residual: Field, standard: Field, seen: Mask, spread: Field, p_missing: Field,
+    p_outlier: Field, outlier_sd: Field, depth: Field, dropped: Mask, range_mm: float,
 ) -> Field:  # fmt: skip
-    """Log density (n, m) of readings whose neighbours leave them `deviation[pattern]` of the sd."""
+    """Log density (n, m) of readings, given what each is away from its neighbours' word.
+
+    Parameters
+    ----------
+    standard, spread : that distance in its deviations, and the deviation, mm
+    """
     n, m = residual.shape
     out = np.zeros((n, m))
     for i in range(n):
@@ -235,13 +239,8 @@ def _densities(
             # a reading may come from anywhere, once in ten thousand: no single one decides
             density = STRAY / range_mm
             if seen[i, j]:
-                away, own, share = residual[i, j], sd[i, j], p_outlier[i, j]
-                standard = away / own
-                if used[i, j]:
-                    standard = innovation[i, j]
-                    own *= deviation[pattern[i, j]]
-                inner = (1.0 - share) * math.exp(-0.5 * standard**2) / own
-                wide = away / outlier_sd[i, j]
+                share, wide = p_outlier[i, j], residual[i, j] / outlier_sd[i, j]
+                inner = (1.0 - share) * math.exp(-0.5 * standard[i, j] ** 2) / spread[i, j]
                 outer = share * math.exp(-0.5 * wide**2) / outlier_sd[i, j]
                 density += (inner + outer) / ROOT_2PI
             else:

@@ -134,7 +134,8 @@ def _with(effect: Effect, law: Law, view: View) -> Law:
             view.datasheet.require(key)
         return np.asarray(effect.shift(view))
 
-    return replace(law, mean_mm=law.mean_mm + _SHIFTS.get(view, effect, shift, size=math.prod(view.shape)))
+    by_mm = _SHIFTS.get(view, effect, shift, size=math.prod(view.shape))
+    return replace(law, mean_mm=law.mean_mm + by_mm)
 
 
 def plain_gain(view: View) -> Field:

@@ -19,9 +19,6 @@ from sensors.view.visibility import camera_visible
 
 REACHES = (8.0, 3.0, 1.0, 0.4, 0.15, 0.05)
 """Steps of a search by silhouettes, in pitches."""
-SETTLED, LEVEL = 0.01, 0.1
-"""Simplex that is small enough, in pitches, and level enough, in readings: an edge is known to
-several times as much."""
 
 
 def settled_by_silhouettes(
@@ -99,8 +96,8 @@ def _searched(
             "initial_simplex": best
             + 0.05 * pitch * np.vstack([np.zeros(len(best)), np.eye(len(best))]),
             "maxfev": 30 * len(best),
-            "xatol": SETTLED * pitch,
-            "fatol": LEVEL,
+            "xatol": 1e-3 * pitch,
+            "fatol": 0.01,
         },
     )
     return np.asarray(start + polished.x @ directions)

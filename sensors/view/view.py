@@ -32,8 +32,8 @@ Floats = NDArray[np.float64]
 
 # Shifted views of scans up to this many points are kept for the next effect that asks.
 KEPT_POINTS = 200_000
-KEPT_IN_ALL = 4_000_000
-"""Points of all shifted views that are kept: 200 MB, at fifty bytes or so each."""
+KEPT_IN_ALL = 2_000_000
+"""Points of all shifted views that are kept: 100 MB, at fifty bytes or so each."""
 TOGETHER = 400_000
 """Points of several views that are cast together: for more, a call costs next to nothing."""
 KEPT_WIDTHS = 24

@@ -35,7 +35,7 @@ FORM = {
         "evidence/posterior:ROUNDING",
     ],
     "a bound that keeps a division finite": ["register/pose_derivative:EDGE_ON"],
-    "a cell's floor of a sum": ["evidence/glm:SPARSE", "model/log_density:LOG_STRAY"],
+    "a cell's floor of a sum": ["evidence/glm:SPARSE", "model/log_density:STRAY"],
     "when an iteration ends": [
         "data/albedo:ROUNDS", "data/albedo:TURNS", "discrepancy/learning:TURNS",
         "evidence/glm:LEAST_STEP", "evidence/glm:SETTLED", "evidence/glm:STEPS",
