@@ -26,7 +26,7 @@ FORM = {
     "geometry or definition: no choice": [
         "claims/lay:SHARES_BEFORE", "claims/noise_spectrum:WAVELENGTHS",
         "claims/noise_spectrum:WIDTHS",
-        "data/brightness:SIDE", "model/log_density:LOG_ROOT_2PI", "physics/column_offsets:COMB",
+        "data/brightness:SIDE", "model/log_density:ROOT_2PI", "physics/column_offsets:COMB",
         "physics/curvature:TURN", "validate/heldout:ENDS",
     ],
     "neighbours of a whitened reading, by reach and cost": ["noise/whitening:NEIGHBOURS"],
