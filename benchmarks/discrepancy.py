@@ -3,8 +3,9 @@ r"""What good instruments depart by: learn it from the calibration population an
     flawforge challenge calibrate --out out/calibration --nulls 20 --each 0
     flawforge challenge calibrate --out out/makes --makes --nulls 48 --each 0
     python -m benchmarks.discrepancy out/calibration out/makes --simulated 40 --tolerances 40 \
-        --jobs 2 --write diagnosis/discrepancy/discrepancy.json
+        --jobs 2 --keep out/discrepancy --write diagnosis/discrepancy/discrepancy.json
 
+It takes an hour or two; with `--keep` the same command continues from where it was stopped.
 Only good instruments are used: folders whose truth hides nothing. Each gives, for each component
 of the diagnosis, the likelihood of each size; the mixing distribution over sizes is kept. The same
 is kept of changes, of what the other recordings have beside the first one, taken as a baseline, and
@@ -17,51 +18,26 @@ kind, by that.
 
 import argparse
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import Memory, Parallel, delayed
 from scipy.special import logsumexp
 
+from benchmarks.good_instruments import (
+    Factors, Make, again, changes, departures, inputs_of, simulated,
+)  # fmt: skip
+from benchmarks.other_formulas.run import commit
 from benchmarks.other_formulas.tolerances import good_instrument
 from challenge.sets.calibration_population import OF_MAKES
-from diagnosis.claims.lay import LAY, lay_of
-from diagnosis.claims.plate_noise import level_change
-from diagnosis.data.patch import all_fitted
-from diagnosis.discrepancy.good_instrument import (
-    change_factors,
-    evidence,
-    informed,
-    kinds_of,
-    mean_factors,
-    next_changes,
-    rate_factors,
-)
-from diagnosis.discrepancy.learning import (
-    factors_alike,
-    factors_of_change,
-    learnt,
-    learnt_alike,
-    learnt_changes,
-)
+from diagnosis.discrepancy.good_instrument import evidence
+from diagnosis.discrepancy.learning import learnt, learnt_alike, learnt_changes
 from diagnosis.discrepancy.population import ASPECTS, Kind, Population, aspect_of
-from diagnosis.evidence.long_waves import long_wave_factors
-from diagnosis.evidence.noise_level import AGAINST_PLATES, level_factors, level_unsure
-from diagnosis.evidence.seen import channels_seen, seen
-from diagnosis.model.model import Model
-from diagnosis.model.workspace import Workspace
-from diagnosis.physics.laws_at_edges import factors_at_edges, shown_at_edges
-from diagnosis.prepare import Inputs, Prepared, prepared
-from diagnosis.usual_sizes import changes_among
-from pipeline.parts.part import load_part
 from sensors.datasheet import Datasheet
-from sensors.recording import Recording
-from tests.support.small_parts import VIEWS, datasheet, part, record
 
-SIMULATED = ("domes", "steps", "bowl", "wedge", "valley")
 UNLIKE = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
 """Shares of instruments of another kind that are weighed."""
 STEPS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0)
@@ -78,128 +54,6 @@ def good_folders(root: Path) -> Iterator[Path]:
         hidden = truth.get("secret", truth)
         if hidden.get("kind") == "null":
             yield file.parent
-
-
-Factors = Mapping[str, np.ndarray]
-
-
-def inputs_of(folder: Path) -> Inputs:
-    """Read the recordings and the plates of a good instrument."""
-    part = load_part(folder / "part.stl")
-    files = sorted([*folder.glob("rec-*.h5"), *folder.glob("[abc].h5")])
-    print(folder, flush=True)
-    return Inputs(
-        recordings=[Recording.load(f) for f in files], vertices_mm=part.vertices_mm,
-        faces=part.faces, datasheet=Datasheet.load(folder / "sensor.yaml"),
-        references=[Recording.load(f) for f in sorted(folder.glob("plate*.h5"))],
-    )  # fmt: skip
-
-
-def departures(inputs: Inputs) -> Factors:
-    """Likelihood of each size of each component in one good instrument's recordings."""
-    ready = prepared(inputs, [], lambda _: None)
-    patches = [p for p in ready.patches if p.fit.any()]
-    one = seen(patches, ready.noise, Model())
-    channels = channels_seen(patches, ready.noise, Model(), one)
-    found = mean_factors(one) | rate_factors(channels.values())
-    ws = Workspace.build(patches, ready.noise)
-    found |= long_wave_factors(ws)
-    if ready.nominal is not None:
-        change = level_change(ws, Model(), ready.nominal.sd_mm)
-        unsure = np.hypot(change.unsure, level_unsure(ready.nominal))
-        found[AGAINST_PLATES] = level_factors(change.log, float(unsure))
-    laws = shown_at_edges(one.components, ws)
-    return found | lay_factors(ready) | factors_at_edges(laws)
-
-
-def lay_factors(ready: Prepared) -> Factors:
-    """Likelihood of each size of the lay that the noise seems to have, where that can be seen."""
-    if ready.nominal is None:
-        return {}
-    ws = Workspace.build(all_fitted(ready.patches), ready.noise)
-    lay = lay_of(ws, Model(), ready.nominal, ready.baseline)
-    return {} if lay is None else {LAY: lay[1]}
-
-
-def changes(inputs: Inputs, population: Population, kind: Kind) -> Factors:
-    """Likelihood of what others change beside the first recording, by component.
-
-    See `factors_of_change`.
-
-    Parameters
-    ----------
-    population : by which the first recording is a baseline
-    kind : which the instrument is of
-    """
-    shown, _, found = beside(inputs, population, 1)
-    return {
-        name: factors_of_change(
-            kind.weights[name], shown.get(name, np.zeros(factors.size)), factors
-        )
-        for name, factors in found.items()
-        if name in kind.weights
-    }
-
-
-def again(inputs: Inputs, population: Population) -> Factors:
-    """Likelihood of each share of changes that are as those before, by component.
-
-    The first two recordings are baselines of the third.
-    """
-    shown, (among, laws), found = beside(inputs, population, 2)
-    population = population.of_files(inputs.datasheet.columns)
-    kinds = kinds_of(population, shown, good=True)
-    both = next_changes(population, kinds, shown | laws, among)
-    return {
-        name: factors_alike(*both[name], found[name])
-        for name in among.keys() & both.keys() & found.keys()
-    }
-
-
-def beside(
-    inputs: Inputs, population: Population, count: int
-) -> tuple[Factors, tuple[Factors, Factors], Factors]:
-    """Look at later recordings beside the first ones as baselines.
-
-    Returns
-    -------
-    likelihood of each size of each component in the first; of what they change among themselves,
-    with what laws at edges do in them; of what the later ones change
-    """
-    first, later = inputs.recordings[:count], inputs.recordings[count:]
-    ready = prepared(
-        replace(inputs, recordings=later, holdout=first[:1], baselines=first), [], lambda _: None
-    )
-    patches = [p for p in ready.patches if p.fit.any()]
-    now = seen(patches, ready.noise, Model())
-    before = seen(ready.baseline, ready.noise, Model(), like=now)
-    usual = channels_seen(ready.baseline, ready.noise, Model(), now)
-    shown = mean_factors(before) | rate_factors(usual.values())
-    population = population.of_files(inputs.datasheet.columns)
-    own = informed(population, kinds_of(population, shown, good=True), shown)
-    channels = channels_seen(patches, ready.noise, Model(), now)
-    base, rest = (Workspace.build(part, ready.noise) for part in (ready.baseline, patches))
-    found = {
-        **change_factors(now, before, channels, usual, own),
-        **lay_factors(ready),
-        # what a recording shows of a law is its own edges', and says nothing of the next
-        **factors_at_edges(shown_at_edges(now.components, rest, base)),
-    }
-    return shown, changes_among(ready, now, own), found
-
-
-def simulated(seed: int) -> Inputs:
-    """Make recordings by the plain simulator: Perlin speckle."""
-    name = SIMULATED[seed % len(SIMULATED)]
-    scene, sheet = part(name), datasheet(100)
-    made = [
-        record(scene, sheet, [], name=f"r{k}", seed=1000 + 10 * seed + k, profiles=72,
-               pitch_mm=0.6, **view)
-        for k, view in enumerate(VIEWS)
-    ]  # fmt: skip
-    return Inputs(
-        recordings=made, vertices_mm=scene.vertices_mm, faces=scene.faces, datasheet=sheet
-    )
 
 
 def main() -> None:
@@ -219,6 +73,10 @@ def main() -> None:
     parser.add_argument(
         "--left-out", action="store_true", help="say how well each population is told by the others"
     )
+    parser.add_argument(
+        "--keep", type=Path, metavar="DIR",
+        help="keep there what each instrument shows, by the commit that looked at it",
+    )  # fmt: skip
     parser.add_argument("--write", type=Path, required=True, metavar="FILE.json")
     args = parser.parse_args()
     groups = [group for root in args.roots for group in _of_folders(root)]
@@ -231,8 +89,9 @@ def main() -> None:
             instruments = [partial(make, seed) for seed in range(count)]
             label = f"{name}: {count} calibration instruments"
             groups.append(_Group(name=label, makes=1, columns="", instruments=instruments))
+    kept = Memory(None if args.keep is None else args.keep / commit(), verbose=0).cache
     work = Parallel(n_jobs=args.jobs)
-    shown = [work(delayed(_departures_of)(make) for make in g.instruments) for g in groups]
+    shown = [work(delayed(kept(departures))(make) for make in g.instruments) for g in groups]
     departing = learnt(shown)
     known = Population(kinds=tuple(
         Kind(name=g.name, makes=g.makes, instruments=len(g.instruments), columns=g.columns,
@@ -242,7 +101,7 @@ def main() -> None:
     if args.left_out:
         print(left_out(known, shown))
     changing = learnt_changes([
-        work(delayed(_changes_of)(make, known, kind) for make in g.instruments)
+        work(delayed(kept(changes))(make, known, kind) for make in g.instruments)
         for g, kind in zip(groups, known.kinds, strict=True)
     ])  # fmt: skip
     known = Population(
@@ -251,7 +110,7 @@ def main() -> None:
             for k, (c, a) in zip(known.kinds, changing, strict=True)
         )
     )
-    alike = learnt_alike(work(delayed(_again)(make, known) for make in recorded))
+    alike = learnt_alike(work(delayed(kept(again))(make, known) for make in recorded))
     known = replace(known, alike=alike)
     args.write.write_text(written(known), encoding="utf-8")
 
@@ -263,7 +122,7 @@ class _Group:
     name: str
     makes: int
     columns: str
-    instruments: Sequence[Callable[[], Inputs]]
+    instruments: Sequence[Make]
 
 
 def _of_folders(root: Path) -> list[_Group]:
@@ -285,18 +144,6 @@ def _of_folders(root: Path) -> list[_Group]:
         )
         for columns, folders in sorted(by_columns.items())
     ]
-
-
-def _departures_of(make: Callable[[], Inputs]) -> Factors:
-    return departures(make())
-
-
-def _changes_of(make: Callable[[], Inputs], known: Population, kind: Kind) -> Factors:
-    return changes(make(), known, kind)
-
-
-def _again(make: Callable[[], Inputs], known: Population) -> Factors:
-    return again(make(), known)
 
 
 def left_out(known: Population, shown: Sequence[Sequence[Factors]]) -> str:
