@@ -28,7 +28,13 @@ from joblib import Memory, Parallel, delayed
 from scipy.special import logsumexp
 
 from benchmarks.good_instruments import (
-    Factors, Make, again, changes, departures, inputs_of, simulated,
+    Factors,
+    Make,
+    again,
+    changes,
+    departures,
+    inputs_of,
+    simulated,
 )  # fmt: skip
 from benchmarks.other_formulas.run import commit
 from benchmarks.other_formulas.tolerances import good_instrument
