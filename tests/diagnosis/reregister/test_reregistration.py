@@ -1,5 +1,6 @@
 """Recordings are placed anew under a model, held-out ones too; drifts, levels, strong effects."""
 
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -11,12 +12,13 @@ from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.physics.effect_fit import fit_effect
 from diagnosis.register.placement import PRIOR_SD, Placement
-from diagnosis.reregister.reregistration import placed_anew
+from diagnosis.reregister.reregistration import placed_anew, reregistered
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet
 from sensors.effects.base import Effect
 from sensors.effects.interreflection import Interreflection
+from sensors.effects.line_bow import LineBow
 from sensors.recording import Recording
 from sensors.view.view import View
 from tests.support.effect_case import bench_workspace, taken_with
@@ -110,6 +112,36 @@ def test_a_recording_stays_where_its_readings_are_more_probable(ws: Workspace) -
     assert recorded.asked == [0]
     assert found == patches
     assert placed["r"] is commanded
+
+
+class OneElsewhere(Elsewhere):
+    """Recordings of which the second's registration ends aside, the first's where it lies."""
+
+    asked: ClassVar[list[int]] = []
+
+    def register(self, number: int, *of: object) -> Placement:
+        """Return the best placement of the first."""
+        aside = super().register(number, *of)
+        return aside if number else replace(aside, poses=self.recordings[0].poses)
+
+
+def test_what_lies_well_under_a_model_is_not_placed_again(ws: Workspace) -> None:
+    scene, sheet, laser, made, commanded = as_commanded(0.0)
+    off = commanded.poses.copy()
+    off[:, 2, 3] += 0.2
+    both = (made, replace(made, name="s"))
+    recorded = OneElsewhere(
+        recordings=both, scene=scene, datasheet=sheet, laser=dict.fromkeys("rs", laser),
+        lateral_mm=0.03, held_out=(np.zeros(made.depth_mm.shape, dtype=bool),) * 2,
+    )  # fmt: skip
+    placed = {"r": replace(commanded, poses=off), "s": commanded}
+    patches = [p for k, r in enumerate(both) for p in recorded.cut(k, placed[r.name])]
+    model = Model(effects=(LineBow(sag_um=300.0),))
+    found, where = reregistered(model, patches, recorded, placed, ws.noise)
+    assert recorded.asked == [0, 1, 0]
+    assert found[1] is patches[1]
+    assert where["r"].poses is made.poses
+    assert where["s"] is commanded
 
 
 def test_a_strong_reflection_is_fitted_beyond_what_is_linear(ws: Workspace) -> None:

@@ -174,3 +174,20 @@ def test_poses_and_times_must_fit(view_of):
         View(view.scene, view.sensor, np.eye(4), [0.0])
     with pytest.raises(ValueError, match="time_s"):
         View(view.scene, view.sensor, view.poses, [0.0])
+
+
+def test_views_that_are_cast_together_are_those_cast_one_by_one(view_of):
+    moves = [-0.8, 0.0, 0.3, np.linspace(-0.5, 0.5, len(view_of("step").poses))]
+    together, camera_mm = view_of("step"), view_of("step").datasheet.camera_offset_mm
+    for axis in ("x", "y"):
+        found = together.shifted_each(moves, axis=axis, camera_y_mm=camera_mm)
+        for move, one in zip(moves, found, strict=True):
+            alone = view_of("step").shifted(**{f"d{axis}_mm": move})
+            assert one is together.shifted(**{f"d{axis}_mm": move})
+            assert one.is_cast
+            np.testing.assert_array_equal(one.depth_mm, alone.depth_mm)
+            np.testing.assert_array_equal(one.triangle, alone.triangle)
+            np.testing.assert_array_equal(
+                one.visible_from(camera_mm), alone.visible_from(camera_mm)
+            )
+        assert not found[0].visible.all()
