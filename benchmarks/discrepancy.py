@@ -35,7 +35,7 @@ from benchmarks.good_instruments import (
     departures,
     inputs_of,
     simulated,
-)  # fmt: skip
+)
 from benchmarks.other_formulas.run import commit
 from benchmarks.other_formulas.tolerances import good_instrument
 from challenge.sets.calibration_population import OF_MAKES

@@ -17,10 +17,7 @@ from diagnosis.discrepancy.good_instrument import (
     next_changes,
     rate_factors,
 )
-from diagnosis.discrepancy.learning import (
-    factors_alike,
-    factors_of_change,
-)
+from diagnosis.discrepancy.learning import factors_alike, factors_of_change
 from diagnosis.discrepancy.population import Kind, Population
 from diagnosis.evidence.long_waves import long_wave_factors
 from diagnosis.evidence.noise_level import AGAINST_PLATES, level_factors, level_unsure

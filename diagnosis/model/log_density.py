@@ -208,7 +208,8 @@ def log_density(
     """
     seen, residual, used, whitener = _taken(patch, prediction, noise, placement)
     sd = prediction.sd_mm
-    standard = np.where(used, whitener.apply(np.where(used, residual / sd, 0.0)), residual / sd)
+    away = residual / sd
+    standard = np.where(used, whitener.apply(np.where(used, away, 0.0)), away)
     return _densities(
         residual, standard, seen, np.where(used, whitener.conditional_sd(), 1.0) * sd,
         prediction.p_missing, prediction.p_outlier, prediction.outlier_sd_mm, patch.depth_mm,

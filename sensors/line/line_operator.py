@@ -197,13 +197,13 @@ def _read_rows(
     sums = np.zeros((10, *view.shape))
     whole = view.in_range.copy()
     one = np.ones((1, 1))
-    places = [eta if len(eta) > 1 else eta[0] for eta in offsets]
-    subs = view.shifted_each(places, axis=axis, camera_y_mm=seen_from)
     for side in (middle >= 0, middle < 0):
         last_depth, last_offset, joined = view.depth_mm, np.zeros(1), view.in_range.copy()
-        for k in sorted(np.nonzero(side)[0], key=lambda i: abs(middle[i])):
+        order = sorted(np.nonzero(side)[0], key=lambda i: abs(middle[i]))
+        places = [offsets[k] if len(offsets[k]) > 1 else offsets[k, 0] for k in order]
+        subs = view.shifted_each(places, axis=axis, camera_y_mm=seen_from)
+        for k, sub in zip(order, subs, strict=True):
             eta = offsets[k]
-            sub = subs[k]
             light = one
             if intensity is not None:
                 light = intensity(eta)

@@ -6,7 +6,7 @@ to one set of poses; effects that act below the profile pitch or on the pose use
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from enum import IntEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -390,9 +390,12 @@ class View:
         )
 
     def shifted_each(
-        self, moves_mm: Iterable[ArrayLike], *, axis: str, camera_y_mm: float | None = None
-    ) -> list["View"]:
-        """Return the view displaced by each of several moves, cast together: faster for strips.
+        self, moves_mm: Sequence[ArrayLike], *, axis: str, camera_y_mm: float | None = None
+    ) -> Iterator["View"]:
+        """Yield the view displaced by each of several moves.
+
+        Those of a strip are cast together, which is faster; those of many points one by one, so
+        that memory holds one of them.
 
         Parameters
         ----------
@@ -401,12 +404,15 @@ class View:
         camera_y_mm : float, optional
             Of a camera that is going to be asked what it sees.
         """
-        views = [self.shifted(**{f"d{axis}_mm": move}) for move in moves_mm]
-        if len(views) * math.prod(self.shape) <= TOGETHER:
-            _cast_together([v for v in views if not v.is_cast])
-            if camera_y_mm is not None:
-                _seen_together([v for v in views if camera_y_mm not in v._seen], camera_y_mm)
-        return views
+        views = (self.shifted(**{f"d{axis}_mm": move}) for move in moves_mm)
+        if len(moves_mm) * math.prod(self.shape) > TOGETHER:
+            yield from views
+            return
+        few = list(views)
+        _cast_together([v for v in few if not v.is_cast])
+        if camera_y_mm is not None:
+            _seen_together([v for v in few if camera_y_mm not in v._seen], camera_y_mm)
+        yield from few
 
     @property
     def is_cast(self) -> bool:

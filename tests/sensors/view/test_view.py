@@ -2,6 +2,7 @@
 
 import math
 import pickle
+import weakref
 
 import numpy as np
 import pytest
@@ -180,7 +181,7 @@ def test_views_that_are_cast_together_are_those_cast_one_by_one(view_of):
     moves = [-0.8, 0.0, 0.3, np.linspace(-0.5, 0.5, len(view_of("step").poses))]
     together, camera_mm = view_of("step"), view_of("step").datasheet.camera_offset_mm
     for axis in ("x", "y"):
-        found = together.shifted_each(moves, axis=axis, camera_y_mm=camera_mm)
+        found = list(together.shifted_each(moves, axis=axis, camera_y_mm=camera_mm))
         for move, one in zip(moves, found, strict=True):
             alone = view_of("step").shifted(**{f"d{axis}_mm": move})
             assert one is together.shifted(**{f"d{axis}_mm": move})
@@ -191,3 +192,12 @@ def test_views_that_are_cast_together_are_those_cast_one_by_one(view_of):
                 one.visible_from(camera_mm), alone.visible_from(camera_mm)
             )
         assert not found[0].visible.all()
+
+
+def test_of_views_with_many_points_one_is_held_at_a_time(view_of, monkeypatch):
+    monkeypatch.setattr("sensors.view.view.TOGETHER", 0)
+    monkeypatch.setattr("sensors.view.view.KEPT_POINTS", 0)
+    view, held = view_of("step"), []
+    for one in view.shifted_each([-0.4, 0.2, 0.6], axis="y"):
+        held = [*(v for v in held if v() is not None), weakref.ref(one)]
+        assert len(held) == 1 or held[-2]() is None
