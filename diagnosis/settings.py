@@ -740,14 +740,15 @@ class Settings:
         source="up to 16 times the noise",
     )  # fmt: skip
     least_rate_size: float = quantity(
-        "smallest rms change of a logarithm in the other channels",
+        "smallest rms change in the other channels, of the noise's logarithm and of twice the root "
+        "of the share of losses or outliers",
         default=0.01, unit="1", low=0.0,
-        source="one per cent of the noise or of a share",
+        source="one per cent of the noise; one reading of 40,000",
     )  # fmt: skip
     rate_steps: int = quantity(
         "sizes of that grid, each twice the one before",
         default=10, unit="", low=1, whole=True,
-        source="up to a factor exp(5)",
+        source="up to a factor exp(5) of the noise; all readings are lost at a change of 2",
     )  # fmt: skip
     unlike_steps: float = quantity(
         "by how many doublings the sizes of components lie further apart in a kind of instruments "
@@ -844,14 +845,14 @@ class Settings:
         source="as many as a grain of dust hides; a shadow is more",
     )  # fmt: skip
     level_sd_off: float = quantity(
-        "deviation of the logarithm of a good instrument's share of losses and outliers",
+        "deviation of a good instrument's share of losses and outliers, of that share",
         default=0.2, unit="1", low=0.0,
         source="by convention: known to a fifth; the population says the rest",
     )  # fmt: skip
     level_sd_edge: float = quantity(
-        "the same at depth edges, where no law is exact",
-        default=3.0, unit="1", low=0.0,
-        source="any",
+        "deviation of twice the root of that share at depth edges, where no law is exact",
+        default=1.0, unit="1", low=0.0,
+        source="any: a root is one at most",
     )  # fmt: skip
     reported: float = quantity(
         "probability from which a cause is reported",
@@ -916,12 +917,6 @@ class Settings:
     def rate_sizes(self) -> Floats:
         """Grid of sizes of the linear predictor's change in the other channels."""
         return np.asarray(self.least_rate_size * 2.0 ** np.arange(self.rate_steps))
-
-    def level_sd(self, channel: str) -> Floats:
-        """Deviation of a channel's level, off edges and at them; the noise's own level is free."""
-        if channel == "scale":
-            return np.ones(2)
-        return np.array([self.level_sd_off, self.level_sd_edge])
 
     def log_odds(self, effect: str) -> float:
         """Log odds of a cause before any reading."""

@@ -1,9 +1,15 @@
 """Evidence in the scale, missing and outlier channels: generalised linear models by Laplace.
 
-Scale: a whitened reading e has log density -h - e² exp(-2h) / 2, h the change of the noise's
-logarithm. Missing and outliers: rare events are Poisson, with log density k η - μ exp(η), μ the
-share expected. Sums over cells of readings with one predictor are sufficient for both. Coefficients
-have Gaussian priors, and
+Scale: a whitened reading e has log density -η - e² exp(-2η) / 2, η the change of the noise's
+logarithm. Missing and outliers: rare events are Poisson, and what counts is how many there are:
+
+    √p = √p₀ + η / 2,
+
+p₀ the share expected. The root is what steadies a Poisson count's variance (Bartlett, Suppl. J. R.
+Stat. Soc. 3 (1936) 68), so that η is in deviations of the chance of one reading, as whitened depths
+are: an instrument that loses two readings for one in 10⁵ is nearly as good as before, one that
+loses a fifth of all isn't, and the logarithms of both may have changed alike. Sums over cells of
+readings with one predictor are sufficient. Coefficients have Gaussian priors, and
 
     ln p(y | s) ≈ l(β̂) - ½ |β̂|²/s² - ½ ln |I + s² X'HX|
 
@@ -13,7 +19,8 @@ Biometrika 61 (1974) 439).
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,54 +32,152 @@ Owners = NDArray[np.int64]
 STEPS = 40
 SETTLED = 1e-5
 LEAST_STEP = 1e-3
+LEAST_SHARE = 1e-6
+"""Share of events that is expected anywhere: one in a million."""
 SPARSE = 0.1
 """Share of entries that aren't zero below which columns are kept as a sparse matrix."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Responses:
-    """Readings, or cells of them with one predictor.
+class Likelihood(Protocol):
+    """What readings, or cells of readings with one predictor, say of a linear predictor."""
 
-    Attributes
-    ----------
-    kind : scale or rate
-    seen : (N,) squares of whitened readings, or events
-    usual : (N,) number of readings, or events expected
-    dispersion : by which log likelihoods are divided
-    """
+    def likelihood(self, eta: Floats) -> tuple[float, Floats, Floats]:
+        """Log likelihood at a predictor, its slope and its curvature, (N,)."""
 
-    kind: Literal["scale", "rate"]
-    seen: Floats
-    usual: Floats
-    dispersion: float
+
+class Responses(Likelihood, Protocol):
+    """What readings show of a channel."""
+
+    @property
+    def dispersion(self) -> float:
+        """By which log likelihoods are divided."""
+
+    @property
+    def seen(self) -> Floats:
+        """Squares of whitened readings, or events, (N,)."""
 
     def information(self) -> float:
         """Return the curvature of the log likelihood by a change of the level."""
-        return float(self.likelihood(np.zeros(self.seen.size))[2].sum())
 
     def moved(self, change: Floats) -> "Responses":
-        """Return the same where the predictor is changed already."""
-        if self.kind == "scale":
-            return replace(self, seen=self.seen * np.exp(-2 * change))
-        return replace(self, usual=self.usual * np.exp(change))
+        """Return the same readings where the predictor is changed already."""
 
-    def in_cells(self, owner: Owners, count: int) -> "Responses":
+    def in_cells(self, owner: Owners, count: int) -> Likelihood:
         """Sum over cells; exact where the predictor is the same throughout a cell."""
-        return replace(
-            self, seen=np.bincount(owner, self.seen, count).astype(np.float64),
-            usual=np.bincount(owner, self.usual, count).astype(np.float64),
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Squares:
+    """Squares of whitened readings; see `Responses`.
+
+    Attributes
+    ----------
+    number : (N,) of readings
+    """
+
+    seen: Floats
+    number: Floats
+    dispersion: float = 1.0
+
+    def information(self) -> float:
+        """Return the curvature of the log likelihood by a change of the level."""
+        return float(2 * self.seen.sum()) / self.dispersion
+
+    def moved(self, change: Floats) -> "Squares":
+        """Return the same readings where the predictor is changed already."""
+        return replace(self, seen=self.seen * np.exp(-2 * change))
+
+    def in_cells(self, owner: Owners, count: int) -> "Squares":
+        """Sum over cells."""
+        seen, number = (_sums(x, owner, count) for x in (self.seen, self.number))
+        return replace(self, seen=seen, number=number)
+
+    def likelihood(self, eta: Floats) -> tuple[float, Floats, Floats]:
+        """Log likelihood at a predictor, its slope and its curvature, (N,)."""
+        part, d = self.seen * np.exp(-2 * eta), self.dispersion
+        value = -self.number * eta - 0.5 * part
+        return float(value.sum()) / d, (part - self.number) / d, 2 * part / d
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Events:
+    """Lost readings, or outliers, of readings one by one; see `Responses`.
+
+    Attributes
+    ----------
+    seen : (N,) 1 for an event
+    usual : (N,) share expected
+    """
+
+    seen: Floats
+    usual: Floats
+    dispersion: float = 1.0
+
+    @cached_property
+    def root(self) -> Floats:
+        """Root of the share expected; no reading is certain."""
+        return np.sqrt(np.maximum(self.usual, LEAST_SHARE))
+
+    def information(self) -> float:
+        """Return the curvature of the log likelihood by a change of the level."""
+        return self.seen.size / self.dispersion
+
+    def moved(self, change: Floats) -> "Events":
+        """Return the same readings where the predictor is changed already."""
+        return replace(self, usual=np.square(np.maximum(self.root + change / 2, 0.0)))
+
+    def in_cells(self, owner: Owners, count: int) -> "EventsInCells":
+        """Sum over cells."""
+        of = (self.seen, np.square(self.root), self.root, np.ones_like(self.root))
+        seen, usual, roots, number = (_sums(x, owner, count) for x in of)
+        at_events = _sums(self.seen * self.root, owner, count) / np.maximum(seen, 1.0)
+        return EventsInCells(
+            seen=seen, usual=usual, roots=roots, number=number, at_events=at_events,
+            dispersion=self.dispersion,
         )  # fmt: skip
 
     def likelihood(self, eta: Floats) -> tuple[float, Floats, Floats]:
         """Log likelihood at a predictor, its slope and its curvature, (N,)."""
-        if self.kind == "scale":
-            part = self.seen * np.exp(-2 * eta)
-            value, slope, curve = -self.usual * eta - 0.5 * part, part - self.usual, 2 * part
-        else:
-            part = self.usual * np.exp(eta)
-            value, slope, curve = self.seen * eta - part, self.seen - part, part
-        d = self.dispersion
+        return self.in_cells(np.arange(self.seen.size), self.seen.size).likelihood(eta)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class EventsInCells:
+    """Sums of events over cells.
+
+    Attributes
+    ----------
+    seen, usual : (N,) events, and events expected
+    roots : (N,) sum of the roots of the shares expected
+    number : (N,) of readings
+    at_events : (N,) mean root of the share expected where events are
+    """
+
+    seen: Floats
+    usual: Floats
+    roots: Floats
+    number: Floats
+    at_events: Floats
+    dispersion: float
+
+    def likelihood(self, eta: Floats) -> tuple[float, Floats, Floats]:
+        """Log likelihood at a predictor, its slope and its curvature, (N,).
+
+        No share's root is below zero where there are events.
+        """
+        some, d = self.seen > 0, self.dispersion
+        root = np.where(some, self.at_events + eta / 2, 1.0)
+        if (root <= 0).any():
+            return -np.inf, np.zeros_like(eta), np.ones_like(eta)
+        expected = self.usual + eta * self.roots + np.square(eta) * self.number / 4
+        value = 2 * self.seen * np.log(root) - expected
+        slope = self.seen / root - self.roots - eta * self.number / 2
+        curve = self.seen / np.square(root) / 2 + self.number / 2
         return float(value.sum()) / d, slope / d, curve / d
+
+
+def _sums(values: Floats, owner: Owners, count: int) -> Floats:
+    return np.bincount(owner, values, count).astype(np.float64)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -94,7 +199,7 @@ class Mode:
         return np.asarray(np.sqrt(np.square(self.root).sum(axis=1)))
 
 
-def mode(responses: Responses, columns: Floats, sd: Floats, start: Floats | None = None) -> Mode:
+def mode(responses: Likelihood, columns: Floats, sd: Floats, start: Floats | None = None) -> Mode:
     """Find the posterior's mode by damped Newton steps.
 
     Parameters

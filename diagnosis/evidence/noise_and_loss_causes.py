@@ -159,8 +159,9 @@ class RateSearch:
     ) -> tuple[dict[str, _Weighed], RateCandidate | None]:
         """Weigh candidates, each against a good instrument, by name.
 
-        No law is exact: what follows nearly the same curve as the best is as good. That holds for
-        what a good instrument has as well as for a cause, and for what the laws before leave.
+        No law is exact: what follows nearly the same curve as the best is as good, but for what
+        it pays for its freedom. That holds for what a good instrument has as well as for a cause,
+        and for what the laws before leave.
 
         Parameters
         ----------
@@ -185,7 +186,8 @@ class RateSearch:
         for c in candidates:
             one = made[c.name]
             less = float(best.factors.max() - one.factors.max())
-            factors = one.factors + min(alike, less)
+            misfit = max(best.gain - one.gain, 0.0)
+            factors = one.factors + min(alike, less, misfit)
             quiet = np.log(np.maximum(self.scales.of(c.key), 1e-300))
             good = float(logsumexp(factors + quiet))
             if good > nothing:

@@ -23,7 +23,7 @@ from diagnosis.components.component import (
 from diagnosis.components.smooth import Ranges
 from diagnosis.components.whitened_columns import column_groups
 from diagnosis.data.patch import Patch
-from diagnosis.evidence.glm import Owners, Responses
+from diagnosis.evidence.glm import Events, Owners, Responses, Squares
 from diagnosis.fields import Mask
 from diagnosis.model.log_density import Whitened
 from diagnosis.noise.noise_model import NoiseModel
@@ -122,9 +122,17 @@ def channel_of(
     edge = np.concatenate([p.edge[k] for p, k in zip(patches, picks, strict=True)])
     made = (_candidate(c, patches, picks, edge, ranges) for c in components_of(name))
     return Channel(
-        name=name, responses=responses, level_sd=SETTINGS.level_sd(name),
+        name=name, responses=responses, level_sd=_level_sd(responses),
         candidates=tuple(c for c in made if c is not None), picks=tuple(picks),
     )  # fmt: skip
+
+
+def _level_sd(responses: Responses) -> Floats:
+    """Deviation of the level, off edges and at them; the noise's own level is free."""
+    if not isinstance(responses, Events):
+        return np.ones(2)
+    usual = float(responses.root.mean())
+    return np.array([SETTINGS.level_sd_off * usual, SETTINGS.level_sd_edge])
 
 
 def _responses(
@@ -163,13 +171,11 @@ def _responses(
         dispersion = float(np.square(sums).mean()) / 2 if sums.size else 1.0
     else:
         dispersion = min(loose / max(heads, 1), SETTINGS.largest_clump)
-    events, expected = np.concatenate(seen), np.concatenate(usual)
-    if name != "scale":
-        expected = _at_least_usual(events, expected)
-    return picks, Responses(
-        kind="scale" if name == "scale" else "rate", seen=events, usual=expected,
-        dispersion=max(dispersion, 1.0),
-    )  # fmt: skip
+    dispersion, events, expected = max(dispersion, 1.0), np.concatenate(seen), np.concatenate(usual)
+    if name == "scale":
+        return picks, Squares(seen=events, number=expected, dispersion=dispersion)
+    usual_share = _at_least_usual(events, expected)
+    return picks, Events(seen=events, usual=usual_share, dispersion=dispersion)
 
 
 def _at_least_usual(events: Floats, expected: Floats) -> Floats:

@@ -34,7 +34,9 @@ FORM = {
         "claims/mounting:TINY", "components/law_forms:ROUNDED", "evidence/gram:ROUNDED",
         "evidence/posterior:ROUNDING",
     ],
-    "a bound that keeps a division finite": ["register/pose_derivative:EDGE_ON"],
+    "a bound that keeps a division finite": [
+        "evidence/glm:LEAST_SHARE", "register/pose_derivative:EDGE_ON",
+    ],
     "a cell's floor of a sum": ["evidence/glm:SPARSE", "model/log_density:STRAY"],
     "when an iteration ends": [
         "data/albedo:ROUNDS", "data/albedo:TURNS", "discrepancy/learning:TURNS",

@@ -5,11 +5,13 @@ from typing import Literal
 import numpy as np
 
 from diagnosis.components.component import Component, components_of
-from diagnosis.evidence.glm import Responses
+from diagnosis.evidence.glm import Events, Responses, Squares
 from diagnosis.evidence.noise_and_loss_channels import Channel, RateCandidate, RateVariant
 from diagnosis.settings import SETTINGS
 
 CELLS, COUNT = 8, 40_000
+USUAL = 0.1
+"""Share of readings that are lost."""
 U = np.linspace(-1.0, 1.0, CELLS)
 LINEAR = U / np.sqrt(np.mean(U**2))
 
@@ -27,15 +29,18 @@ def channel_with(
     owner = rng.integers(0, CELLS, count)
     eta = change * columns[owner, 0]
     if kind == "scale":
-        seen, usual = np.square(rng.standard_normal(count) * np.exp(eta)), np.ones(count)
+        squares = np.square(rng.standard_normal(count) * np.exp(eta))
+        responses: Responses = Squares(seen=squares, number=np.ones(count))
+        level_sd = np.ones(2)
     else:
-        usual = np.full(count, 0.02)
-        seen = (rng.random(count) < usual * np.exp(eta)).astype(float)
+        usual = np.full(count, USUAL)
+        share = np.square(np.maximum(np.sqrt(USUAL) + eta / 2, 0.0))
+        responses = Events(seen=(rng.random(count) < share).astype(float), usual=usual)
+        level_sd = np.array([SETTINGS.level_sd_off * np.sqrt(USUAL), SETTINGS.level_sd_edge])
     name = "scale" if kind == "scale" else "missing"
     variant = RateVariant(owner=owner, count=CELLS, level=np.tile([1.0, 0.0], (CELLS, 1)),
                           columns=columns)  # fmt: skip
-    responses = Responses(kind=kind, seen=seen, usual=usual, dispersion=1.0)
     return Channel(
-        name=name, responses=responses, level_sd=SETTINGS.level_sd(name), picks=(),
+        name=name, responses=responses, level_sd=level_sd, picks=(),
         candidates=(RateCandidate(component=component(name, effect), variants=(variant,)),),
     )  # fmt: skip

@@ -4,18 +4,17 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from diagnosis.evidence.glm import Responses, mode
+from diagnosis.evidence.glm import Events, Responses, Squares, mode
 
 
 def responses(kind: str, seed: int = 0, count: int = 300) -> tuple[Responses, np.ndarray]:
     rng = np.random.default_rng(seed)
     u = rng.uniform(-1, 1, count)
     if kind == "scale":
-        seen, usual = np.square(rng.standard_normal(count) * np.exp(0.2 * u)), np.ones(count)
-    else:
-        usual = np.full(count, 0.05)
-        seen = (rng.random(count) < 0.05 * np.exp(0.8 * u)).astype(float)
-    return Responses(kind=kind, seen=seen, usual=usual, dispersion=1.0), u  # type: ignore[arg-type]
+        squares = np.square(rng.standard_normal(count) * np.exp(0.2 * u))
+        return Squares(seen=squares, number=np.ones(count)), u
+    seen = rng.random(count) < np.square(0.3 + 0.15 * u)
+    return Events(seen=seen.astype(float), usual=np.full(count, 0.09)), u
 
 
 @pytest.mark.parametrize("kind", ["scale", "rate"])

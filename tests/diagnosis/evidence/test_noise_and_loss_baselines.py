@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from diagnosis.evidence.glm import Events
 from diagnosis.evidence.mean_causes import Scales
 from diagnosis.evidence.noise_and_loss_baselines import beside_baselines
 from diagnosis.evidence.noise_and_loss_causes import RateMember, RateSearch
@@ -45,14 +46,23 @@ def test_where_baselines_did_not_look_they_promise_nothing(kind: str, effect: st
     curves = np.stack([LINEAR, LINEAR - flat], axis=1)
     now = with_columns(channel_with(0.9, kind, effect, flat[:, None], 1), curves)
     usual = with_columns(channel(0.9, kind, effect, 2), curves)
-    owner, all_of_it = usual.candidates[0].variants[0].owner, usual.responses
-    reached = U[owner] < 0
-    usual = replace(usual, responses=replace(
-        all_of_it, seen=all_of_it.seen * reached, usual=all_of_it.usual * reached
-    ))  # fmt: skip
+    usual = within(usual, U[usual.candidates[0].variants[0].owner] < 0)
     assert not found_beside(now, usual)
     # where baselines looked, what has changed is found as before
     assert found_beside(with_columns(channel(1.8, kind, effect, 3), curves), usual)
+
+
+def within(one: Channel, reached: np.ndarray) -> Channel:
+    """Take the readings that were reached."""
+    responses, (candidate,) = one.responses, one.candidates
+    of_readings = ("seen", "usual" if isinstance(responses, Events) else "number")
+    taken = {f: getattr(responses, f)[reached] for f in of_readings}
+    (variant,) = candidate.variants
+    variants = (replace(variant, owner=variant.owner[reached]),)
+    return replace(
+        one, responses=replace(responses, **taken),
+        candidates=(replace(candidate, variants=variants),),
+    )  # fmt: skip
 
 
 def with_columns(one: Channel, columns: np.ndarray) -> Channel:
