@@ -19,7 +19,7 @@ from diagnosis.evidence.reported_causes import Cause
 from diagnosis.explained_again import explained_again
 from diagnosis.explanation import Explanation, Progress
 from diagnosis.localise.maps import RecordingMaps, map_recording
-from diagnosis.localise.residual_structure import residual_structure
+from diagnosis.localise.residual_structure import described, residual_structure
 from diagnosis.model.model import Model
 from diagnosis.model.shrinkage import shrunk
 from diagnosis.model.workspace import Workspace
@@ -97,6 +97,7 @@ def diagnose(
         verdict=verdict,
         effects=found,
         left=residual_structure(explanation.unexplained, explanation.ws, judged.model),
+        usual=described(explanation.usual, explanation.ws),
         next_measurements=measure,
         none_of_these=_none_of_these(judged.causes, against_claims),
         population=known.name,

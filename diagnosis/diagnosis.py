@@ -23,6 +23,8 @@ class Diagnosis:
     ----------
     verdict : match, explained, partly_explained or unexplained
     effects : found, largest held-out gain first
+    usual : what the recordings show and good instruments have as well, with the probability that it
+        is a fault all the same
     left : structure of the residuals that no named effect explains
     none_of_these : probability that none of the names holds
     population : that set the scales
@@ -37,6 +39,7 @@ class Diagnosis:
     verdict: str
     effects: tuple[FoundEffect, ...]
     left: tuple[Residual, ...]
+    usual: tuple[Residual, ...]
     none_of_these: float
     next_measurements: tuple[NextScan, ...]
     population: str

@@ -5,8 +5,21 @@ from dataclasses import dataclass, replace
 
 from diagnosis.evidence.assess import Assessment, assessed_mean
 from diagnosis.evidence.mean_causes import Member
-from diagnosis.evidence.reported_causes import Cause, Unexplained, not_yet_named, reported
-from diagnosis.explain_laws import Good, by_law, by_law_at_edges, is_law, seen_again
+from diagnosis.evidence.reported_causes import (
+    Cause,
+    Unexplained,
+    not_yet_named,
+    reported,
+    usual_components,
+)
+from diagnosis.explain_laws import (
+    Good,
+    by_law,
+    by_law_at_edges,
+    is_law,
+    seen_again,
+    weighed_at_edges,
+)
 from diagnosis.explain_rates import explain_rates
 from diagnosis.explanation import Explanation, Progress, State, fitted_part
 from diagnosis.first_look import FirstLook
@@ -47,6 +60,8 @@ def explain(
     good = Good(noise=noise, scales=scales, departures=departures, baseline=ready.baseline)
     members: tuple[Member, ...] = ()
     unexplained: list[Unexplained] = []
+    usual: list[Unexplained] = []
+    usual_laws: Sequence[Unexplained] = ()
     before_law: _BeforeLaw | None = None
     for _ in range(SETTINGS.rounds):
         found = assessed_mean(
@@ -62,14 +77,18 @@ def explain(
             state, before_law = before_law.refuting(state.names[-1]), None
             continue
         named, unexplained = reported(found)
+        usual = usual_components(found)
         further = _further(state, found, named, good, notes, progress)
-        if further is None:
-            further = by_law_at_edges(state, found, None, good, notes, progress)
+        if further is None and state.gained <= 0:
+            at_edges = weighed_at_edges(state, found, good, progress)
+            usual_laws = at_edges.habits
+            if at_edges.unusual:
+                further = by_law_at_edges(state, found, at_edges, None, good, notes)
         if further is None:
             break
         before_law = _before_law(state, found, further)
         state = further
-    state, of_rates = explain_rates(
+    state, of_rates, usual_rates = explain_rates(
         state, look.baseline_channels, scales, noise, withheld=withheld, notes=notes,
         progress=progress,
     )  # fmt: skip
@@ -78,6 +97,7 @@ def explain(
         patches=tuple(state.patches), placed=state.placed, recorded=state.recorded,
         ws=fitted_part(state.patches, noise), first=look.now, members=members, scales=scales,
         departures=departures,
+        usual=(*usual, *(u for u in usual_laws if u.component not in state.names), *usual_rates),
     )  # fmt: skip
 
 
@@ -149,7 +169,8 @@ def _further(
         return None
     (cause,) = new
     if is_law(cause):
-        return by_law_at_edges(state, found, cause, good, notes, progress)
+        at_edges = weighed_at_edges(state, found, good, progress)
+        return by_law_at_edges(state, found, at_edges, cause, good, notes)
     return by_law(state, found, cause, good, notes, progress)
 
 

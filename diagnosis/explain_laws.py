@@ -1,6 +1,6 @@
 """One more law: of a cause that a free curve shows, or of light at edges."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +9,7 @@ from diagnosis.components.component import Component, laws_stated
 from diagnosis.data.patch import Patch
 from diagnosis.evidence.assess import Assessment
 from diagnosis.evidence.mean_causes import Scales
-from diagnosis.evidence.reported_causes import Cause
+from diagnosis.evidence.reported_causes import Cause, Unexplained
 from diagnosis.evidence.seen import Seen, seen
 from diagnosis.evidence.usual_share import usual_share
 from diagnosis.explanation import Progress, State, Tried, completed, fitted_part
@@ -96,13 +96,55 @@ def _with_usual_share(cause: Cause, now: Seen, found: Assessment, good: Good) ->
     return replace(cause, unsure=unsure)
 
 
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class AtEdges:
+    """Laws of light at edges, each weighed by itself.
+
+    Attributes
+    ----------
+    laws : that may be named yet
+    unusual : those of which good instruments have less, as causes, the least usual first
+    usual : names of those of which they have as much; what the strongest explains, each that
+        resembles it may, where the strongest is more than usual
+    habits : what good instruments have as well
+    """
+
+    laws: Sequence[Component]
+    unusual: Sequence[Cause] = ()
+    usual: Collection[str] = ()
+    habits: Sequence[Unexplained] = ()
+
+
+def weighed_at_edges(
+    state: State, found: Assessment, good: Good, progress: Progress
+) -> AtEdges:
+    """Weigh each law at edges by its own size, where one could tell that it is a cause.
+
+    The law that explains most is in the model while the others are weighed: they resemble it.
+    """
+    laws = _laws_of(state, found)
+    nameable = _nameable(laws, state, good)
+    if not nameable:
+        return AtEdges(laws=laws)
+    progress("trying laws at edges")
+    ws = fitted_part(state.patches, good.noise)
+    before = good.seen_by(state.recorded.datasheet)
+    tried = laws_in_turn(laws, ws, state.model, before, explained=state.explained)
+    own = [law for law in tried if law.component in nameable]
+    unusual, habits = unusual_at_edges(own, good.scales)
+    names = {c.name for c in unusual}
+    strongest = tried[0].component.effect in names
+    usual = set() if strongest else {law.effect for law in nameable} - names
+    return AtEdges(laws=laws, unusual=unusual, usual=usual, habits=habits)
+
+
 def by_law_at_edges(
     state: State,
     found: Assessment,
+    at_edges: AtEdges,
     cause: Cause | None,
     good: Good,
     notes: list[str],
-    progress: Progress,
 ) -> State | None:
     """Explain what stands out at edges by one law, and look again; None where nothing does.
 
@@ -114,12 +156,7 @@ def by_law_at_edges(
     ----------
     cause : as such columns show it; None where they show none
     """
-    laws = _laws_of(state, found)
-    nameable = _nameable(laws, state, good)
-    if cause is None and (state.gained > 0 or not nameable):
-        return None
-    progress("trying laws at edges")
-    unusual, usual = _unusual(nameable, laws, state, good) if nameable else ([], set())
+    laws, unusual, usual = at_edges.laws, at_edges.unusual, at_edges.usual
     itself = {c.name: c.probability for c in unusual}
     everything = state.refuted | {law.effect for law in laws}
     if cause is None or cause.name in usual:
@@ -151,28 +188,6 @@ def _nameable(laws: Sequence[Component], state: State, good: Good) -> list[Compo
     """Pick the laws at edges whose own size could tell that they are no good instrument's."""
     listed = laws_stated(state.patches[0].view.sensor.effects)
     return [c for c in laws if may_be_named(c, good.scales, listed=listed)]
-
-
-def _unusual(
-    nameable: Sequence[Component], laws: Sequence[Component], state: State, good: Good
-) -> tuple[list[Cause], set[str]]:
-    """List the laws of which good instruments have less as causes, the least usual first.
-
-    The law that explains most is in the model while the others are weighed: they resemble it.
-
-    Returns
-    -------
-    causes; names of laws of which good instruments have as much. What the strongest explains, each
-    that resembles it may, where the strongest is more than usual.
-    """
-    ws = fitted_part(state.patches, good.noise)
-    before = good.seen_by(state.recorded.datasheet)
-    found = laws_in_turn(laws, ws, state.model, before, explained=state.explained)
-    unusual = unusual_at_edges([law for law in found if law.component in nameable], good.scales)
-    names = {c.name for c in unusual}
-    if found[0].component.effect in names:
-        return unusual, set()
-    return unusual, {law.effect for law in nameable} - names
 
 
 def _completed(state: State, cause: Cause, noise: NoiseModel, notes: list[str]) -> State:

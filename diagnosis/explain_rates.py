@@ -18,6 +18,7 @@ from diagnosis.evidence.reported_causes import (
     not_yet_named,
     reported,
     unnamed,
+    usual_components,
 )
 from diagnosis.evidence.seen import Whitening, channel_seen
 from diagnosis.explanation import Progress, State, completed, fitted_part
@@ -38,7 +39,7 @@ def explain_rates(
     withheld: frozenset[str],
     notes: list[str],
     progress: Progress,
-) -> tuple[State, list[Unexplained]]:
+) -> tuple[State, list[Unexplained], list[Unexplained]]:
     """Find the causes of what departs in noise, losses and outliers, and fit their laws.
 
     Parameters
@@ -49,9 +50,10 @@ def explain_rates(
 
     Returns
     -------
-    the explanation with them, and what has no name
+    the explanation with them; what has no name; what good instruments have as well
     """
     unexplained: list[Unexplained] = []
+    usual: list[Unexplained] = []
     whole = _whitened(state, noise)
     for name in IN_TURN:
         channels = _seen(name, whole, state, baseline_channels)
@@ -71,7 +73,8 @@ def explain_rates(
                 nameless = [*strange, *nameless]
                 break
         unexplained += [*alike, *nameless]
-    return state, unexplained
+        usual += usual_components(found)
+    return state, unexplained, usual
 
 
 def _whitened(state: State, noise: NoiseModel) -> Whitening:

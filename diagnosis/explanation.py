@@ -33,6 +33,7 @@ class Explanation:
     unexplained : components that no catalogued effect claims
     first, members : the recordings as they were seen under the nominal model, and the mean's
         causes as they were weighed then
+    usual : what good instruments have as well, with the probability that it is a fault
     scales, departures : what a good instrument has of each component, or changes by since its
         baselines, and what it shares with them
     """
@@ -48,6 +49,7 @@ class Explanation:
     members: tuple[Member, ...]
     scales: Mapping[str, Field]
     departures: Mapping[str, Field]
+    usual: tuple[Unexplained, ...] = ()
 
     @property
     def held(self) -> list[Patch]:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.evidence.mean_causes import CauseSearch, Member, Scales
-from diagnosis.evidence.noise_and_loss_causes import RateMember, RateSearch
+from diagnosis.evidence.mean_causes import CauseSearch, Habit, Member, Scales
+from diagnosis.evidence.noise_and_loss_causes import RateHabit, RateMember, RateSearch
 from diagnosis.evidence.noise_and_loss_channels import Channel
 from diagnosis.evidence.seen import Seen, worlds_of
 from diagnosis.settings import SETTINGS
@@ -24,11 +24,14 @@ class Assessment:
     mean : members of the mean's set
     rates : members of the other channels
     effects : by channel, the effect of each candidate ("" of unknown ones)
+    usual, usual_rates : what good instruments have as well, of the mean and of the other channels
     """
 
     mean: tuple[Member, ...]
     rates: tuple[RateMember, ...]
     effects: Mapping[str, Mapping[str, str]]
+    usual: tuple[Habit, ...] = ()
+    usual_rates: tuple[RateHabit, ...] = ()
 
 
 def assessed_mean(
@@ -55,7 +58,10 @@ def assessed_mean(
     """
     search = _search(found, scales, baseline, departures, withheld, refuted, explained)
     effects = {c.name: "" if c.effect in withheld else c.effect for c in found.candidates}
-    return Assessment(mean=tuple(search.search()), rates=(), effects={"mean": effects})
+    members, usual = search.search()
+    return Assessment(
+        mean=tuple(members), rates=(), effects={"mean": effects}, usual=tuple(usual)
+    )
 
 
 def weighed_again(
@@ -110,11 +116,15 @@ def assessed_rates(
 ) -> Assessment:
     """Weigh the causes of what the scale, the losses and the outliers depart by."""
     rates: list[RateMember] = []
+    usual: list[RateHabit] = []
     effects: dict[str, dict[str, str]] = {}
     for channel in channels:
-        rates += RateSearch(
-            channel, Scales(sizes=SETTINGS.rate_sizes(), weights=scales), withheld
-        ).search()
+        scales_of = Scales(sizes=SETTINGS.rate_sizes(), weights=scales)
+        found, habits = RateSearch(channel, scales_of, withheld).search()
+        rates += found
+        usual += habits
         known = {c.name: c.component.effect for c in channel.candidates}
         effects[channel.name] = {n: "" if e in withheld else e for n, e in known.items()}
-    return Assessment(mean=(), rates=tuple(rates), effects=effects)
+    return Assessment(
+        mean=(), rates=tuple(rates), effects=effects, usual_rates=tuple(usual)
+    )

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
+from scipy.special import expit, logsumexp
 
 from diagnosis.evidence.candidates import Candidate
 from diagnosis.evidence.changed_sizes import changed, usual
@@ -121,18 +121,34 @@ class Weighed:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Habit:
+    """What a good instrument has, as these readings show it.
+
+    Attributes
+    ----------
+    nats : by how much more probable than nothing it is
+    fault : probability that there is a cause in its place, and no good instrument
+    """
+
+    active: Active
+    nats: float
+    fault: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Weighing:
     """Candidates beside a set.
 
     Attributes
     ----------
     causes : by name, each against a good instrument
-    usual : what a good instrument has that explains most; None where that is no more than chance,
-        and where beside it no other candidate could have odds above one
+    usual : what a good instrument has that explains most; None where that is no more than chance
+    hides : whether beside it another candidate could have odds above one
     """
 
     causes: Mapping[str, Weighed]
-    usual: Active | None
+    usual: Habit | None
+    hides: bool
 
 
 class CauseSearch:
@@ -219,43 +235,58 @@ class CauseSearch:
             found[c.name][0] + self.log_odds(c) > 0
             for c in candidates if _cause(c) != _cause(usual[0])
         )  # fmt: skip
-        return Weighing(
-            causes={
-                n: Weighed(nats=nats - nothing, variant=v, size=s)
-                for n, (nats, v, s) in found.items()
-            },
-            usual=usual if hidden and nothing >= SETTINGS.stands_out else None,
-        )
+        causes = {
+            n: Weighed(nats=nats - nothing, variant=v, size=s)
+            for n, (nats, v, s) in found.items()
+        }
+        habit = None
+        if usual is not None and nothing >= SETTINGS.stands_out:
+            fault = expit(self._together(causes, candidates))
+            habit = Habit(active=usual, nats=nothing, fault=float(fault))
+        return Weighing(causes=causes, usual=habit, hides=hidden)
+
+    def _together(self, causes: Mapping[str, Weighed], candidates: Sequence[Candidate]) -> float:
+        """Log odds that one of the candidates is there, whichever, against none."""
+        return float(logsumexp([causes[c.name].nats + self.log_odds(c) for c in candidates]))
 
     def log_odds(self, candidate: Candidate) -> float:
         """Log odds of a candidate before any reading."""
         return SETTINGS.log_odds(candidate.effect)
 
-    def search(self) -> list[Member]:
-        """Find the most probable set and weigh its members."""
+    def search(self) -> tuple[list[Member], list[Habit]]:
+        """Find the most probable set and weigh its members.
+
+        Returns
+        -------
+        members; what good instruments have that the readings show beside them, as far as it was
+        asked for
+        """
         active: list[Active] = []
         usual: list[Active] = []
+        habits: list[Habit] = []
         while len(active) < SETTINGS.most_causes:
-            best, habit = self._best([*usual, *active])
+            best, weighing = self._best([*usual, *active])
             if best is not None:
                 active.append(best)
                 if best[0].component.relaxed.spanned:
                     break  # a few points of its grid aren't its law: fit that before going on
                 active = self._resized(active, usual)
-            elif habit is not None:
-                usual.append(habit)
-                active = self._standing(active, usual)
-            else:
+                continue
+            if weighing.usual is not None:
+                habits.append(weighing.usual)
+            if weighing.usual is None or not weighing.hides:
                 break
-        return self.weighed(active, usual)
+            usual.append(weighing.usual.active)
+            active = self._standing(active, usual)
+        return self.weighed(active, usual), habits
 
     def _standing(self, active: Sequence[Active], usual: Sequence[Active]) -> list[Active]:
         """Drop the members that what a good instrument has explains, the least likely first."""
         out = list(active)
         while out:
-            odds = [m.nats + self.log_odds(m.candidate) for m in self.weighed(out, usual)]
-            worst = int(np.argmin(odds))
-            if odds[worst] > 0:
+            none = [m.shares[""] for m in self.weighed(out, usual)]
+            worst = int(np.argmax(none))
+            if none[worst] < SETTINGS.reported:
                 break
             del out[worst]
         return out
@@ -265,50 +296,54 @@ class CauseSearch:
         usual: list[Active] = []
         while True:
             beside = [*usual, *active]
-            habit = self.weigh(self.posteriors(beside), self._free(beside)).usual
-            if habit is None:
+            weighing = self.weigh(self.posteriors(beside), self._free(beside))
+            if weighing.usual is None or not weighing.hides:
                 return usual
-            usual.append(habit)
+            usual.append(weighing.usual.active)
 
     def _free(self, active: Sequence[Active]) -> list[Candidate]:
         """List the candidates whose causes aren't in a set."""
         taken = {_cause(c) for c, _, _ in active}
         return [c for c in self.candidates if _cause(c) not in taken]
 
-    def _best(self, active: Sequence[Active]) -> tuple[Active | None, Active | None]:
-        """Pick the candidate of the largest odds beside a set; None where none has any.
+    def _best(self, active: Sequence[Active]) -> tuple[Active | None, Weighing]:
+        """Pick the candidate of the largest odds beside a set; None where none is likelier.
+
+        Causes that can't be told apart share what speaks for them: together they may be likelier
+        than none where each by itself isn't.
 
         Weighed alone it tells how large the signal is, and again with its law in doubt as much. One
         that is the likeliest then stands; where another one is, that is tried as well.
 
         Returns
         -------
-        the candidate; where there is none, what good instruments have that explains most
+        the candidate; the last weighing
         """
         free = self._free(active)
         weighing = self.weigh(self.posteriors(active), free)
         standing: dict[str, tuple[float, Active]] = {}
         tried: set[str] = set()
-        while (best := self._leading(weighing, free)) and best[0].name not in tried:
-            name = best[0].name
-            tried.add(name)
+        best = self._leading(weighing, free)
+        while best and best[0].name not in tried:
+            one = best[0]
+            tried.add(one.name)
             weighing = self.weigh(self.posteriors(active, [best]), free)
-            again = weighing.causes[name]
-            odds = again.nats + self.log_odds(best[0])
-            if odds > 0:
-                standing[name] = odds, (best[0], again.variant, again.size)
+            again = weighing.causes[one.name]
+            odds = again.nats + self.log_odds(one)
+            best = self._leading(weighing, free)
+            if odds > 0 or (best and best[0] is one):
+                standing[one.name] = odds, (one, again.variant, again.size)
         if best and best[0].name in standing:
-            return standing[best[0].name][1], None
+            return standing[best[0].name][1], weighing
         if standing:
-            return max(standing.values(), key=lambda one: one[0])[1], None
-        return None, weighing.usual
+            return max(standing.values(), key=lambda one: one[0])[1], weighing
+        return None, weighing
 
     def _leading(self, weighing: Weighing, free: Sequence[Candidate]) -> Active | None:
-        """Return the candidate of the largest odds; None where none has odds above one."""
-        odds = {c.name: weighing.causes[c.name].nats + self.log_odds(c) for c in free}
-        best = max(free, key=lambda c: odds[c.name], default=None)
-        if best is None or odds[best.name] <= 0:
+        """Return the candidate of the largest odds; None where it's likelier that none is there."""
+        if not free or self._together(weighing.causes, free) <= 0:
             return None
+        best = max(free, key=lambda c: weighing.causes[c.name].nats + self.log_odds(c))
         return best, weighing.causes[best.name].variant, weighing.causes[best.name].size
 
     def _resized(self, active: Sequence[Active], usual: Sequence[Active]) -> list[Active]:

@@ -35,6 +35,22 @@ class RateMember:
     change: Floats
 
 
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class RateHabit:
+    """What a good instrument has in a channel, as these readings show it.
+
+    Attributes
+    ----------
+    nats : by how much more probable than nothing it is
+    fault : probability that there is a cause in its place, and no good instrument
+    """
+
+    candidate: RateCandidate
+    size: float
+    nats: float
+    fault: float
+
+
 def _one_sided(factor: float, found: Mode, size: float, fall: float) -> float:
     """Log Bayes factor where the last coefficient can only be positive.
 
@@ -81,6 +97,7 @@ class Sized:
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class _Weighed:
     nats: float
+    usual: float
     gain: float
     variant: int
     size: float
@@ -193,7 +210,7 @@ class RateSearch:
             if good > nothing:
                 nothing, usual = good, c
             found[c.name] = _Weighed(
-                nats=float(logsumexp(factors + np.log(self.scales.changed(c.key)))),
+                usual=good, nats=float(logsumexp(factors + np.log(self.scales.changed(c.key)))),
                 gain=one.gain, variant=one.variant, size=one.size, change=one.change,
             )  # fmt: skip
         weighed = {n: replace(w, nats=w.nats - nothing) for n, w in found.items()}
@@ -213,10 +230,16 @@ class RateSearch:
         found = mode(responses.in_cells(variant.owner, variant.count), x, sd)
         return responses.moved((x @ found.coefficients)[variant.owner])
 
-    def search(self) -> list[RateMember]:
-        """Find causes until none has odds above one, beside what a good instrument has."""
+    def search(self) -> tuple[list[RateMember], list[RateHabit]]:
+        """Find causes until none at all is likelier, beside what a good instrument has.
+
+        Returns
+        -------
+        causes; what good instruments have that the readings show beside them
+        """
         responses = self.channel.responses
         found: list[RateMember] = []
+        habits: list[RateHabit] = []
         explained, doubts = 0.0, self.channel.doubts
         free = [
             c.unclaimed() if c.component.effect in self.withheld else c
@@ -228,17 +251,21 @@ class RateSearch:
             odds = {c.name: weighed[c.name].nats + SETTINGS.log_odds(c.component.effect)
                     for c in free}  # fmt: skip
             best = max(free, key=lambda c: odds[c.name], default=None)
-            if best is None or odds[best.name] <= 0:
+            total = logsumexp([0.0, *odds.values()])
+            if best is None or np.exp(-total) >= SETTINGS.reported:
                 if usual is None:
                     if doubted < SETTINGS.stands_out:
                         break
                     responses, doubts = recorded, ()
                     continue
-                responses = self._beside(responses, usual, weighed[usual.name])
-                explained = float(np.hypot(explained, weighed[usual.name].size))
+                w = weighed[usual.name]
+                habits.append(RateHabit(
+                    candidate=usual, size=w.size, nats=w.usual, fault=float(-np.expm1(-total))
+                ))  # fmt: skip
+                responses = self._beside(responses, usual, w)
+                explained = float(np.hypot(explained, w.size))
                 free = [c for c in free if c is not usual]
                 continue
-            total = logsumexp([0.0, *odds.values()])
             shares = {n: float(np.exp(x - total)) for n, x in odds.items()}
             w = weighed[best.name]
             found.append(RateMember(
@@ -249,7 +276,7 @@ class RateSearch:
             responses = responses.moved(w.change)
             explained = float(np.hypot(explained, w.size))
             free = [c for c in free if c is not best]
-        return found
+        return found, habits
 
 
 def in_turn(channel: Channel) -> Iterator[dict[str, Sized]]:

@@ -100,6 +100,28 @@ class Unexplained:
         return all(COVARIATES[name].frame == "part" for name in self.relaxed.along)
 
 
+def usual_components(assessment: Assessment) -> list[Unexplained]:
+    """List what good instruments have as well; `probability` that it is a fault all the same."""
+    of_mean = [
+        Unexplained(
+            component=habit.active[0].name, channel="mean", probability=habit.fault,
+            nats=habit.nats, size=habit.active[2],
+            repeats=habit.active[0].labels[habit.active[1]],
+            relaxed=habit.active[0].component.relaxed,
+        )
+        for habit in assessment.usual if not habit.active[0].component.placement
+    ]  # fmt: skip
+    of_rates = [
+        Unexplained(
+            component=habit.candidate.name, channel=habit.candidate.component.relaxed.channel,
+            probability=habit.fault, nats=habit.nats, size=habit.size,
+            relaxed=habit.candidate.component.relaxed,
+        )
+        for habit in assessment.usual_rates
+    ]  # fmt: skip
+    return [*of_mean, *of_rates]
+
+
 def unnamed(causes: Iterable[Cause]) -> list[Unexplained]:
     """Take names back: unknown components are left, where they are likelier than nothing."""
     out = []

@@ -5,7 +5,7 @@ neighbours, and marked where it is large against the noise.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import uniform_filter
@@ -29,9 +29,10 @@ class Residual:
     ----------
     channel : mean, scale, missing or outliers
     covariate, frame : what it follows, and what that moves with
-    size, unit : typical departure, µm (mean); change of the logarithm of the noise (scale) or of
-        the share of readings (missing, outliers), unit 1
-    probability : that there is something that no catalogued effect explains
+    size, unit : typical departure, µm (mean); change of the logarithm of the noise (scale), or of
+        twice the root of the share of readings (missing, outliers), unit 1
+    probability : that there is something that no catalogued effect explains; of what is usual, that
+        it is a fault all the same
     period, period_unit : of a periodic one
     regions : where a departure of the mean is large against the noise
     """
@@ -77,8 +78,16 @@ def residual_structure(
     """
     in_mean = any(s.channel == "mean" for s in unexplained)
     regions = _regions(ws, model) if in_mean else ()
+    return tuple(
+        replace(one, regions=regions if one.channel == "mean" else ())
+        for one in described(unexplained, ws)
+    )
+
+
+def described(components: Sequence[Unexplained], ws: Workspace) -> tuple[Residual, ...]:
+    """Describe components by what they follow and how large they are, most probable first."""
     out = []
-    for one in sorted(unexplained, key=lambda s: -s.nats):
+    for one in sorted(components, key=lambda s: -s.nats):
         words, frame = _follows(one)
         period, unit = _period(one, ws)
         mean = one.channel == "mean"
@@ -86,7 +95,7 @@ def residual_structure(
             channel=one.channel, covariate=words, frame=frame,
             size=1e3 * ws.noise.sd_mm * one.size if mean else one.size, unit="µm" if mean else "1",
             probability=one.probability, detail=f"{one.component}, {one.nats:.0f} nats",
-            regions=regions if mean else (), period=period, period_unit=unit,
+            period=period, period_unit=unit,
         ))  # fmt: skip
     return tuple(out)
 

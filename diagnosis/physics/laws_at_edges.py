@@ -26,7 +26,7 @@ from diagnosis.components.component import Component, laws_stated, stated
 from diagnosis.discrepancy.population import LAW
 from diagnosis.evidence.known_size import factors_of_value
 from diagnosis.evidence.mean_causes import Scales
-from diagnosis.evidence.reported_causes import Cause
+from diagnosis.evidence.reported_causes import Cause, Unexplained
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.physics.effect_fit import fit_effect
@@ -203,16 +203,23 @@ def may_be_named(law: Component, usual: Mapping[str, Floats], *, listed: str) ->
     return SETTINGS.probability(most, law.effect) > SETTINGS.reported
 
 
-def unusual_at_edges(laws: Sequence[LawAtEdges], usual: Mapping[str, Floats]) -> list[Cause]:
+def unusual_at_edges(
+    laws: Sequence[LawAtEdges], usual: Mapping[str, Floats]
+) -> tuple[list[Cause], list[Unexplained]]:
     """List as causes the laws of which good instruments likely have less, the least usual first.
 
     Parameters
     ----------
     usual : probability of each size in a good instrument
+
+    Returns
+    -------
+    causes; what good instruments have as well
     """
     scales = Scales(sizes=SETTINGS.mean_sizes(), weights=usual)
     nats = {law.key: scales.nats(law.key, law.factors) for law in laws if law.gain > 0}
-    found = []
+    found: list[Cause] = []
+    habits: list[Unexplained] = []
     for law in sorted(laws, key=lambda law: -nats.get(law.key, -math.inf)):
         if law.key not in nats:
             continue
@@ -223,4 +230,9 @@ def unusual_at_edges(laws: Sequence[LawAtEdges], usual: Mapping[str, Floats]) ->
                 alternatives=(), none_of_these=1 - probability, nats=nats[law.key], size=law.size,
                 component=law.component,
             ))  # fmt: skip
-    return found
+        else:
+            habits.append(Unexplained(
+                component=law.component.effect, channel="mean", probability=probability,
+                nats=law.gain, size=law.size, relaxed=law.component.relaxed,
+            ))  # fmt: skip
+    return found, habits

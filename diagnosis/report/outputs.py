@@ -85,6 +85,7 @@ def as_json(result: Diagnosis) -> dict[str, object]:
             "regions": [r.as_json() for r in result.regions],
         },
         "left": [r.as_json() for r in result.left],
+        "usual": [r.as_json() for r in result.usual],
         "heldout": {"before": result.before.as_json(rng), "after": result.after.as_json(rng)},
         "recordings": {
             "fitted": list(result.fitted),

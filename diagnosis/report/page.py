@@ -15,6 +15,7 @@ from diagnosis.report.map_pictures import mismatch_map, moves_expectation, resid
 from diagnosis.report.move_picture import TAKEN_UP, is_taken_up, move_picture
 from diagnosis.report.profile_picture import profile_picture
 from diagnosis.report.scan_pictures import scan_pictures
+from diagnosis.settings import SETTINGS
 from diagnosis.validate.found_effects import FoundEffect
 from files.whole_file import write_whole
 
@@ -118,7 +119,7 @@ def _summary(result: Diagnosis) -> str:
     if result.verdict == "match":
         return (
             "No departure is larger than those of good instruments. The noise is "
-            f"{1e3 * result.noise.sd_mm:.1f} µm."
+            f"{1e3 * result.noise.sd_mm:.1f} µm.{_nearest(result)}"
         )
     text = (
         f"{100 * result.share_of_points:.0f} % of the readings lie where the recordings depart "
@@ -136,6 +137,17 @@ def _summary(result: Diagnosis) -> str:
     return text + (
         f"With the effects the held-out readings have an RMS of {rms}; their log score {better} "
         f"by {abs(gain):.2g} nats per reading."
+    )
+
+
+def _nearest(result: Diagnosis) -> str:
+    """Say which departure of a good instrument is nearest to a fault; "" where none is near."""
+    near = max(result.usual, key=lambda one: one.probability, default=None)
+    if near is None or near.probability < SETTINGS.offered:
+        return ""
+    return (
+        f" Nearest to a fault: {CHANNELS[near.channel]} by {near.covariate}, {_size(near)} "
+        f"({_percent(near.probability)})."
     )
 
 
@@ -187,9 +199,11 @@ def _interval(estimate: Estimate) -> str:
 
 
 def _size(left: Residual) -> str:
-    """Write a departure of the mean with its unit, a change of a logarithm as the factor."""
+    """Write a departure of the mean with its unit, of the noise as a factor, others as a share."""
     if left.channel == "mean":
         return f"{left.size:.2g} {left.unit}"
+    if left.channel != "scale":
+        return f"{100 * min(left.size**2 / 4, 1.0):.2g} % of the readings"
     return f"factor {float(f'{np.exp(left.size):.2g}'):g}"
 
 

@@ -25,7 +25,7 @@ def found_in(readings: LinearReadings, baseline: LinearReadings | None = None) -
         baseline=None if baseline is None else baseline.gram.equations,
     )
     scales = Scales(sizes=readings.sizes, weights={})
-    return CauseSearch({False: world, True: world}, readings.candidates, scales, scales).search()
+    return CauseSearch({False: world, True: world}, readings.candidates, scales, scales).search()[0]
 
 
 def test_causes_that_are_there_are_found_with_their_sizes() -> None:
@@ -67,7 +67,7 @@ def test_usual_departures_are_no_causes() -> None:
     usual = np.where(np.isclose(readings.sizes, 0.128), 1.0, 0.0)
     scales = [Scales(sizes=readings.sizes, weights=w) for w in ({}, {"line_bow": usual})]
     searches = [CauseSearch(worlds, readings.candidates, s, s) for s in scales]
-    assert [len(s.search()) for s in searches] == [1, 0]
+    assert [len(s.search()[0]) for s in searches] == [1, 0]
 
 
 def test_a_cause_is_found_beside_what_a_good_instrument_has_more_of() -> None:
@@ -76,9 +76,12 @@ def test_a_cause_is_found_beside_what_a_good_instrument_has_more_of() -> None:
     few, most = (np.where(np.isclose(readings.sizes, size), 1.0, 0.0) for size in (0.256, 0.002))
     scales = Scales(sizes=readings.sizes, weights={"line_bow": 0.4 * few + 0.6 * most})
     search = CauseSearch(worlds, readings.candidates, scales, scales)
-    (found,) = search.search()
+    (found,), (habit,) = search.search()
     assert found.candidate.effect == "form_error"
     assert found.shares["form_error"] > 0.99
+    assert habit.active[0].effect == "line_bow"
+    assert habit.nats > 100
+    assert 0.0 < habit.fault < 1.0
     # beside it nothing is left that could be a cause: what is usual needs no more looking at
     form = next(c for c in readings.candidates if c.effect == "form_error")
     assert [c.effect for c, _, _ in search.usual_beside([])] == ["line_bow"]
@@ -102,7 +105,7 @@ def test_a_change_is_held_against_what_changes_in_good_instruments() -> None:
     still = Scales(sizes=sizes, weights={"line_bow": 1.0 * np.isclose(sizes, 0.002)})
     for changes, found in ((departures, 0), (still, 1)):
         search = CauseSearch(worlds, now.candidates, changes, departures)
-        assert len(search.search()) == found
+        assert len(search.search()[0]) == found
 
 
 def test_changes_are_larger_than_what_most_good_instruments_have() -> None:
@@ -152,11 +155,36 @@ def test_a_cause_is_picked_where_it_stands_with_its_own_law_in_doubt(
         causes = {
             c.name: Weighed(nats=nats[doubted][c.name], variant=0, size=1.0) for c in candidates
         }
-        return Weighing(causes=causes, usual=None)
+        return Weighing(causes=causes, usual=None, hides=False)
 
     search = CauseSearch(worlds, readings.candidates, scales, scales)
     monkeypatch.setattr(search, "posteriors", in_doubt)
     monkeypatch.setattr(search, "weigh", told)
-    found, habit = search._best([])
+    found, weighing = search._best([])
     assert (None if found is None else found[0].name) == best
-    assert habit is None
+    assert weighing.usual is None
+
+
+@pytest.mark.parametrize(("other", "found"), [(-0.3, True), (-60.0, False)])
+def test_causes_that_share_the_evidence_are_weighed_together(
+    other: float, found: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each by itself is less likely than none; two that can't be told apart are likelier."""
+    readings = LinearReadings.drawn({}, seed=1)
+    worlds = dict.fromkeys((False, True), World(found=readings.gram.equations))
+    scales = Scales(sizes=readings.sizes, weights={})
+    search = CauseSearch(worlds, readings.candidates, scales, scales)
+    beside_odds = {"line_bow": -0.3, "form_error": other, "incidence_bias": -60.0}
+
+    def told(_: object, candidates: Sequence[Candidate]) -> Weighing:
+        causes = {
+            c.name: Weighed(
+                nats=beside_odds[c.name] - search.log_odds(c), variant=0, size=1.0
+            )
+            for c in candidates
+        }
+        return Weighing(causes=causes, usual=None, hides=False)
+
+    monkeypatch.setattr(search, "weigh", told)
+    best, _ = search._best([])
+    assert (best is not None) is found

@@ -22,13 +22,13 @@ def channel(change: float, kind: str, effect: str, seed: int) -> Channel:
 
 def found_beside(now: Channel, usual: Channel) -> list[RateMember]:
     (left,) = beside_baselines([now], [usual])
-    return RateSearch(left, Scales(sizes=SETTINGS.rate_sizes(), weights={})).search()
+    return RateSearch(left, Scales(sizes=SETTINGS.rate_sizes(), weights={})).search()[0]
 
 
 @pytest.mark.parametrize(("kind", "effect"), FOLLOWED)
 def test_what_baselines_have_as_well_is_no_change(kind: str, effect: str) -> None:
     now, usual = channel(0.4, kind, effect, 1), channel(0.4, kind, effect, 2)
-    assert RateSearch(now, Scales(sizes=SETTINGS.rate_sizes(), weights={})).search()
+    assert RateSearch(now, Scales(sizes=SETTINGS.rate_sizes(), weights={})).search()[0]
     assert not found_beside(now, usual)
 
 

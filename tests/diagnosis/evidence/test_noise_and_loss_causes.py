@@ -14,7 +14,7 @@ from tests.support.cell_readings import CELLS, LINEAR, U, channel_with, componen
 
 def found_in(channel: Channel, withheld: frozenset[str] = frozenset()) -> list[RateMember]:
     scales = Scales(sizes=SETTINGS.rate_sizes(), weights={})
-    return RateSearch(channel, scales, withheld).search()
+    return RateSearch(channel, scales, withheld).search()[0]
 
 
 @pytest.mark.parametrize(
@@ -70,7 +70,7 @@ def test_what_a_good_instrument_has_explains_a_curve_that_is_nearly_its_own() ->
             replace(channel, candidates=(usual, rare)),
             Scales(sizes=SETTINGS.rate_sizes(), weights=known),
         )
-        found = [m.candidate.component.effect for m in search.search()]
+        found = [m.candidate.component.effect for m in search.search()[0]]
         assert bool(found) is bool(names)
 
 
@@ -88,5 +88,8 @@ def test_a_cause_is_found_beside_what_a_good_instrument_has_more_of() -> None:
     sizes = SETTINGS.rate_sizes()
     often, none = 1.0 * np.isclose(sizes, 0.32), np.eye(sizes.size)[0]
     scales = Scales(sizes=sizes, weights={usual.key: often, rare.key: none})
-    found = RateSearch(replace(channel, candidates=(usual, rare)), scales).search()
+    found, (habit,) = RateSearch(replace(channel, candidates=(usual, rare)), scales).search()
     assert [m.candidate.component.effect for m in found] == ["light_falloff"]
+    assert habit.candidate is usual
+    assert habit.nats > 100
+    assert 0.0 < habit.fault < 1.0

@@ -76,14 +76,31 @@ def test_a_match_shows_no_effects(diagnosed: tuple[Diagnosis, Path]) -> None:
     assert [words for _, _, words in shown_of(match)] == ["nominal model"]
 
 
-def test_a_change_of_the_noise_is_stated_as_a_factor(diagnosed: tuple[Diagnosis, Path]) -> None:
-    left = Residual(channel="missing", covariate="column of the profile", frame="sensor",
-                    size=5.12, unit="1", detail="losses of columns, 23 nats")  # fmt: skip
-    unexplained = dataclasses.replace(diagnosed[0], verdict="unexplained", effects=(), left=(left,))
+def test_what_is_left_is_stated_as_a_factor_or_a_share(diagnosed: tuple[Diagnosis, Path]) -> None:
+    left = [
+        Residual(channel="missing", covariate="column of the profile", frame="sensor",
+                 size=0.4, unit="1", detail="losses of columns, 23 nats"),
+        Residual(channel="scale", covariate="time", frame="time", size=0.7, unit="1"),
+    ]  # fmt: skip
+    unexplained = dataclasses.replace(
+        diagnosed[0], verdict="unexplained", effects=(), left=tuple(left)
+    )
     page = render(unexplained, part_name="bowl")
-    assert "factor 170" in page
+    assert "4 % of the readings" in page
+    assert "factor 2" in page
     assert "the instrument, its calibration and optics" in page
     assert "column of the profile (losses of columns, 23 nats)" in page
+
+
+def test_a_match_says_what_is_nearest_to_a_fault(diagnosed: tuple[Diagnosis, Path]) -> None:
+    usual = Residual(channel="mean", covariate="incidence", frame="part", size=1.5, unit="µm",
+                     probability=0.31, detail="incidence_bias, 12 nats")  # fmt: skip
+    match = dataclasses.replace(diagnosed[0], verdict="match", effects=(), usual=(usual,))
+    page = render(match, part_name="bowl")
+    assert "Nearest to a fault: mean of the readings by incidence, 1.5 µm (31 %)." in page
+    assert "incidence (incidence_bias, 12 nats)" in page
+    rare = dataclasses.replace(usual, probability=0.01)
+    assert "Nearest" not in render(dataclasses.replace(match, usual=(rare,)), part_name="bowl")
 
 
 def test_report_opens_in_a_browser(diagnosed: tuple[Diagnosis, Path], tmp_path: Path) -> None:
