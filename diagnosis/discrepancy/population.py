@@ -261,8 +261,8 @@ def _relaxed(component: str) -> Relaxed | None:
 def _where(component: str) -> tuple[str, ...]:
     """Tell with which components one is weighed alike: those of like values.
 
-    Sizes of losses and outliers are ratios to what is expected of each, and laws of light at edges
-    act on as many readings as the part has edges: no two are alike. Nor are values that are free
+    Losses and outliers come where the light fails, on a few readings or on all of them, and laws of
+    light at edges act on as many readings as the part has edges: no two are alike. Nor are values that are free
     for each profile or column and curves, where the noise follows them, nor noise along the line,
     of the sensor's light, and noise on slopes, of the surface.
     """
