@@ -262,9 +262,9 @@ def _where(component: str) -> tuple[str, ...]:
     """Tell with which components one is weighed alike: those of like values.
 
     Losses and outliers come where the light fails, on a few readings or on all of them, and laws of
-    light at edges act on as many readings as the part has edges: no two are alike. Nor are values that are free
-    for each profile or column and curves, where the noise follows them, nor noise along the line,
-    of the sensor's light, and noise on slopes, of the surface.
+    light at edges act on as many readings as the part has edges: no two are alike. Nor are values
+    that are free for each profile or column and curves, where the noise follows them, nor noise
+    along the line, of the sensor's light, and noise on slopes, of the surface.
     """
     channel, _, name = component.rpartition(": ")
     plain, relaxed = unlisted(name), _relaxed(component)

@@ -219,24 +219,19 @@ def _by_profile(
     inner = gram.matrix[np.ix_(at, at)]
     what = "slips" if component.relaxed.times else "offsets"
 
-    bands, frequencies = [], []
     own_axis = [axis[b.recording] for b in blocks if b.recording is not None]
     span = max(float(np.ptp(values)) for values in own_axis)
     finest = min(float(np.median(np.abs(np.diff(values)))) for values in own_axis)
     count = int(span / finest / 2 / SETTINGS.band_step)
-    width = _band(np.zeros(2), 1.0, finest).shape[1]
-    for k in range(count):
-        f = (SETTINGS.least_cycles + k * SETTINGS.band_step) / span
-        if f > 0.5 / finest:
-            break
-        shape = np.zeros((starts[-1], len(blocks) * width))
-        for i, values in enumerate(own_axis):
-            own = _band(values, f, finest)
-            shape[starts[i] : starts[i + 1], i * width : (i + 1) * width] = own
-        bands.append(_scaled(shape, inner, gram.readings))
-        frequencies.append(f)
+    steps = SETTINGS.band_step * np.arange(count, dtype=np.float64)
+    frequencies = (SETTINGS.least_cycles + steps) / span
+    frequencies = frequencies[frequencies <= 0.5 / finest]
+    bands = _scaled_bands(
+        [_bands(values, frequencies, finest) for values in own_axis], starts, inner, gram.readings
+    )
+    labels = tuple(frequencies.tolist())
     out = [Candidate(name=component.name, effect=component.effect, component=component, at=at,
-                     shapes=tuple(bands), labels=tuple(frequencies))] if bands else []  # fmt: skip
+                     shapes=bands, labels=labels)] if bands else []  # fmt: skip
     unknown = replace(component, effect="", name=f"free {what} of profiles")
     # each profile for itself, or from where the one before was: lost counts, a belt that creeps
     walk = _scaled(block_diag(*(np.tri(size) for size in sizes)), inner, gram.readings)
@@ -260,14 +255,39 @@ def _by_profile(
     return out
 
 
-def _band(axis: Floats, frequency: float, finest: float) -> Floats:
-    """Columns of an oscillation about a frequency, slowly changing, with harmonics."""
+def _scaled_bands(
+    of_each: Sequence[Floats], starts: NDArray[np.int64], inner: Floats, readings: int
+) -> tuple[Floats, ...]:
+    """Join each recording's bands (profiles, frequencies, l), of unit whitened rms together.
+
+    Parameters
+    ----------
+    starts : first profile of each recording, and the end
+    inner : X'X of all profiles
+    """
+    _, count, width = of_each[0].shape
+    energy = np.zeros(count)
+    for i, own in enumerate(of_each):
+        rows = slice(starts[i], starts[i + 1])
+        flat = own.reshape(len(own), -1)
+        energy += (flat * (inner[rows, rows] @ flat)).sum(axis=0).reshape(count, width).sum(axis=1)
+    scale = np.sqrt(readings / np.maximum(energy, 1e-12))
+    shapes = np.zeros((count, starts[-1], len(of_each) * width))
+    for i, own in enumerate(of_each):
+        part = (own * scale[:, None]).transpose(1, 0, 2)
+        shapes[:, starts[i] : starts[i + 1], i * width : (i + 1) * width] = part
+    return tuple(shapes)
+
+
+def _bands(axis: Floats, frequencies: Floats, finest: float) -> Floats:
+    """Columns (N, F, l) of oscillations about frequencies (F,), slowly changing, with harmonics."""
     u = 2 * (axis - axis.min()) / max(np.ptp(axis), 1e-12) - 1
+    slow = legendre.legvander(u, SETTINGS.envelope) / (1 + np.arange(SETTINGS.envelope + 1))
     columns = []
     for h in range(1, SETTINGS.harmonics + 1):
-        fits = h * frequency <= 0.5 / finest
-        for envelope in range(SETTINGS.envelope + 1 if h == 1 else 1):
-            slow = legendre.legval(u, np.eye(envelope + 1)[envelope]) / (1 + envelope) / h
-            for wave in (np.sin, np.cos):
-                columns.append(slow * wave(2 * np.pi * h * frequency * axis) * fits)
-    return np.stack(columns, axis=1)
+        fits = h * frequencies <= 0.5 / finest
+        turns = 2 * np.pi * h * frequencies * axis[:, None]
+        waves = np.sin(turns) * fits / h, np.cos(turns) * fits / h
+        for envelope in slow.T if h == 1 else slow.T[:1]:
+            columns += [envelope[:, None] * wave for wave in waves]
+    return np.stack(columns, axis=2)
