@@ -223,8 +223,8 @@ def _by_profile(
     span = max(float(np.ptp(values)) for values in own_axis)
     finest = min(float(np.median(np.abs(np.diff(values)))) for values in own_axis)
     count = int(span / finest / 2 / SETTINGS.band_step)
-    steps = SETTINGS.band_step * np.arange(count, dtype=np.float64)
-    frequencies = (SETTINGS.least_cycles + steps) / span
+    cycles = SETTINGS.least_cycles + SETTINGS.band_step * np.arange(count, dtype=np.float64)
+    frequencies = cycles / span
     frequencies = frequencies[frequencies <= 0.5 / finest]
     bands = _scaled_bands(
         [_bands(values, frequencies, finest) for values in own_axis], starts, inner, gram.readings
