@@ -13,14 +13,15 @@ from scipy.special import logsumexp
 
 from diagnosis.discrepancy.good_instrument import evidence, told
 from diagnosis.discrepancy.population import aspect_of, larger_of
+from diagnosis.evidence.seen import RATES
 
 Floats = NDArray[np.float64]
 SPREADS = (0.35, 0.5, 0.7, 1.0)
 """Standard deviations of the logarithm of the size among good instruments that are weighed."""
-SPREADS_OF_NOISE = (*SPREADS, 1.4, 2.0)
-"""The same of what the noise goes with: how it grows on slopes differs between good instruments by
-more than tenfold. Wider ones of the mean would let one component's rare departure stand for any
-other's, since the likeliest of all stands for a good instrument."""
+SPREADS_OF_RATES = (*SPREADS, 1.4, 2.0)
+"""The same of what noise, losses and outliers go with: how these grow on slopes differs between
+good instruments by more than tenfold. Wider ones of the mean would let one component's rare
+departure stand for any other's, since the likeliest of all stands for a good instrument."""
 NONE = (0.0, 0.25, 0.5, 0.75)
 """Shares of good instruments that have nothing of a component, which are weighed: they have the
 smallest size."""
@@ -43,7 +44,7 @@ def learnt(
     spread are averaged over their posterior. Before any instrument a median is the less probable
     the larger it is, as its inverse: what no recording of the population could show isn't taken for
     usual. How probable shares and spreads are before, components of a kind tell together, those of
-    the noise by themselves (empirical Bayes; Efron & Morris, J. Am. Stat. Assoc. 68 (1973) 117):
+    each channel by themselves (empirical Bayes; Efron & Morris, J. Am. Stat. Assoc. 68 (1973) 117):
     most are alike in all instruments, and in a few these differ widely.
 
     Parameters
@@ -57,11 +58,18 @@ def learnt(
         for factors in instruments:
             for name, own in factors.items():
                 found.setdefault(name, []).append(own)
-        noisy = {name for name in found if name.partition(": ")[0] == "scale"}
-        weights = _together({n: own for n, own in found.items() if n not in noisy}, SPREADS, anew)
-        weights |= _together({n: found[n] for n in noisy}, SPREADS_OF_NOISE, anew)
+        weights: dict[str, Floats] = {}
+        for channel in dict.fromkeys(map(_channel, found)):
+            alike = {n: f for n, f in found.items() if _channel(n) == channel}
+            weights |= _together(alike, SPREADS_OF_RATES if channel else SPREADS, anew)
         out.append({name: weights[name] for name in found})
     return out
+
+
+def _channel(component: str) -> str:
+    """Name the channel of a component's noise, losses or outliers; "" of all else."""
+    channel = component.partition(": ")[0]
+    return channel if channel in RATES else ""
 
 
 def _together(
