@@ -127,7 +127,7 @@ class Habit:
     Attributes
     ----------
     nats : by how much more probable than nothing it is
-    fault : probability that there is a cause in its place, and no good instrument
+    fault : probability of the likeliest cause in its place, against a good instrument
     """
 
     active: Active
@@ -241,13 +241,9 @@ class CauseSearch:
         }
         habit = None
         if usual is not None and nothing >= SETTINGS.stands_out:
-            fault = expit(self._together(causes, candidates))
-            habit = Habit(active=usual, nats=nothing, fault=float(fault))
+            odds = max(causes[c.name].nats + self.log_odds(c) for c in candidates)
+            habit = Habit(active=usual, nats=nothing, fault=float(expit(odds)))
         return Weighing(causes=causes, usual=habit, hides=hidden)
-
-    def _together(self, causes: Mapping[str, Weighed], candidates: Sequence[Candidate]) -> float:
-        """Log odds that one of the candidates is there, whichever, against none."""
-        return float(logsumexp([causes[c.name].nats + self.log_odds(c) for c in candidates]))
 
     def log_odds(self, candidate: Candidate) -> float:
         """Log odds of a candidate before any reading."""
@@ -284,9 +280,9 @@ class CauseSearch:
         """Drop the members that what a good instrument has explains, the least likely first."""
         out = list(active)
         while out:
-            none = [m.shares[""] for m in self.weighed(out, usual)]
-            worst = int(np.argmax(none))
-            if none[worst] < SETTINGS.reported:
+            odds = [m.nats + self.log_odds(m.candidate) for m in self.weighed(out, usual)]
+            worst = int(np.argmin(odds))
+            if odds[worst] > 0:
                 break
             del out[worst]
         return out
@@ -307,10 +303,7 @@ class CauseSearch:
         return [c for c in self.candidates if _cause(c) not in taken]
 
     def _best(self, active: Sequence[Active]) -> tuple[Active | None, Weighing]:
-        """Pick the candidate of the largest odds beside a set; None where none is likelier.
-
-        Causes that can't be told apart share what speaks for them: together they may be likelier
-        than none where each by itself isn't.
+        """Pick the candidate of the largest odds beside a set; None where none has any.
 
         Weighed alone it tells how large the signal is, and again with its law in doubt as much. One
         that is the likeliest then stands; where another one is, that is tried as well.
@@ -323,16 +316,14 @@ class CauseSearch:
         weighing = self.weigh(self.posteriors(active), free)
         standing: dict[str, tuple[float, Active]] = {}
         tried: set[str] = set()
-        best = self._leading(weighing, free)
-        while best and best[0].name not in tried:
-            one = best[0]
-            tried.add(one.name)
+        while (best := self._leading(weighing, free)) and best[0].name not in tried:
+            name = best[0].name
+            tried.add(name)
             weighing = self.weigh(self.posteriors(active, [best]), free)
-            again = weighing.causes[one.name]
-            odds = again.nats + self.log_odds(one)
-            best = self._leading(weighing, free)
-            if odds > 0 or (best and best[0] is one):
-                standing[one.name] = odds, (one, again.variant, again.size)
+            again = weighing.causes[name]
+            odds = again.nats + self.log_odds(best[0])
+            if odds > 0:
+                standing[name] = odds, (best[0], again.variant, again.size)
         if best and best[0].name in standing:
             return standing[best[0].name][1], weighing
         if standing:
@@ -340,10 +331,11 @@ class CauseSearch:
         return None, weighing
 
     def _leading(self, weighing: Weighing, free: Sequence[Candidate]) -> Active | None:
-        """Return the candidate of the largest odds; None where it's likelier that none is there."""
-        if not free or self._together(weighing.causes, free) <= 0:
+        """Return the candidate of the largest odds; None where none has odds above one."""
+        odds = {c.name: weighing.causes[c.name].nats + self.log_odds(c) for c in free}
+        best = max(free, key=lambda c: odds[c.name], default=None)
+        if best is None or odds[best.name] <= 0:
             return None
-        best = max(free, key=lambda c: weighing.causes[c.name].nats + self.log_odds(c))
         return best, weighing.causes[best.name].variant, weighing.causes[best.name].size
 
     def _resized(self, active: Sequence[Active], usual: Sequence[Active]) -> list[Active]:

@@ -163,28 +163,3 @@ def test_a_cause_is_picked_where_it_stands_with_its_own_law_in_doubt(
     found, weighing = search._best([])
     assert (None if found is None else found[0].name) == best
     assert weighing.usual is None
-
-
-@pytest.mark.parametrize(("other", "found"), [(-0.3, True), (-60.0, False)])
-def test_causes_that_share_the_evidence_are_weighed_together(
-    other: float, found: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Each by itself is less likely than none; two that can't be told apart are likelier."""
-    readings = LinearReadings.drawn({}, seed=1)
-    worlds = dict.fromkeys((False, True), World(found=readings.gram.equations))
-    scales = Scales(sizes=readings.sizes, weights={})
-    search = CauseSearch(worlds, readings.candidates, scales, scales)
-    beside_odds = {"line_bow": -0.3, "form_error": other, "incidence_bias": -60.0}
-
-    def told(_: object, candidates: Sequence[Candidate]) -> Weighing:
-        causes = {
-            c.name: Weighed(
-                nats=beside_odds[c.name] - search.log_odds(c), variant=0, size=1.0
-            )
-            for c in candidates
-        }
-        return Weighing(causes=causes, usual=None, hides=False)
-
-    monkeypatch.setattr(search, "weigh", told)
-    best, _ = search._best([])
-    assert (best is not None) is found

@@ -1,6 +1,7 @@
 """Causes of noise and losses: found with their size and sign, or not there."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -93,3 +94,28 @@ def test_a_cause_is_found_beside_what_a_good_instrument_has_more_of() -> None:
     assert habit.candidate is usual
     assert habit.nats > 100
     assert 0.0 < habit.fault < 1.0
+
+
+@pytest.mark.parametrize(("other", "found"), [(-0.3, 1), (-60.0, 0)])
+def test_causes_that_share_the_evidence_are_weighed_together(
+    other: float, found: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each by itself is less likely than none; two that can't be told apart are likelier."""
+    channel = channel_with(0.3, "scale", "incidence_noise", LINEAR[:, None], seed=1)
+    (one,) = channel.candidates
+    rival = replace(one, component=component("scale", "light_falloff"))
+    search = RateSearch(
+        replace(channel, candidates=(one, rival)),
+        Scales(sizes=SETTINGS.rate_sizes(), weights={}),
+    )
+    beside_odds, weigh = {one.name: -0.3, rival.name: other}, search.weigh
+
+    def told(*args: Any) -> Any:
+        weighed, _ = weigh(*args)
+        return {
+            n: replace(w, nats=beside_odds[n] - SETTINGS.log_odds(n)) for n, w in weighed.items()
+        }, None
+
+    monkeypatch.setattr(search, "weigh", told)
+    first = search.search()[0][:1]
+    assert len(first) == found
