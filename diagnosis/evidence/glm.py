@@ -39,7 +39,7 @@ SPARSE = 0.1
 
 
 class Likelihood(Protocol):
-    """What readings, or cells of readings with one predictor, say of a linear predictor."""
+    """Log likelihood of readings one by one, or of cells of readings with one predictor each."""
 
     def likelihood(self, eta: Floats) -> tuple[float, Floats, Floats]:
         """Log likelihood at a predictor, its slope and its curvature, (N,)."""

@@ -122,12 +122,12 @@ def channel_of(
     edge = np.concatenate([p.edge[k] for p, k in zip(patches, picks, strict=True)])
     made = (_candidate(c, patches, picks, edge, ranges) for c in components_of(name))
     return Channel(
-        name=name, responses=responses, level_sd=_level_sd(responses),
+        name=name, responses=responses, level_sd=level_sd_of(responses),
         candidates=tuple(c for c in made if c is not None), picks=tuple(picks),
     )  # fmt: skip
 
 
-def _level_sd(responses: Responses) -> Floats:
+def level_sd_of(responses: Responses) -> Floats:
     """Deviation of the level, off edges and at them; the noise's own level is free."""
     if not isinstance(responses, Events):
         return np.ones(2)

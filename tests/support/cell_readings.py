@@ -6,8 +6,12 @@ import numpy as np
 
 from diagnosis.components.component import Component, components_of
 from diagnosis.evidence.glm import Events, Responses, Squares
-from diagnosis.evidence.noise_and_loss_channels import Channel, RateCandidate, RateVariant
-from diagnosis.settings import SETTINGS
+from diagnosis.evidence.noise_and_loss_channels import (
+    Channel,
+    RateCandidate,
+    RateVariant,
+    level_sd_of,
+)
 
 CELLS, COUNT = 8, 40_000
 USUAL = 0.1
@@ -31,16 +35,14 @@ def channel_with(
     if kind == "scale":
         squares = np.square(rng.standard_normal(count) * np.exp(eta))
         responses: Responses = Squares(seen=squares, number=np.ones(count))
-        level_sd = np.ones(2)
     else:
         usual = np.full(count, USUAL)
         share = np.square(np.maximum(np.sqrt(USUAL) + eta / 2, 0.0))
         responses = Events(seen=(rng.random(count) < share).astype(float), usual=usual)
-        level_sd = np.array([SETTINGS.level_sd_off * np.sqrt(USUAL), SETTINGS.level_sd_edge])
     name = "scale" if kind == "scale" else "missing"
     variant = RateVariant(owner=owner, count=CELLS, level=np.tile([1.0, 0.0], (CELLS, 1)),
                           columns=columns)  # fmt: skip
     return Channel(
-        name=name, responses=responses, level_sd=level_sd, picks=(),
+        name=name, responses=responses, level_sd=level_sd_of(responses), picks=(),
         candidates=(RateCandidate(component=component(name, effect), variants=(variant,)),),
     )  # fmt: skip

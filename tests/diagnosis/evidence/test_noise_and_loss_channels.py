@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis.components.covariate_ranges import ranges_of
-from diagnosis.evidence.glm import Events
+from diagnosis.evidence.glm import Events, Squares
 from diagnosis.evidence.noise_and_loss_channels import Channel, channel_of
 from diagnosis.fields import Field
 from diagnosis.model.model import Model
@@ -37,9 +37,8 @@ def with_depth(ws: Workspace, depth_mm: Field) -> Workspace:
 def test_whitened_squares_are_one_where_the_noise_is_as_calibrated(ws: Workspace) -> None:
     found = channel(ws, "scale")
     assert found.responses.seen.mean() == pytest.approx(1.0, abs=0.1)
-    assert found.responses.information() == pytest.approx(
-        2 * found.responses.seen.sum() / found.responses.dispersion
-    )
+    assert isinstance(found.responses, Squares)
+    assert (found.responses.number == 1).all()
     assert 1.0 <= found.responses.dispersion < 2.0
     assert not (found.picks[0] & ws.patches[0].edge).any()
 
@@ -94,6 +93,11 @@ def test_columns_over_cells_have_a_rms_of_one(ws: Workspace) -> None:
 def test_each_channel_has_a_level_off_edges_and_at_them(ws: Workspace) -> None:
     for name in ("scale", "missing", "outliers"):
         found = channel(ws, name)
+        off, edge_sd = 1.0, 1.0
+        if isinstance(found.responses, Events):
+            usual = np.sqrt(found.responses.usual).mean()
+            off, edge_sd = SETTINGS.level_sd_off * usual, SETTINGS.level_sd_edge
+        assert found.level_sd == pytest.approx(np.array([off, edge_sd]))
         for candidate in found.candidates:
             for variant in candidate.variants:
                 half = variant.count // 2
