@@ -66,8 +66,9 @@ def explain_rates(
             # one law at a time: what it leaves isn't what the others would have to explain
             state = _with_law(state, new[0], noise, notes, progress)
             whole = _whitened(state, noise)
-            channels = _seen(name, whole, state, baseline_channels)
-            state, strange = _explained(state, new[0], explained_shares(found.rates, channels))
+            before, channels = channels, _seen(name, whole, state, baseline_channels)
+            shares = explained_shares(found.rates, before, channels)
+            state, strange = _explained(state, new[0], shares)
             if new[0].name not in state.names:
                 whole = _whitened(state, noise)
                 nameless = [*strange, *nameless]

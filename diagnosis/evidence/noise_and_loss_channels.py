@@ -241,7 +241,12 @@ def _smooth(
     edge: Mask,
     ranges: Ranges,
 ) -> RateVariant | None:
-    """Sum readings over cells of the covariates, with the component's columns there."""
+    """Sum readings over cells of the covariates, with the component's columns there.
+
+    A share's root has a level that is the curve's own: what is lost at a line's ends is lost beside
+    the few that are lost anywhere, and a curve about its mean would have to be less than none
+    elsewhere. The level of the noise is free.
+    """
     made = [m for p in patches if (m := plain_columns(component, p, ranges)) is not None]
     if len(made) < len(patches):
         return None
@@ -259,7 +264,10 @@ def _smooth(
     size = np.sqrt((number[:, None] * np.square(columns)).sum() / number.sum())
     if size == 0:
         return None
-    return replace(_in_cells(owner, count, edge, columns / size), size=float(size))
+    columns = columns / size
+    if component.relaxed.channel != "scale" and component.relaxed.along:
+        columns = np.column_stack([columns, np.ones(count)])
+    return replace(_in_cells(owner, count, edge, columns), size=float(size))
 
 
 def _in_cells(

@@ -25,11 +25,11 @@ def test_the_share_is_what_of_the_gain_is_not_left(kind: Kind, left: float, shar
         for change in (0.3, left)
     )
     (member,) = RateSearch(before, Scales(sizes=SETTINGS.rate_sizes(), weights={})).search()[0]
-    shares = explained_shares([member], [after])
+    shares = explained_shares([member], [before], [after])
     assert shares == {(before.name, EFFECTS[kind]): pytest.approx(share, abs=0.15)}
 
 
 def test_a_channel_that_is_gone_says_nothing() -> None:
     channel = channel_with(0.3, "scale", "incidence_noise", LINEAR[:, None], seed=1)
     members = RateSearch(channel, Scales(sizes=SETTINGS.rate_sizes(), weights={})).search()[0]
-    assert explained_shares(members, []) == {}
+    assert explained_shares(members, [channel], []) == {}

@@ -59,12 +59,15 @@ def test_a_law_explains_what_it_made(blurred: Workspace, sharp: Workspace) -> No
 def test_it_is_named_where_good_instruments_have_less(blurred: Workspace) -> None:
     alone = each_alone(blurred)
     found = list(alone.values())
-    first, *_ = unusual_at_edges(found, usual(0.002))
+    (first, *_), _ = unusual_at_edges(found, usual(0.002))
     assert first.name == "finite_spot"
     assert first.probability > 0.8
-    as_much = unusual_at_edges(found, usual(alone["finite_spot"].size))
-    assert "finite_spot" not in [c.name for c in as_much]
-    assert unusual_at_edges([], {}) == []
+    causes, habits = unusual_at_edges(found, usual(alone["finite_spot"].size))
+    assert "finite_spot" not in [c.name for c in causes]
+    (habit,) = [h for h in habits if h.component == "finite_spot"]
+    assert habit.nats == pytest.approx(alone["finite_spot"].gain)
+    assert habit.probability < 0.5
+    assert unusual_at_edges([], {}) == ([], [])
 
 
 def test_a_law_that_resembles_the_strongest_explains_little_beside_it(blurred: Workspace) -> None:
