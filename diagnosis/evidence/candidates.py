@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 from scipy.special import logsumexp
 
 from diagnosis.components.component import Component, laws_stated, stated
 from diagnosis.components.smooth import products
+from diagnosis.evidence.block_diagonal import BlockDiagonal
 from diagnosis.evidence.gram import Block, Gram
-from diagnosis.evidence.posterior import Cavity, Term
+from diagnosis.evidence.posterior import Cavity, Term, Weights
 from diagnosis.settings import SETTINGS
 from sensors.effects.base import Effect
 from sensors.view.covariates import COVARIATES
@@ -46,7 +46,7 @@ class Candidate:
     effect: str
     component: Component
     at: NDArray[np.int64]
-    shapes: tuple[Floats | None, ...] = (None,)
+    shapes: tuple[Weights | None, ...] = (None,)
     labels: tuple[float, ...] = (0.0,)
     at_edges: bool = False
     listed: str = ""
@@ -226,7 +226,7 @@ def _by_profile(
     cycles = SETTINGS.least_cycles + SETTINGS.band_step * np.arange(count, dtype=np.float64)
     frequencies = cycles / span
     frequencies = frequencies[frequencies <= 0.5 / finest]
-    bands = _scaled_bands(
+    bands = _scaled_apart(
         [_bands(values, frequencies, finest) for values in own_axis], starts, inner, gram.readings
     )
     labels = tuple(frequencies.tolist())
@@ -234,7 +234,8 @@ def _by_profile(
                      shapes=bands, labels=labels)] if bands else []  # fmt: skip
     unknown = replace(component, effect="", name=f"free {what} of profiles")
     # each profile for itself, or from where the one before was: lost counts, a belt that creeps
-    walk = _scaled(block_diag(*(np.tri(size) for size in sizes)), inner, gram.readings)
+    walks = [np.tri(size)[:, None] for size in sizes]
+    (walk,) = _scaled_apart(walks, starts, inner, gram.readings)
     out.append(Candidate(name=unknown.name, effect="", component=unknown, at=at,
                          shapes=(None, walk), labels=(0.0, 0.0)))  # fmt: skip
     steps, places = [], []
@@ -255,28 +256,25 @@ def _by_profile(
     return out
 
 
-def _scaled_bands(
+def _scaled_apart(
     of_each: Sequence[Floats], starts: NDArray[np.int64], inner: Floats, readings: int
-) -> tuple[Floats, ...]:
-    """Join each recording's bands (profiles, frequencies, l), of unit whitened rms together.
+) -> tuple[BlockDiagonal, ...]:
+    """Join each recording's shapes (profiles, V, l), of unit whitened rms together.
 
     Parameters
     ----------
     starts : first profile of each recording, and the end
     inner : X'X of all profiles
     """
-    _, count, width = of_each[0].shape
-    energy = np.zeros(count)
+    energy = np.zeros(of_each[0].shape[1])
     for i, own in enumerate(of_each):
         rows = slice(starts[i], starts[i + 1])
         flat = own.reshape(len(own), -1)
-        energy += (flat * (inner[rows, rows] @ flat)).sum(axis=0).reshape(count, width).sum(axis=1)
+        products = (flat * (inner[rows, rows] @ flat)).reshape(own.shape)
+        energy += products.sum(axis=(0, 2))
     scale = np.sqrt(readings / np.maximum(energy, 1e-12))
-    shapes = np.zeros((count, starts[-1], len(of_each) * width))
-    for i, own in enumerate(of_each):
-        part = (own * scale[:, None]).transpose(1, 0, 2)
-        shapes[:, starts[i] : starts[i + 1], i * width : (i + 1) * width] = part
-    return tuple(shapes)
+    parts = [np.ascontiguousarray((own * scale[:, None]).swapaxes(0, 1)) for own in of_each]
+    return tuple(BlockDiagonal(own) for own in zip(*parts, strict=True))
 
 
 def _bands(axis: Floats, frequencies: Floats, finest: float) -> Floats:

@@ -21,7 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from diagnosis.evidence.block_diagonal import BlockDiagonal
+
 Floats = NDArray[np.float64]
+Weights = Floats | BlockDiagonal
 ROUNDING = 1e-6
 
 
@@ -44,7 +47,7 @@ class Term:
     """
 
     at: NDArray[np.int64]
-    weights: Floats | None = None
+    weights: Weights | None = None
 
     def of_rows(self, matrix: Floats) -> Floats:
         """Combine rows (M, ...) into (k, ...)."""
@@ -59,11 +62,10 @@ class Cavity:
     information: Floats
     pull: Floats
 
-    def combined(self, weights: Floats) -> "Cavity":
+    def combined(self, weights: Weights) -> "Cavity":
         """Return the information on combinations (k, l) of the term's columns."""
-        return Cavity(
-            information=weights.T @ self.information @ weights, pull=weights.T @ self.pull
-        )
+        half = weights.T @ self.information  # which is symmetric
+        return Cavity(information=weights.T @ half.T, pull=weights.T @ self.pull)
 
     def log_factors(self, sizes: Floats) -> Floats:
         """Log Bayes factor of the term with variance size² against none, for each size."""
