@@ -25,7 +25,7 @@ from diagnosis.evidence.mean_causes import Scales
 from diagnosis.evidence.noise_and_loss_baselines import beside_baselines
 from diagnosis.evidence.noise_and_loss_causes import in_turn
 from diagnosis.evidence.noise_and_loss_channels import Channel
-from diagnosis.evidence.posterior import Posterior, Term
+from diagnosis.evidence.posterior import Posterior, Posteriors, Term
 from diagnosis.evidence.seen import RATES, Seen, worlds_of
 from diagnosis.settings import SETTINGS
 
@@ -57,12 +57,8 @@ def mean_factors(
     def factors(c: Candidate, posteriors: Mapping[bool, Posterior]) -> Floats:
         return c.log_factors(posteriors[c.at_edges].cavity(Term(at=c.at)), sizes)[1]
 
-    def posteriors(without: bytes = b"") -> dict[bool, Posterior]:
-        active = [term for at, term in grown.items() if at != without]
-        return {
-            edges: Posterior(world.found, quiet, active, world.baseline)
-            for edges, world in worlds.items()
-        }
+    def posteriors(without: bytes = b"") -> Posteriors:
+        return Posteriors(worlds, quiet, [term for at, term in grown.items() if at != without])
 
     for own in (False, True):
         # the likeliest first: what it explains no other needs to

@@ -8,7 +8,7 @@ other one in its place, the rest kept. These conditional weights are the reporte
 causes that share them can't be told apart.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,8 +17,7 @@ from scipy.special import expit, logsumexp
 
 from diagnosis.evidence.candidates import Candidate
 from diagnosis.evidence.changed_sizes import changed, usual
-from diagnosis.evidence.posterior import Posterior, Term
-from diagnosis.evidence.seen import World
+from diagnosis.evidence.posterior import Posterior, Posteriors, Term, World
 from diagnosis.settings import SETTINGS
 
 Floats = NDArray[np.float64]
@@ -187,8 +186,8 @@ class CauseSearch:
 
     def posteriors(
         self, active: Sequence[Active], tried: Sequence[Active] = ()
-    ) -> dict[bool, Posterior]:
-        """Posterior with a set; a large signal is no better known than by a few per cent.
+    ) -> Posteriors:
+        """Posteriors with a set; a large signal is no better known than by a few per cent.
 
         Parameters
         ----------
@@ -204,10 +203,7 @@ class CauseSearch:
             SETTINGS.doubt * np.sqrt(signal),
         )  # fmt: skip
         quiet = np.hypot(self._quiet, doubt)
-        return {
-            edges: Posterior(world.found, quiet, terms, world.baseline)
-            for edges, world in self._worlds.items()
-        }
+        return Posteriors(self._worlds, quiet, terms)
 
     def weigh(
         self, posteriors: Mapping[bool, Posterior], candidates: Sequence[Candidate]
@@ -355,22 +351,36 @@ class CauseSearch:
         ----------
         usual : what a good instrument has beside them
         """
-        members = []
-        whole = self.posteriors([*usual, *active]) if active else {}
-        for i, (c, v, s) in enumerate(active):
-            rest = [*usual, *active[:i], *active[i + 1 :]]
-            free = self._free(rest)
-            without = self.posteriors(rest, [(c, v, s)])
-            weighed = self.weigh(without, free).causes
-            odds = {o.name: weighed[o.name].nats + self.log_odds(o) for o in free} | {"": 0.0}
-            members.append(
-                Member(
-                    candidate=c, variant=v, size=s, nats=weighed[c.name].nats, odds=odds,
-                    gain=without[c.at_edges].cavity(c.term(v)).gain(s),
-                    coefficients=whole[c.at_edges].coefficients()[c.at],
-                )  # fmt: skip
-            )
-        return members
+        which = {c.at_edges for c, *_ in active}
+        whole = self._coefficients([*usual, *active], which)
+        return [
+            self._member(one, [*usual, *active[:i], *active[i + 1 :]], whole[one[0].at_edges])
+            for i, one in enumerate(active)
+        ]
+
+    def _coefficients(
+        self, active: Sequence[Active], which: Collection[bool]
+    ) -> dict[bool, Floats]:
+        """Most probable coefficients of all columns beside a set, by choice of readings."""
+        posteriors = self.posteriors(active)
+        return {edges: posteriors[edges].coefficients() for edges in which}
+
+    def _member(self, one: Active, rest: Sequence[Active], coefficients: Floats) -> Member:
+        """Weigh one of a set beside the rest.
+
+        Parameters
+        ----------
+        coefficients : of all columns
+        """
+        c, variant, size = one
+        free, without = self._free(rest), self.posteriors(rest, [one])
+        weighed = self.weigh(without, free).causes
+        odds = {o.name: weighed[o.name].nats + self.log_odds(o) for o in free} | {"": 0.0}
+        return Member(
+            candidate=c, variant=variant, size=size, nats=weighed[c.name].nats, odds=odds,
+            gain=without[c.at_edges].cavity(c.term(variant)).gain(size),
+            coefficients=coefficients[c.at],
+        )  # fmt: skip
 
 
 def _likeliest(candidate: Candidate, factors: Floats, sizes: Floats) -> Active:

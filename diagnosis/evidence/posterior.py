@@ -14,12 +14,13 @@ With A the posterior precision of (b, Δ), everything that a further term c coul
 (MacKay, Neural Comp. 4 (1992) 415; Wood, Generalized Additive Models, 2017, §6.2).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
+from scipy.linalg import lapack
 
 from diagnosis.evidence.block_diagonal import BlockDiagonal
 
@@ -34,6 +35,14 @@ class Equations:
 
     matrix: Floats
     right: Floats
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class World:
+    """Equations of one choice of readings, and of the baselines' same choice."""
+
+    found: Equations
+    baseline: Equations | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -113,19 +122,28 @@ class Posterior:
         baseline : equations of the baselines, in the same columns
         """
         d, size = discrepancy, len(discrepancy)
-        both = found.matrix if baseline is None else found.matrix + baseline.matrix
         right = found.right if baseline is None else found.right + baseline.right
         rows = [s * t.of_rows(found.matrix) for t, s in active]
         changes = np.concatenate(rows) if rows else np.zeros((0, size))
         inner = [s * t.of_rows(changes.T) for t, s in active]
         between = np.concatenate(inner) if inner else np.zeros((0, 0))
-        a = np.block([
-            [d[:, None] * both * d[None] + np.eye(size), d[:, None] * changes.T],
-            [changes * d[None], between + np.eye(len(changes))],
-        ])
+
+        def precision() -> Floats:
+            out = np.empty((size + len(changes), size + len(changes)))
+            both = out[:size, :size]
+            np.multiply(d[:, None], found.matrix, out=both)
+            if baseline is not None:
+                both += d[:, None] * baseline.matrix
+            both *= d
+            out[size:, :size] = changes * d
+            out[:size, size:] = out[size:, :size].T
+            out[size:, size:] = between
+            out[np.diag_indices_from(out)] += 1.0
+            return out
+
         pulls = [s * t.of_rows(found.right) for t, s in active]
         h = np.concatenate([d * right, *pulls])
-        self._factor = _factored(a)
+        self._factor = _factored(precision)
         self._solved = linalg.cho_solve(self._factor, h, check_finite=False)
         self._cavities: dict[bytes, Cavity] = {}
         self._found, self._d, self._changes, self._active = found, d, changes, tuple(active)
@@ -165,19 +183,51 @@ class Posterior:
         )
 
 
-def _factored(precision: Floats) -> tuple[Floats, bool]:
-    """Cholesky factor of a precision whose sums are good to seven digits, or to fewer."""
+class Posteriors(Mapping[bool, Posterior]):
+    """Posteriors with the same terms, by their choice of readings; each is made when asked for."""
+
+    def __init__(
+        self,
+        worlds: Mapping[bool, World],
+        discrepancy: Floats,
+        active: Sequence[tuple[Term, float]] = (),
+    ) -> None:
+        self._worlds, self._discrepancy, self._active = worlds, discrepancy, active
+        self._made: dict[bool, Posterior] = {}
+
+    def __getitem__(self, edges: bool) -> Posterior:
+        """Return the posterior off edges (False), or given all readings (True)."""
+        if edges not in self._made:
+            world = self._worlds[edges]
+            self._made[edges] = Posterior(
+                world.found, self._discrepancy, self._active, world.baseline
+            )
+        return self._made[edges]
+
+    def __iter__(self) -> Iterator[bool]:
+        """Iterate over the choices of readings."""
+        return iter(self._worlds)
+
+    def __len__(self) -> int:
+        """Count the choices of readings."""
+        return len(self._worlds)
+
+
+def _factored(precision: Callable[[], Floats]) -> tuple[Floats, bool]:
+    """Cholesky factor of a precision whose sums are good to seven digits, or to fewer.
+
+    Parameters
+    ----------
+    precision : makes the matrix, which the factor takes the room of
+    """
     rounding = ROUNDING
     while True:
-        raised = precision.copy()
+        raised = precision()
         raised[np.diag_indices_from(raised)] *= 1 + rounding
-        try:
-            factor, lower = linalg.cho_factor(
-                raised, lower=True, overwrite_a=True, check_finite=False
-            )
-        except linalg.LinAlgError:
-            if rounding >= 1:
-                raise
-            rounding *= 10
-        else:
-            return factor, lower
+        # it is symmetric, and LAPACK's order is the transpose's
+        factor, failed = lapack.dpotrf(raised.T, lower=1, clean=0, overwrite_a=1)
+        if not failed:
+            return factor, True
+        if rounding >= 1:
+            raise linalg.LinAlgError("the precision of the mean's coefficients isn't positive")
+        rounding *= 10

@@ -13,7 +13,7 @@ from diagnosis.data.patch import Patch
 from diagnosis.evidence.candidates import Candidate, candidates_of
 from diagnosis.evidence.gram import Gram, Turns, grams_of, shared_only, turned, turns_of
 from diagnosis.evidence.noise_and_loss_channels import Channel, channel_of
-from diagnosis.evidence.posterior import Equations
+from diagnosis.evidence.posterior import World
 from diagnosis.model.log_density import Whitened
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
@@ -83,14 +83,6 @@ def seen(
         bulk=bulk, whole=whole, turns=turns, candidates=tuple(candidates),
         components=tuple(c for c in components if c.name in turns), ranges=ranges,
     )  # fmt: skip
-
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class World:
-    """Equations of one choice of readings, and of the baselines' same choice."""
-
-    found: Equations
-    baseline: Equations | None = None
 
 
 def worlds_of(found: Seen, before: Seen | None) -> dict[bool, World]:

@@ -14,7 +14,7 @@ from diagnosis.evidence.mean_causes import (
     Weighed,
     Weighing,
 )
-from diagnosis.evidence.seen import World
+from diagnosis.evidence.posterior import World
 from diagnosis.settings import SETTINGS
 from tests.support.linear_readings import LinearReadings
 
