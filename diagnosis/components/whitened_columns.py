@@ -88,8 +88,9 @@ def columns_on(
     before : profiles of the recording's patches before this one
     """
     profiles, columns = np.arange(patch.shape[0]), column_groups(patch.shape[1])
-    dense: list[NDArray[np.float32]] = []
-    at_dense: list[Places] = []
+    at_dense = _joined([at for c, at in layout.places() if not c.relaxed.each])
+    dense = np.empty((at_dense.size, int(state.used.sum())), dtype=np.float32)
+    filled = 0
     thin: list[sparse.csr_matrix] = []
     at_thin: list[Places] = []
     for component, places in layout.places():
@@ -105,23 +106,30 @@ def columns_on(
             thin.append(state.whitener.indicators(factor, profiles, 0 * columns))
             at_thin.append(places[before : before + patch.shape[0]])
         else:
-            if component.placement:  # whitened already, in prior deviations
-                moved = [state.columns[..., j][state.used] for j in component.placement]
-                dense.append(np.stack(moved).astype(np.float32))
-                at_dense.append(places)
-                continue
-            made = mean_columns(component, patch, ranges, noise) or ()
-            if component.own:  # in deviations of the noise
-                made = [state.sd_mm * f for f in made]
-            dense.append(state.whitener.columns(made, state.sd_mm))
-            at_dense.append(places)
-    count = int(state.used.sum())
+            dense[filled : filled + places.size] = _whitened(component, patch, state, ranges, noise)
+            filled += places.size
     return Columns(
-        dense=np.concatenate(dense) if dense else np.zeros((0, count), dtype=np.float32),
-        at_dense=_joined(at_dense),
-        thin=sparse.hstack(thin, format="csr") if thin else sparse.csr_matrix((count, 0)),
+        dense=dense,
+        at_dense=at_dense,
+        thin=sparse.hstack(thin, format="csr") if thin else sparse.csr_matrix((len(dense.T), 0)),
         at_thin=_joined(at_thin),
     )
+
+
+def _whitened(
+    component: Component,
+    patch: "Patch",
+    state: "Whitened",
+    ranges: Ranges,
+    noise: NoiseModel,
+) -> NDArray[np.float32]:
+    """Whiten a component's columns (k, N)."""
+    if component.placement:  # whitened already, in prior deviations
+        return np.stack([state.columns[..., j][state.used] for j in component.placement])
+    made = mean_columns(component, patch, ranges, noise) or ()
+    if component.own:  # in deviations of the noise
+        made = [state.sd_mm * f for f in made]
+    return state.whitener.columns(made, state.sd_mm)
 
 
 def _joined(places: Sequence[Places]) -> Places:

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnosis.fields import Single
+
 Floats = NDArray[np.float64]
 
 
@@ -13,7 +15,7 @@ Floats = NDArray[np.float64]
 class BlockDiagonal:
     """Blocks (k_i, l_i) along the diagonal of a matrix (sum of k_i, sum of l_i)."""
 
-    parts: Sequence[Floats]
+    parts: Sequence[Floats | Single]
 
     @property
     def shape(self) -> tuple[int, int]:

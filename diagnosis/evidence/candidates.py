@@ -261,6 +261,8 @@ def _scaled_apart(
 ) -> tuple[BlockDiagonal, ...]:
     """Join each recording's shapes (profiles, V, l), of unit whitened rms together.
 
+    Single precision: there are hundreds of them, as long as there are profiles.
+
     Parameters
     ----------
     starts : first profile of each recording, and the end
@@ -273,7 +275,7 @@ def _scaled_apart(
         products = (flat * (inner[rows, rows] @ flat)).reshape(own.shape)
         energy += products.sum(axis=(0, 2))
     scale = np.sqrt(readings / np.maximum(energy, 1e-12))
-    parts = [np.ascontiguousarray((own * scale[:, None]).swapaxes(0, 1)) for own in of_each]
+    parts = [(own * scale[:, None]).swapaxes(0, 1).astype(np.float32, "C") for own in of_each]
     return tuple(BlockDiagonal(own) for own in zip(*parts, strict=True))
 
 
