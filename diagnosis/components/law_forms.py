@@ -18,11 +18,13 @@ from files.errors import RecipeError
 from sensors.effects import CATALOGUE
 from sensors.effects.base import Effect
 from sensors.view.view import View
+from sensors.view.view_cache import ViewCache
 
 if TYPE_CHECKING:
     from diagnosis.data.patch import Patch
 
 Floats = NDArray[np.float64]
+_FIELDS: ViewCache[Floats | None] = ViewCache(32)
 ROUNDED = 1e-9
 """Share of the largest squared column below which what a placement leaves is rounding."""
 EVERY = 7
@@ -44,15 +46,15 @@ def law_forms(
     products: dict[int, Floats] = {}
     count = size = 0
     for patch in patches:
-        columns = curve_columns(component, patch.view, ranges)
-        of_points = [_fields(point, patch.view) for point in points]
-        if columns is None or not all(of_points):
-            return ()
-        fields = [f for own in of_points for f in own]
-        count, size = len(columns), len(columns) + len(fields)
         pick = np.flatnonzero(patch.observed & ~patch.edge)[::EVERY]
-        placement = np.moveaxis(patch.columns, -1, 0)
-        x = _picked([*columns, *fields, *placement], patch.shape, pick)
+        columns = curve_columns(component, patch.view, ranges)
+        fields = _fields(points, patch.view, pick)
+        if columns is None or fields is None:
+            return ()
+        count, size = len(columns), len(columns) + fields.shape[1]
+        drawn = _picked(columns, patch.shape, pick)
+        lies = _picked(list(np.moveaxis(patch.columns, -1, 0)), patch.shape, pick)
+        x = np.concatenate([drawn, fields, lies], axis=1)
         products[patch.recording] = products.get(patch.recording, 0.0) + x.T @ x
     if (size - count) // len(points) >= count:
         return ()
@@ -67,13 +69,26 @@ def _beyond(products: Floats, size: int) -> Floats:
     return np.asarray(products[:size, :size] - across @ np.linalg.pinv(last) @ across.T)
 
 
-def _fields(point: Effect, view: View) -> Sequence[Floats]:
-    """Fields of a law that is linear in something; none elsewhere."""
-    try:
-        basis = point.basis(view)
-    except RecipeError:
-        return ()
-    return () if basis is None else basis.fields
+def _fields(points: Sequence[Effect], view: View, pick: NDArray[np.int64]) -> Floats | None:
+    """Fields (N, f) at readings of laws that are linear in something; None where one isn't.
+
+    Kept with the view: they are the same whatever a model says.
+    """
+    key = *points, hash(pick.tobytes())
+    return _FIELDS.get(view, key, lambda: _made(points, view, pick))
+
+
+def _made(points: Sequence[Effect], view: View, pick: NDArray[np.int64]) -> Floats | None:
+    out: list[Floats] = []
+    for point in points:
+        try:
+            basis = point.basis(view)
+        except RecipeError:
+            return None
+        if basis is None or not basis.fields:
+            return None
+        out += basis.fields
+    return _picked(out, view.shape, pick)
 
 
 def _picked(
