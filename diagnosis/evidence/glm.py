@@ -62,6 +62,9 @@ class Responses(Likelihood, Protocol):
     def moved(self, change: Floats) -> "Responses":
         """Return the same readings where the predictor is changed already."""
 
+    def beside(self, usual: "Responses") -> "Responses":
+        """Expect of readings what those of baselines show, where no law says more."""
+
     def in_cells(self, owner: Owners, count: int) -> Likelihood:
         """Sum over cells; exact where the predictor is the same throughout a cell."""
 
@@ -87,6 +90,10 @@ class Squares:
         """Return the same readings where the predictor is changed already."""
         return replace(self, seen=self.seen * np.exp(-2 * change))
 
+    def beside(self, usual: Responses) -> "Squares":
+        """Return them as they are: noise is free in its level."""
+        return self
+
     def in_cells(self, owner: Owners, count: int) -> "Squares":
         """Sum over cells."""
         seen, number = (_sums(x, owner, count) for x in (self.seen, self.number))
@@ -107,10 +114,12 @@ class Events:
     ----------
     seen : (N,) 1 for an event
     usual : (N,) share expected
+    noise : share that passes for noise, which is expected where no law says more
     """
 
     seen: Floats
     usual: Floats
+    noise: float = 0.0
     dispersion: float = 1.0
 
     @cached_property
@@ -125,6 +134,14 @@ class Events:
     def moved(self, change: Floats) -> "Events":
         """Return the same readings where the predictor is changed already."""
         return replace(self, usual=np.square(np.maximum(self.root + change / 2, 0.0)))
+
+    def beside(self, usual: Responses) -> "Events":
+        """Expect no more events than baselines have, where no law says more."""
+        assert isinstance(usual, Events)
+        share = min(self.noise, usual.noise)
+        return replace(
+            self, usual=np.where(self.usual <= self.noise, share, self.usual), noise=share
+        )
 
     def in_cells(self, owner: Owners, count: int) -> "EventsInCells":
         """Sum over cells."""

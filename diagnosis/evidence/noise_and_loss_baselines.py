@@ -3,8 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from diagnosis.evidence.noise_and_loss_causes import in_turn, likeliest
-from diagnosis.evidence.noise_and_loss_channels import Channel, RateCandidate, RateVariant
+from diagnosis.evidence.noise_and_loss_channels import (
+    Channel,
+    RateCandidate,
+    RateVariant,
+    level_sd_of,
+)
 
 
 def beside_baselines(channels: Sequence[Channel], usual: Sequence[Channel]) -> list[Channel]:
@@ -37,10 +44,13 @@ def _width(variant: RateVariant) -> int:
 def _without(channel: Channel, usual: Channel) -> Channel:
     """Move the responses by the curves that stand out in the baselines.
 
-    Where recordings reach farther than baselines, these leave a curve open (`Channel.doubts`).
+    What passes for noise is known as well as the baselines tell it. Where recordings reach farther
+    than baselines, these leave a curve open (`Channel.doubts`).
     """
     own = {c.key: c for c, _ in _both(channel, usual)}
-    responses, doubts = channel.responses, []
+    responses, doubts = channel.responses.beside(usual.responses), []
+    unsure = usual.responses.information() ** -0.5
+    level_sd = np.hypot(level_sd_of(responses), [unsure, 0.0])
     for found in in_turn(usual):
         key = likeliest(found)
         if found[key].stands_out and key in own:
@@ -48,4 +58,4 @@ def _without(channel: Channel, usual: Channel) -> Channel:
             responses = responses.moved(variant.change(found[key].coefficients))
             columns = variant.size * variant.columns @ found[key].root
             doubts.append(replace(variant, columns=columns, size=1.0))
-    return replace(channel, responses=responses, doubts=tuple(doubts))
+    return replace(channel, responses=responses, level_sd=level_sd, doubts=tuple(doubts))

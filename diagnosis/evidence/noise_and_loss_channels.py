@@ -174,20 +174,21 @@ def _responses(
     dispersion, events, expected = max(dispersion, 1.0), np.concatenate(seen), np.concatenate(usual)
     if name == "scale":
         return picks, Squares(seen=events, number=expected, dispersion=dispersion)
-    usual_share = _at_least_usual(events, expected)
-    return picks, Events(seen=events, usual=usual_share, dispersion=dispersion)
+    low = expected < SETTINGS.noise.usual_share
+    noise_share = _noise_share(events[low])
+    return picks, Events(
+        seen=events, usual=np.where(low, noise_share, expected), noise=noise_share,
+        dispersion=dispersion,
+    )  # fmt: skip
 
 
-def _at_least_usual(events: Floats, expected: Floats) -> Floats:
-    """Raise shares to what passes for noise, or to what there is where that is less.
+def _noise_share(events: Floats) -> float:
+    """Share of events that passes for noise, or what there is where that is less.
 
     An instrument that loses fewer readings than most departs in nothing.
     """
-    low = expected < SETTINGS.noise.usual_share
-    if not low.any():
-        return expected
-    share = min(SETTINGS.noise.usual_share, (float(events[low].sum()) + 0.5) / int(low.sum()))
-    return np.where(low, share, expected)
+    there = (float(events.sum()) + 0.5) / max(events.size, 1)
+    return min(SETTINGS.noise.usual_share, there)
 
 
 def _block_sums(square: Floats, pick: Mask) -> Floats:
