@@ -90,6 +90,18 @@ def test_columns_over_cells_have_a_rms_of_one(ws: Workspace) -> None:
             assert power == pytest.approx(1.0, rel=0.3), candidate.name
 
 
+def test_a_curve_of_losses_has_a_level_of_its_own(ws: Workspace) -> None:
+    """What is lost at one end of a line is a share of none elsewhere, and not about a mean."""
+    for name in ("missing", "outliers", "scale"):
+        for candidate in channel(ws, name).candidates:
+            relaxed = candidate.component.relaxed
+            if relaxed.each or not relaxed.along:
+                continue
+            for variant in candidate.variants:
+                level = (np.ptp(variant.columns, axis=0) == 0).any()
+                assert level == (name != "scale"), candidate.name
+
+
 def test_each_channel_has_a_level_off_edges_and_at_them(ws: Workspace) -> None:
     for name in ("scale", "missing", "outliers"):
         found = channel(ws, name)
