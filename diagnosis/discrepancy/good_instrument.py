@@ -280,7 +280,12 @@ def alike_at_edges(
     return out | {key: with_sizes_up_to(most, out[key], sizes) for key in keys}
 
 
-def _sizes(name: str) -> Floats:
+def rate_of(component: str) -> str:
+    """Name the channel of a component's noise, losses or outliers; "" of all else."""
+    channel = component.partition(": ")[0]
+    return channel if channel in RATES else ""
+
+
+def _sizes(component: str) -> Floats:
     """Grid of a component's sizes."""
-    rates = name.partition(": ")[0] in RATES
-    return SETTINGS.rate_sizes() if rates else SETTINGS.mean_sizes()
+    return SETTINGS.rate_sizes() if rate_of(component) else SETTINGS.mean_sizes()

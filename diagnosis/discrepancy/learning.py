@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from diagnosis.discrepancy.good_instrument import evidence, told
+from diagnosis.discrepancy.good_instrument import evidence, rate_of, told
 from diagnosis.discrepancy.population import aspect_of, larger_of
-from diagnosis.evidence.seen import RATES
 
 Floats = NDArray[np.float64]
 SPREADS = (0.35, 0.5, 0.7, 1.0)
@@ -59,17 +58,11 @@ def learnt(
             for name, own in factors.items():
                 found.setdefault(name, []).append(own)
         weights: dict[str, Floats] = {}
-        for channel in dict.fromkeys(map(_channel, found)):
-            alike = {n: f for n, f in found.items() if _channel(n) == channel}
+        for channel in dict.fromkeys(map(rate_of, found)):
+            alike = {n: f for n, f in found.items() if rate_of(n) == channel}
             weights |= _together(alike, SPREADS_OF_RATES if channel else SPREADS, anew)
         out.append({name: weights[name] for name in found})
     return out
-
-
-def _channel(component: str) -> str:
-    """Name the channel of a component's noise, losses or outliers; "" of all else."""
-    channel = component.partition(": ")[0]
-    return channel if channel in RATES else ""
 
 
 def _together(
