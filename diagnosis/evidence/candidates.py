@@ -213,7 +213,10 @@ def _by_profile(
     gram: Gram,
     axis: dict[int, Floats],
 ) -> list[Candidate]:
-    """Bands, free values, and single steps of the profiles."""
+    """Bands, free values, and single steps of the profiles.
+
+    A cause's law is a steady wave of one frequency; what is another may grow, fade and be none.
+    """
     sizes = [b.columns.stop - b.columns.start for b in blocks]
     starts = np.cumsum([0, *sizes])
     inner = gram.matrix[np.ix_(at, at)]
@@ -226,12 +229,18 @@ def _by_profile(
     cycles = SETTINGS.least_cycles + SETTINGS.band_step * np.arange(count, dtype=np.float64)
     frequencies = cycles / span
     frequencies = frequencies[frequencies <= 0.5 / finest]
-    bands = _scaled_apart(
-        [_bands(values, frequencies, finest) for values in own_axis], starts, inner, gram.readings
-    )
+    bands, steady = (
+        _scaled_apart(
+            [_bands(values, frequencies, finest, harmonics, envelope) for values in own_axis],
+            starts, inner, gram.readings,
+        )
+        for harmonics, envelope in ((SETTINGS.harmonics, SETTINGS.envelope), (1, 0))
+    )  # fmt: skip
     labels = tuple(frequencies.tolist())
-    out = [Candidate(name=component.name, effect=component.effect, component=component, at=at,
-                     shapes=bands, labels=labels)] if bands else []  # fmt: skip
+    out = [Candidate(
+        name=component.name, effect=component.effect, component=component, at=at,
+        shapes=(*bands, *steady), labels=2 * labels, by_law=len(steady),
+    )] if bands else []  # fmt: skip
     unknown = replace(component, effect="", name=f"free {what} of profiles")
     # each profile for itself, or from where the one before was: lost counts, a belt that creeps
     walks = [np.tri(size)[:, None] for size in sizes]
@@ -279,15 +288,22 @@ def _scaled_apart(
     return tuple(BlockDiagonal(own) for own in zip(*parts, strict=True))
 
 
-def _bands(axis: Floats, frequencies: Floats, finest: float) -> Floats:
-    """Columns (N, F, l) of oscillations about frequencies (F,), slowly changing, with harmonics."""
+def _bands(
+    axis: Floats, frequencies: Floats, finest: float, harmonics: int, envelope: int
+) -> Floats:
+    """Columns (N, F, l) of oscillations about frequencies (F,), slowly changing, with harmonics.
+
+    Parameters
+    ----------
+    envelope : polynomial order of the slow change; 0 for a steady one
+    """
     u = 2 * (axis - axis.min()) / max(np.ptp(axis), 1e-12) - 1
-    slow = legendre.legvander(u, SETTINGS.envelope) / (1 + np.arange(SETTINGS.envelope + 1))
+    slow = legendre.legvander(u, envelope) / (1 + np.arange(envelope + 1))
     columns = []
-    for h in range(1, SETTINGS.harmonics + 1):
+    for h in range(1, harmonics + 1):
         fits = h * frequencies <= 0.5 / finest
         turns = 2 * np.pi * h * frequencies * axis[:, None]
         waves = np.sin(turns) * fits / h, np.cos(turns) * fits / h
-        for envelope in slow.T if h == 1 else slow.T[:1]:
-            columns += [envelope[:, None] * wave for wave in waves]
+        for change in slow.T if h == 1 else slow.T[:1]:
+            columns += [change[:, None] * wave for wave in waves]
     return np.stack(columns, axis=2)

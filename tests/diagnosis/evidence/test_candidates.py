@@ -53,13 +53,40 @@ def missed(shape: np.ndarray, values: np.ndarray) -> float:
 
 def test_a_band_draws_its_own_frequency_and_no_other(offsets: dict[str, Candidate]) -> None:
     bands = offsets["stage_vibration"]
+    count = len(bands.shapes) - bands.by_law
     assert min(bands.labels) == pytest.approx(SETTINGS.least_cycles / np.ptp(TIMES))
-    for shape, frequency in zip(bands.shapes[::7], bands.labels[::7], strict=True):
+    for shape, frequency in zip(bands.shapes[:count:7], bands.labels[:count:7], strict=True):
         wave = np.sin(2 * np.pi * frequency * TIMES + 0.7)
         assert missed(dense(shape), wave) < 1e-9
         assert missed(dense(shape), (1 + TIMES) * wave) < 1e-9  # that grows slowly, too
     slowest = bands.shapes[0]
     assert missed(dense(slowest), np.sin(2 * np.pi * 7.3 * bands.labels[0] * TIMES)) > 0.9
+
+
+def test_the_law_of_a_wave_is_steady(offsets: dict[str, Candidate]) -> None:
+    bands = offsets["stage_vibration"]
+    count = len(bands.shapes) - bands.by_law
+    assert bands.by_law == count
+    assert bands.labels[:count] == bands.labels[count:]
+    for shape, frequency in zip(bands.shapes[count::7], bands.labels[count::7], strict=True):
+        wave = np.sin(2 * np.pi * frequency * TIMES + 0.7)
+        assert missed(dense(shape), wave) < 1e-9
+        assert missed(dense(shape), np.linspace(-1, 1, PROFILES) * wave) > 0.9
+
+
+def test_a_steady_wave_is_found_by_its_law_where_freer_forms_pay_too_much(
+    offsets: dict[str, Candidate],
+) -> None:
+    """Six deviations: 18 nats, of which the envelopes and harmonics of a band take more."""
+    bands = offsets["stage_vibration"]
+    count, wave = len(bands.shapes) - bands.by_law, np.sin(2 * np.pi * bands.labels[7] * TIMES)
+    wave *= 6.0 / np.sqrt(POINTS * np.square(wave).sum())
+    cavity = Cavity(information=POINTS * np.eye(PROFILES), pull=POINTS * wave)
+    each, mean = bands.log_factors(cavity, SETTINGS.mean_sizes())
+    free, steady = each[:count].max(), each[count:].max()
+    assert int(each[count:].max(axis=1).argmax()) == 7
+    assert steady > free + 2
+    assert mean.max() == pytest.approx(steady - np.log(2 * count), abs=1.0)
 
 
 @pytest.mark.parametrize(("parameter", "speed"), [("frequency", 1.0), ("period", 80.0)])
