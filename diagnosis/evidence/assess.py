@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.evidence.mean_causes import CauseSearch, Habit, Member, Scales
-from diagnosis.evidence.noise_and_loss_causes import RateHabit, RateMember, RateSearch
+from diagnosis.evidence.habit import Habit
+from diagnosis.evidence.mean_causes import CauseSearch, Member, Scales
+from diagnosis.evidence.noise_and_loss_causes import RateMember, RateSearch
 from diagnosis.evidence.noise_and_loss_channels import Channel
 from diagnosis.evidence.seen import Seen, worlds_of
 from diagnosis.settings import SETTINGS
@@ -24,14 +25,13 @@ class Assessment:
     mean : members of the mean's set
     rates : members of the other channels
     effects : by channel, the effect of each candidate ("" of unknown ones)
-    usual, usual_rates : what good instruments have as well, of the mean and of the other channels
+    usual : what good instruments have as well
     """
 
     mean: tuple[Member, ...]
     rates: tuple[RateMember, ...]
     effects: Mapping[str, Mapping[str, str]]
     usual: tuple[Habit, ...] = ()
-    usual_rates: tuple[RateHabit, ...] = ()
 
 
 def assessed_mean(
@@ -116,7 +116,7 @@ def assessed_rates(
 ) -> Assessment:
     """Weigh the causes of what the scale, the losses and the outliers depart by."""
     rates: list[RateMember] = []
-    usual: list[RateHabit] = []
+    usual: list[Habit] = []
     effects: dict[str, dict[str, str]] = {}
     for channel in channels:
         scales_of = Scales(sizes=SETTINGS.rate_sizes(), weights=scales)
@@ -126,5 +126,5 @@ def assessed_rates(
         known = {c.name: c.component.effect for c in channel.candidates}
         effects[channel.name] = {n: "" if e in withheld else e for n, e in known.items()}
     return Assessment(
-        mean=(), rates=tuple(rates), effects=effects, usual_rates=tuple(usual)
+        mean=(), rates=tuple(rates), effects=effects, usual=tuple(usual)
     )

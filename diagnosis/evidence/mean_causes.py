@@ -17,6 +17,7 @@ from scipy.special import expit, logsumexp
 
 from diagnosis.evidence.candidates import Candidate
 from diagnosis.evidence.changed_sizes import changed, usual
+from diagnosis.evidence.habit import Habit
 from diagnosis.evidence.posterior import Posterior, Posteriors, Term, World
 from diagnosis.settings import SETTINGS
 
@@ -120,33 +121,20 @@ class Weighed:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Habit:
-    """What a good instrument has, as these readings show it.
-
-    Attributes
-    ----------
-    nats : by how much more probable than nothing it is
-    fault : probability of the likeliest cause in its place, against a good instrument
-    """
-
-    active: Active
-    nats: float
-    fault: float
-
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Weighing:
     """Candidates beside a set.
 
     Attributes
     ----------
     causes : by name, each against a good instrument
-    usual : what a good instrument has that explains most; None where that is no more than chance
+    usual, habit : what a good instrument has that explains most, and how near it comes to a cause;
+        None where that is no more than chance
     hides : whether beside it another candidate could have odds above one
     """
 
     causes: Mapping[str, Weighed]
-    usual: Habit | None
+    usual: Active | None
+    habit: Habit | None
     hides: bool
 
 
@@ -235,11 +223,15 @@ class CauseSearch:
             n: Weighed(nats=nats - nothing, variant=v, size=s)
             for n, (nats, v, s) in found.items()
         }
-        habit = None
-        if usual is not None and nothing >= SETTINGS.stands_out:
-            odds = max(causes[c.name].nats + self.log_odds(c) for c in candidates)
-            habit = Habit(active=usual, nats=nothing, fault=float(expit(odds)))
-        return Weighing(causes=causes, usual=habit, hides=hidden)
+        if usual is None or nothing < SETTINGS.stands_out:
+            return Weighing(causes=causes, usual=None, habit=None, hides=hidden)
+        odds = max(causes[c.name].nats + self.log_odds(c) for c in candidates)
+        c, variant, size = usual
+        habit = Habit(
+            name=c.name, component=c.component, size=size, nats=nothing, fault=float(expit(odds)),
+            repeats=c.labels[variant],
+        )  # fmt: skip
+        return Weighing(causes=causes, usual=usual, habit=habit, hides=hidden)
 
     def log_odds(self, candidate: Candidate) -> float:
         """Log odds of a candidate before any reading."""
@@ -264,11 +256,11 @@ class CauseSearch:
                     break  # a few points of its grid aren't its law: fit that before going on
                 active = self._resized(active, usual)
                 continue
-            if weighing.usual is not None:
-                habits.append(weighing.usual)
+            if weighing.habit is not None:
+                habits.append(weighing.habit)
             if weighing.usual is None or not weighing.hides:
                 break
-            usual.append(weighing.usual.active)
+            usual.append(weighing.usual)
             active = self._standing(active, usual)
         return self.weighed(active, usual), habits
 
@@ -291,7 +283,7 @@ class CauseSearch:
             weighing = self.weigh(self.posteriors(beside), self._free(beside))
             if weighing.usual is None or not weighing.hides:
                 return usual
-            usual.append(weighing.usual.active)
+            usual.append(weighing.usual)
 
     def _free(self, active: Sequence[Active]) -> list[Candidate]:
         """List the candidates whose causes aren't in a set."""

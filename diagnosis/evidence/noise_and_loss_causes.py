@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp
 
 from diagnosis.evidence.glm import Mode, Responses, mode
+from diagnosis.evidence.habit import Habit
 from diagnosis.evidence.mean_causes import Scales
 from diagnosis.evidence.noise_and_loss_channels import Channel, RateCandidate, RateVariant
 from diagnosis.settings import SETTINGS
@@ -33,22 +34,6 @@ class RateMember:
     shares: Mapping[str, float]
     gain: float
     change: Floats
-
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class RateHabit:
-    """What a good instrument has in a channel, as these readings show it.
-
-    Attributes
-    ----------
-    nats : by how much more probable than nothing it is
-    fault : probability that there is a cause in its place, and no good instrument
-    """
-
-    candidate: RateCandidate
-    size: float
-    nats: float
-    fault: float
 
 
 def _one_sided(factor: float, found: Mode, size: float, fall: float) -> float:
@@ -230,7 +215,7 @@ class RateSearch:
         found = mode(responses.in_cells(variant.owner, variant.count), x, sd)
         return responses.moved((x @ found.coefficients)[variant.owner])
 
-    def search(self) -> tuple[list[RateMember], list[RateHabit]]:
+    def search(self) -> tuple[list[RateMember], list[Habit]]:
         """Find causes until none at all is likelier, beside what a good instrument has.
 
         Returns
@@ -239,7 +224,7 @@ class RateSearch:
         """
         responses = self.channel.responses
         found: list[RateMember] = []
-        habits: list[RateHabit] = []
+        habits: list[Habit] = []
         explained, doubts = 0.0, self.channel.doubts
         free = [
             c.unclaimed() if c.component.effect in self.withheld else c
@@ -259,8 +244,9 @@ class RateSearch:
                     responses, doubts = recorded, ()
                     continue
                 w = weighed[usual.name]
-                habits.append(RateHabit(
-                    candidate=usual, size=w.size, nats=w.usual, fault=float(-np.expm1(-total))
+                habits.append(Habit(
+                    name=usual.name, component=usual.component, size=w.size, nats=w.usual,
+                    fault=float(-np.expm1(-total)),
                 ))  # fmt: skip
                 responses = self._beside(responses, usual, w)
                 explained = float(np.hypot(explained, w.size))

@@ -102,24 +102,14 @@ class Unexplained:
 
 def usual_components(assessment: Assessment) -> list[Unexplained]:
     """List what good instruments have as well; `probability` that it is a fault all the same."""
-    of_mean = [
+    return [
         Unexplained(
-            component=habit.active[0].name, channel="mean", probability=habit.fault,
-            nats=habit.nats, size=habit.active[2],
-            repeats=habit.active[0].labels[habit.active[1]],
-            relaxed=habit.active[0].component.relaxed,
+            component=habit.name, channel=habit.component.relaxed.channel, nats=habit.nats,
+            size=habit.size, probability=habit.fault, repeats=habit.repeats,
+            relaxed=habit.component.relaxed,
         )
-        for habit in assessment.usual if not habit.active[0].component.placement
+        for habit in assessment.usual if not habit.component.placement
     ]  # fmt: skip
-    of_rates = [
-        Unexplained(
-            component=habit.candidate.name, channel=habit.candidate.component.relaxed.channel,
-            probability=habit.fault, nats=habit.nats, size=habit.size,
-            relaxed=habit.candidate.component.relaxed,
-        )
-        for habit in assessment.usual_rates
-    ]  # fmt: skip
-    return [*of_mean, *of_rates]
 
 
 def unnamed(causes: Iterable[Cause]) -> list[Unexplained]:

@@ -79,7 +79,7 @@ def test_a_cause_is_found_beside_what_a_good_instrument_has_more_of() -> None:
     (found,), (habit,) = search.search()
     assert found.candidate.effect == "form_error"
     assert found.shares["form_error"] > 0.99
-    assert habit.active[0].effect == "line_bow"
+    assert habit.component.effect == "line_bow"
     assert habit.nats > 100
     assert 0.0 < habit.fault < 1.0
     # beside it nothing is left that could be a cause: what is usual needs no more looking at
@@ -155,7 +155,7 @@ def test_a_cause_is_picked_where_it_stands_with_its_own_law_in_doubt(
         causes = {
             c.name: Weighed(nats=nats[doubted][c.name], variant=0, size=1.0) for c in candidates
         }
-        return Weighing(causes=causes, usual=None, hides=False)
+        return Weighing(causes=causes, usual=None, habit=None, hides=False)
 
     search = CauseSearch(worlds, readings.candidates, scales, scales)
     monkeypatch.setattr(search, "posteriors", in_doubt)

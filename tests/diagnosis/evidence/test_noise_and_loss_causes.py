@@ -91,7 +91,7 @@ def test_a_cause_is_found_beside_what_a_good_instrument_has_more_of() -> None:
     scales = Scales(sizes=sizes, weights={usual.key: often, rare.key: none})
     found, (habit,) = RateSearch(replace(channel, candidates=(usual, rare)), scales).search()
     assert [m.candidate.component.effect for m in found] == ["light_falloff"]
-    assert habit.candidate is usual
+    assert (habit.name, habit.component) == (usual.name, usual.component)
     assert habit.nats > 100
     assert 0.0 < habit.fault < 1.0
 
