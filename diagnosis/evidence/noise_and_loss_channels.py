@@ -1,7 +1,7 @@
 """Scale, missing and outlier channels: their responses, and the same candidates by relaxed form.
 
-What lies at depth edges has a level of its own among the losses, since there no law is exact; noise
-and outliers are looked at off edges.
+What lies at depth edges has a level of its own among the losses, and says nothing of what is
+smooth, since there no law is exact; noise and outliers are looked at off edges.
 """
 
 from collections.abc import Sequence
@@ -223,7 +223,7 @@ def _candidate(
             lost = np.concatenate([m[j][k] for m, k in zip(made, picks, strict=True)]) > 0.5
             if lost.any():
                 one = np.array([[0.0], [1.0]])
-                variants.append(_in_cells(lost.astype(np.int64), 2, edge, one))
+                variants.append(_in_cells(lost.astype(np.int64), 2, edge, one, at_edges=True))
     else:
         for views in seen_by_cameras(component, patches):
             smooth = _smooth(component, views, picks, edge, ranges)
@@ -272,13 +272,19 @@ def _smooth(
 
 
 def _in_cells(
-    owner: Owners, count: int, edge: Mask, columns: Floats
+    owner: Owners, count: int, edge: Mask, columns: Floats, *, at_edges: bool = False
 ) -> RateVariant:
-    """Split each cell into what is at edges and what isn't."""
+    """Split each cell into what is at edges and what isn't.
+
+    Parameters
+    ----------
+    at_edges : whether the component says what there is at edges, as a law of light does; what a
+        smooth curve has there is beside an edge's own losses, and tells nothing
+    """
     level = np.repeat(np.array([[1.0, 0.0], [1.0, 1.0]]), count, axis=0)
     return RateVariant(
         owner=owner + count * edge, count=2 * count, level=level,
-        columns=np.concatenate([columns, columns]),
+        columns=np.concatenate([columns, columns if at_edges else 0.0 * columns]),
     )  # fmt: skip
 
 
