@@ -15,7 +15,7 @@ from diagnosis.claims.translucency import averaged_grain, sunken
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.discrepancy.population import population
 from diagnosis.evidence.next_scan import next_scans
-from diagnosis.evidence.reported_causes import Cause
+from diagnosis.evidence.reported_causes import Cause, Unexplained, unnamed
 from diagnosis.explained_again import explained_again
 from diagnosis.explanation import Explanation, Progress
 from diagnosis.localise.maps import RecordingMaps, map_recording
@@ -79,10 +79,11 @@ def diagnose(
     explanation = doubted_causes(explanation, ready, notes)
     progress("judging on held-out readings")
     explanation, judged, against_claims = _standing(ready, explanation, withheld, notes)
-    against_claims = doubted_claims(against_claims, explanation.unexplained)
+    left = (*explanation.unexplained, *judged.left)
+    against_claims = doubted_claims(against_claims, left)
     # what is told by its form is so: no other mechanism repeats rows, or counts in steps
     against_claims += [f for f in by_form if f.name not in withheld]
-    verdict = _verdict(bool(explanation.causes or against_claims), bool(explanation.unexplained))
+    verdict = _verdict(bool(explanation.causes or against_claims), bool(left))
     found, against_claims = averaged_grain(judged.found, against_claims, withheld)
     found = tuple(sorted([*found, *against_claims], key=lambda f: -f.heldout_gain))
     notes += at_limits(found)
@@ -96,7 +97,7 @@ def diagnose(
     return Diagnosis(
         verdict=verdict,
         effects=found,
-        left=residual_structure(explanation.unexplained, explanation.ws, judged.model),
+        left=residual_structure(left, explanation.ws, judged.model),
         usual=described(explanation.usual, explanation.ws),
         next_measurements=measure,
         none_of_these=_none_of_these(judged.causes, against_claims),
@@ -177,10 +178,12 @@ class _Judged:
     ----------
     before, bare : of the nominal model, with its noise and with that of the recordings
     nominal : the nominal model at its placements
+    left : what causes were found by whose laws are of no use there, and that no other one explains
     """
 
     model: Model
     causes: list[Cause]
+    left: list[Unexplained]
     found: tuple[FoundEffect, ...]
     before: Judgement
     bare: Judgement
@@ -233,7 +236,8 @@ def judge_on_heldout(
 ) -> _Judged:
     """Judge nominal and found model on held-out readings, without laws that are of no use.
 
-    A cause whose law is of none has no name, unless readings held out show it by themselves.
+    A cause whose law is of none has no name, unless readings held out show it by themselves. What
+    departs is another law's remainder where there is one in its channel; else it is left.
     """
     ws, causes, share_own = explanation.ws, list(explanation.causes), not ready.single
     candidates = candidates_of(
@@ -247,7 +251,6 @@ def judge_on_heldout(
         bare = judge(nominal.held, ready.noise, Model(), share_own=share_own)
     found, after = found_effects(ws, model, causes, candidates)
     while idle := _idle(found, causes):
-        # what is of no use on held-out readings beside a law that is, is that one's remainder
         notes.append(f"{', '.join(sorted(idle))}: fitted, but of no use on held-out readings")
         causes = [
             c.doubted(LAW_REFUTED) if c.name in idle else c
@@ -255,8 +258,11 @@ def judge_on_heldout(
         ]  # fmt: skip
         model = refined(ws, model.without(*idle))
         found, after = found_effects(ws, model, causes, candidates)
+    explained = {c.channel for c in causes}
+    dropped = [c for c in explanation.causes if c.name not in {c.name for c in causes}]
+    left = unnamed(c for c in dropped if c.channel not in explained)
     return _Judged(
-        model=model, causes=causes, found=found, before=before, bare=bare, after=after,
+        model=model, causes=causes, left=left, found=found, before=before, bare=bare, after=after,
         candidates=candidates, nominal=nominal,
     )  # fmt: skip
 

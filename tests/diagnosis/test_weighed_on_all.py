@@ -11,6 +11,7 @@ from diagnosis.prepare import Prepared
 from diagnosis.refuted import without_names
 from diagnosis.weighed_on_all import weighed_on_all
 from sensors.effects.stage_vibration import StageVibration
+from sensors.effects.thermal_drift import ThermalDrift
 from tests.support.explained import explained
 from tests.support.prepared_parts import ready
 
@@ -85,4 +86,23 @@ def test_what_each_recording_shows_keeps_its_name_where_its_law_is_another(
     assert "the formula is another" in effect.doubt
     assert without_names(misled, shaken).causes[0].name == "stage_vibration"
     of_curves = replace(misled, causes=(replace(misled.causes[0], shown_again=False),))
-    assert judge_on_heldout(shaken, of_curves, misled.model, shaken.noise, []).found == ()
+    without = judge_on_heldout(shaken, of_curves, misled.model, shaken.noise, [])
+    assert without.found == ()
+    assert judged.left == []
+    assert [u.component for u in without.left] == [misled.causes[0].component.name]
+
+
+@pytest.mark.parametrize(("channel", "left"), [("mean", []), ("scale", ["thermal_drift"])])
+def test_a_law_of_no_use_leaves_what_no_other_law_explains(
+    bent: Prepared, found: Explanation, channel: str, left: list[str]
+) -> None:
+    """Beside another law of its channel it was that one's remainder."""
+    (bow,) = found.causes
+    drift = replace(bow, name="thermal_drift", channel=channel, component=None)
+    model = found.model.with_effect(ThermalDrift(amplitude_um=30.0, time_constant_s=0.1))
+    both = replace(found, causes=(bow, drift), model=model)
+    notes: list[str] = []
+    judged = judge_on_heldout(bent, both, model, bent.noise, notes)
+    assert [c.name for c in judged.causes] == ["line_bow"]
+    assert notes == ["thermal_drift: fitted, but of no use on held-out readings"]
+    assert [u.component for u in judged.left] == left
