@@ -259,8 +259,7 @@ def judge_on_heldout(
         model = refined(ws, model.without(*idle))
         found, after = found_effects(ws, model, causes, candidates)
     explained = {c.channel for c in causes}
-    dropped = [c for c in explanation.causes if c.name not in {c.name for c in causes}]
-    left = unnamed(c for c in dropped if c.channel not in explained)
+    left = unnamed(c for c in explanation.causes if c.channel not in explained)
     return _Judged(
         model=model, causes=causes, left=left, found=found, before=before, bare=bare, after=after,
         candidates=candidates, nominal=nominal,

@@ -284,7 +284,7 @@ def _in_cells(
     level = np.repeat(np.array([[1.0, 0.0], [1.0, 1.0]]), count, axis=0)
     return RateVariant(
         owner=owner + count * edge, count=2 * count, level=level,
-        columns=np.concatenate([columns, columns if at_edges else 0.0 * columns]),
+        columns=np.concatenate([columns, columns if at_edges else np.zeros_like(columns)]),
     )  # fmt: skip
 
 

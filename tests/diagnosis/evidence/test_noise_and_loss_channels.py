@@ -41,6 +41,9 @@ def test_whitened_squares_are_one_where_the_noise_is_as_calibrated(ws: Workspace
     assert found.responses.seen.mean() == pytest.approx(1.0, abs=0.1)
     assert isinstance(found.responses, Squares)
     assert (found.responses.number == 1).all()
+    assert found.responses.information() == pytest.approx(
+        2 * found.responses.seen.sum() / found.responses.dispersion
+    )
     assert 1.0 <= found.responses.dispersion < 2.0
     assert not (found.picks[0] & ws.patches[0].edge).any()
 
