@@ -12,16 +12,17 @@ is kept of changes, of what the other recordings have beside the first one, take
 how often the next recordings depart as another instrument's would; and of the third beside the
 first two, how often a change is as the one before.
 Each population is a kind of instruments of its own; with `--makes` each is of another make.
-With `--left-out` each population is told by the others: how often an instrument is of yet another
-kind, by that.
+Each population is told by the others: by how much further sizes lie apart in yet another kind, by
+aspect. With `--left-out` it says how well, and how often an instrument is of another kind, by that.
 """
 
 import argparse
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from joblib import Memory, Parallel, delayed
@@ -40,14 +41,12 @@ from benchmarks.other_formulas.run import commit
 from benchmarks.other_formulas.tolerances import good_instrument
 from challenge.sets.calibration_population import OF_MAKES
 from diagnosis.discrepancy.good_instrument import evidence
-from diagnosis.discrepancy.learning import learnt, learnt_alike, learnt_changes
+from diagnosis.discrepancy.learning import APART, learnt, learnt_alike, learnt_apart, learnt_changes
 from diagnosis.discrepancy.population import ASPECTS, Kind, Population, aspect_of
 from sensors.datasheet import Datasheet
 
 UNLIKE = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
 """Shares of instruments of another kind that are weighed."""
-STEPS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0)
-"""Scales by which sizes lie further apart in another kind that are weighed."""
 
 
 def good_folders(root: Path) -> Iterator[Path]:
@@ -104,8 +103,13 @@ def main() -> None:
              weights=w)
         for g, w in zip(groups, departing, strict=True)
     ))  # fmt: skip
+    apart = left_out(known, shown, [{"apart_by": dict.fromkeys(ASPECTS, by)} for by in APART])
+    known = replace(known, apart_by=learnt_apart(apart))
     if args.left_out:
-        print(left_out(known, shown))
+        shares = left_out(known, shown, [{"share": share} for share in UNLIKE])
+        print("By the share of instruments of another kind:", table(UNLIKE, shares),
+              "By how much further sizes lie apart in another kind:", table(APART, apart),
+              sep="\n")  # fmt: skip
     changing = learnt_changes([
         work(delayed(kept(changes))(make, known, kind) for make in g.instruments)
         for g, kind in zip(groups, known.kinds, strict=True)
@@ -152,38 +156,44 @@ def _of_folders(root: Path) -> list[_Group]:
     ]
 
 
-def left_out(known: Population, shown: Sequence[Sequence[Factors]]) -> str:
-    """Tell each population by the others: nats over the first share, or step, of another kind.
+Told = Mapping[tuple[str, str], np.ndarray]
+"""Log probability of what a population shows, for each value that is weighed, by its name and by
+aspect."""
+
+
+def left_out(
+    known: Population, shown: Sequence[Sequence[Factors]], ways: Sequence[Mapping[str, Any]]
+) -> Told:
+    """Tell each population by the others.
 
     Parameters
     ----------
     shown : of each kind, each instrument's log factors of sizes, by component
+    ways : what is weighed: attributes of the population of the others
     """
     names = [k.name.partition(",")[0].partition(":")[0] for k in known.kinds]
-    rows, further = (
-        ["| left out | aspect | " + " | ".join(f"{v:.2f}" for v in values) + " |",
-         "| --- " * (len(values) + 2) + "|"]
-        for values in (UNLIKE, STEPS)
-    )  # fmt: skip
+    told = {}
     for name in dict.fromkeys(names):
         own = [k == name for k in names]
-        others = Population(
-            kinds=tuple(k for k, out in zip(known.kinds, own, strict=True) if not out)
-        )
+        kinds = tuple(k for k, out in zip(known.kinds, own, strict=True) if not out)
         instruments = [i for group, out in zip(shown, own, strict=True) if out for i in group]
         for aspect in ASPECTS:
-            for table, ways in (
-                (rows, [replace(others, share=share) for share in UNLIKE]),
-                (further, [replace(others, steps=steps) for steps in STEPS]),
-            ):
-                nats = np.array([sum(_nats_of(w, i, aspect) for i in instruments) for w in ways])
-                if np.ptp(nats) > 0:
-                    text = " | ".join(f"{n:+.1f}" for n in nats - nats[0])
-                    table.append(f"| {name} | {aspect} | {text} |")
-    return "\n".join([
-        "By the share of instruments of another kind:", *rows,
-        "By how much further sizes lie apart in another kind:", *further,
-    ])  # fmt: skip
+            told[name, aspect] = np.array([
+                sum(_nats_of(replace(known, kinds=kinds, **way), i, aspect) for i in instruments)
+                for way in ways
+            ])  # fmt: skip
+    return told
+
+
+def table(values: Sequence[float], told: Told) -> str:
+    """Write what tells each population by the others, in nats over the first value."""
+    rows = ["| left out | aspect | " + " | ".join(f"{v:.2f}" for v in values) + " |",
+            "| --- " * (len(values) + 2) + "|"]  # fmt: skip
+    for (name, aspect), nats in told.items():
+        if np.ptp(nats) > 0:
+            cells = [f"{n:+.1f}" for n in nats - nats[0]]
+            rows.append(f"| {name} | {aspect} | {' | '.join(cells)} |")
+    return "\n".join(rows)
 
 
 def _nats_of(others: Population, shown: Factors, aspect: str) -> float:
@@ -209,7 +219,8 @@ def written(population: Population) -> str:
         for k in population.kinds
     ]  # fmt: skip
     alike = {aspect: round(share, 6) for aspect, share in population.alike.items()}
-    return json.dumps({"alike": alike, "kinds": kinds}, indent=1) + "\n"
+    apart_by = {aspect: round(by, 6) for aspect, by in population.apart_by.items()}
+    return json.dumps({"alike": alike, "apart_by": apart_by, "kinds": kinds}, indent=1) + "\n"
 
 
 if __name__ == "__main__":

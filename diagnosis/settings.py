@@ -750,13 +750,6 @@ class Settings:
         default=10, unit="", low=1, whole=True,
         source="up to a factor exp(5) of the noise; all readings are lost at a change of 2",
     )  # fmt: skip
-    unlike_steps: float = quantity(
-        "by how many doublings the sizes of components lie further apart in a kind of instruments "
-        "that was never seen, standard deviation",
-        default=1.0, unit="", low=0.0,
-        source="calibration populations, each told by the others (`python -m "
-        "benchmarks.discrepancy --left-out`): the mean asks for 1, noise for 1.5, losses for more",
-    )  # fmt: skip
     small_sizes: int = quantity(
         "smallest sizes of the grid that a component unknown to the population may have",
         default=3, unit="", low=1, whole=True,

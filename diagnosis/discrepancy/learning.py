@@ -28,6 +28,8 @@ ANEW = (0.0, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 """Shares of changes that come anew, which are weighed."""
 ALIKE = np.linspace(0.0, 1.0, 21)
 """Shares of instruments whose next change is as those before, which are weighed."""
+APART = np.linspace(0.0, 3.0, 7)
+"""Doublings by which sizes lie further apart in a kind that was never seen, which are weighed."""
 TURNS = 300
 """Steps to the likeliest shares of the spreads; each makes them likelier."""
 
@@ -173,4 +175,22 @@ def learnt_alike(instruments: Sequence[Mapping[str, Floats]]) -> dict[str, float
     nats: dict[str, Floats] = {}
     for name, own in (item for one in instruments for item in one.items()):
         nats[aspect_of(name)] = nats.get(aspect_of(name), np.zeros(ALIKE.size)) + own
-    return {a: float(np.exp(own - logsumexp(own)) @ ALIKE) for a, own in sorted(nats.items())}
+    return _means(nats, ALIKE)
+
+
+def learnt_apart(told: Mapping[tuple[str, str], Floats]) -> dict[str, float]:
+    """Mean of the posterior of how far sizes lie apart in a kind that was never seen, by aspect.
+
+    Parameters
+    ----------
+    told : log evidence (A,) of each of `APART`, by a population that the others tell, and by aspect
+    """
+    nats: dict[str, Floats] = {}
+    for (_, aspect), own in told.items():
+        nats[aspect] = nats.get(aspect, np.zeros(APART.size)) + own
+    return _means(nats, APART)
+
+
+def _means(nats: Mapping[str, Floats], values: Floats) -> dict[str, float]:
+    """Posterior mean of a number by aspect, from log evidence (A,) of its values (A,)."""
+    return {a: float(np.exp(own - logsumexp(own)) @ values) for a, own in sorted(nats.items())}

@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 
 from diagnosis.components.component import components_of, stated, unlisted
 from diagnosis.evidence.changed_sizes import changed
-from diagnosis.settings import SETTINGS
 from sensors.effects.relaxed import Relaxed
 
 Floats = NDArray[np.float64]
@@ -67,13 +66,14 @@ class Population:
     Attributes
     ----------
     share : of instruments that are of a kind that was never seen; None for as the kinds say
-    steps : by how much further sizes lie apart in such a kind (`spread_out`)
+    apart_by : by aspect, by how many doublings further sizes lie apart in such a kind
+        (`spread_out`)
     alike : by aspect, how often an instrument's next change is as those before
     """
 
     kinds: tuple[Kind, ...]
     share: float | None = None
-    steps: float = SETTINGS.unlike_steps
+    apart_by: Mapping[str, float] = field(default_factory=dict)
     alike: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -144,7 +144,7 @@ class Population:
         mean = np.asarray(np.mean(like, axis=0))
         if is_law_at_edges(component):
             return changed(mean)
-        return mean if aspect_of(component) == EDGES else spread_out(mean, self.steps)
+        return spread_out(mean, self.apart_by.get(aspect_of(component), 0.0))
 
     def of_files(self, columns: str) -> "Population":
         """Keep kinds silent of all but light at edges whose files say otherwise of columns.
@@ -282,6 +282,7 @@ def population() -> Population:
     text = (files("diagnosis.discrepancy") / "discrepancy.json").read_text(encoding="utf-8")
     known = json.loads(text)
     return Population(
+        apart_by=known["apart_by"],
         alike=known["alike"],
         kinds=tuple(
             Kind(

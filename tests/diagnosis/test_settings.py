@@ -50,8 +50,8 @@ FORM = {
     "where a search begins, and its steps": [
         "claims/firmware:AMPLITUDES", "claims/firmware:MEANS_ACROSS", "claims/firmware:MEANS_ALONG",
         "claims/firmware:MEDIANS", "claims/firmware:PEAKS", "discrepancy/learning:ALIKE",
-        "discrepancy/learning:ANEW", "discrepancy/learning:NONE", "discrepancy/learning:SPREADS",
-        "discrepancy/learning:SPREADS_OF_RATES",
+        "discrepancy/learning:ANEW", "discrepancy/learning:APART", "discrepancy/learning:NONE",
+        "discrepancy/learning:SPREADS", "discrepancy/learning:SPREADS_OF_RATES",
         "physics/curvature:FARTHER", "physics/curvature:FIRST_STEP", "physics/curvature:SHARES",
         "physics/effect_fit:FINER", "physics/effect_fit:MAX_GRID", "physics/effect_fit:PEAKS",
         "physics/effect_fit:RADII_MM", "physics/effect_fit:SMALL", "physics/effect_fit:STRONGER",

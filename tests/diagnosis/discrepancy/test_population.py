@@ -60,7 +60,7 @@ def test_a_kind_says_nothing_but_of_edges_where_columns_lie_otherwise() -> None:
 
 def test_what_no_kind_was_seen_to_have_is_as_in_the_others() -> None:
     one = Kind(name="a", weights={"bow": np.full(3, 1 / 3)})
-    both = Population(kinds=(one, Kind(name="b", weights={})), steps=0.0)
+    both = Population(kinds=(one, Kind(name="b", weights={})))
     weights = both.weights("bow")
     assert weights is not None
     assert weights[1] == pytest.approx(weights[0])
@@ -84,7 +84,7 @@ def test_an_instrument_may_be_unlike_all_kinds() -> None:
     sharp[0] = 1.0
     rough = np.zeros(SIZES.size)
     rough[6] = 1.0
-    here = Population(kinds=(Kind(name="any", weights={"bow": sharp, "lens": rough}),), steps=0.0)
+    here = Population(kinds=(Kind(name="any", weights={"bow": sharp, "lens": rough}),))
     # of what a kind never has it may have what the kind has of another component
     (bow,) = here.weights("bow")
     assert bow.sum() == pytest.approx(1.0)
@@ -96,7 +96,9 @@ def test_an_instrument_may_be_unlike_all_kinds() -> None:
 def test_in_a_kind_that_was_never_seen_sizes_lie_further_apart() -> None:
     sharp = np.eye(SIZES.size)[4]
     kind = Kind(name="any", weights={"bow": sharp, "law: finite_spot": sharp})
-    near, far = (Population(kinds=(kind,), steps=steps) for steps in (0.0, 1.0))
+    near, far = (
+        Population(kinds=(kind,), apart_by=by) for by in ({}, {"mean": 1.0, "edges": 0.0})
+    )
     as_known, drawn = (p.apart("bow") for p in (near, far))
     assert as_known is not None
     assert drawn is not None
@@ -129,7 +131,7 @@ def test_the_more_kinds_were_seen_the_less_another_one_may_be_unlike_them() -> N
     many = Population(kinds=tuple(
         Kind(name=name, weights={"bow": sharp, "lens": rough}, makes=makes)
         for name, makes in (("a", 1), ("b", 1), ("c", 70))
-    ), steps=0.0)  # fmt: skip
+    ))  # fmt: skip
     weights = many.weights("bow")
     assert weights is not None
     # one in four kinds is yet another; it has what is known of any component
@@ -141,7 +143,7 @@ def test_an_instrument_that_is_unlike_in_what_it_has_is_so_in_what_it_changes_by
     small, large = np.eye(SIZES.size)[1], np.eye(SIZES.size)[-2]
     kind = Kind(name="like", weights={"bow": small, "tilt": large},
                 changes={"bow": small, "tilt": large})  # fmt: skip
-    here = Population(kinds=(kind,), steps=0.0)
+    here = Population(kinds=(kind,))
     kinds = kinds_of(here, {}, good=True)
     told = told_by_changes(here, kinds, {}, {})["bow"]
     assert told[5:].sum() == pytest.approx(0.5 * here.unlike("bow"))
@@ -184,7 +186,7 @@ def test_what_changes_anew_departs_as_another_instrument_would() -> None:
     flat, least = np.full(SIZES.size, 1 / SIZES.size), np.eye(SIZES.size)[0]
     for share in (0.0, 0.4):
         kind = Kind(name="any", weights={"bow": flat}, changes={"bow": least}, anew={"bow": share})
-        here = Population(kinds=(kind,), steps=0.0)
+        here = Population(kinds=(kind,))
         kinds = kinds_of(here, {}, good=True)
         told = told_by_changes(here, kinds, {"bow": seen_as(float(SIZES[4]), 40)}, {})["bow"]
         assert told.sum() == pytest.approx(1.0)
