@@ -101,7 +101,7 @@ def _shared_anew(
     component = cause.component if best == cause.name else likeliest.component
     return replace(
         cause, name=best, probability=named[best], none_of_these=rest, component=component,
-        shown_again=component is not None and not is_curve(component),
+        on_all=True, shown_again=component is not None and not is_curve(component),
         alternatives=tuple(
             (n, named[n]) for n in order if n != best and named[n] > SETTINGS.offered
         ),

@@ -27,6 +27,7 @@ class Cause:
     repeats : frequency (of what repeats) found; 0 for others
     component : by which it was found
     unsure : relative standard deviation of the law's strength, by what good instruments have
+    on_all : whether readings held out have weighed its component, coefficients integrated
     shown_again : whether readings held out show its component, too, by coefficients of their own
     doubt : what speaks against the law, not against the cause; "" for nothing
     """
@@ -42,6 +43,7 @@ class Cause:
     repeats: float = 0.0
     component: Component | None = None
     unsure: float = 0.0
+    on_all: bool = False
     shown_again: bool = False
     doubt: str = ""
 

@@ -95,15 +95,13 @@ def found_effects(
             replace(cause, doubt=weighed.doubt) if cause.shown_again else weighed, ws.count(),
         )  # fmt: skip
         out.append(replace(one, law_stands=1 - weighed.none_of_these > SETTINGS.reported))
-    # recognised by what they follow, while their laws don't fit
-    lawless = [c for c in causes if c.name not in model.names()]
-    out += [
-        _found(
-            CATALOGUE[c.name].none(), CATALOGUE[c.name].summary, {}, gains.get(c.name, 0.0),
-            _on_heldout(c, gains.get(c.name, 0.0), after.bulk), ws.count(),
-        )
-        for c in lawless
-    ]  # fmt: skip
+    # recognised by what they follow, while their laws don't fit; the likeliest curve, drawn on past
+    # the readings that it was fitted to, says less of these than all curves together did
+    for cause in (c for c in causes if c.name not in model.names()):
+        gain = gains.get(cause.name, 0.0)
+        known = CATALOGUE[cause.name]
+        weighed = cause if cause.on_all else _on_heldout(cause, gain, after.bulk)
+        out.append(_found(known.none(), known.summary, {}, gain, weighed, ws.count()))
     return tuple(sorted(out, key=lambda f: -f.heldout_gain)), after
 
 

@@ -1,11 +1,19 @@
 """Laws that held-out readings refute: curves in their place, or components without a name."""
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import pytest
 
+from diagnosis.diagnose import judge_on_heldout
 from diagnosis.explanation import Explanation
 from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.prepare import Prepared
 from diagnosis.refuted import with_free_curves, without_names
+from diagnosis.validate import found_effects
+from diagnosis.validate.found_effects import heldout_gains
+from diagnosis.validate.heldout import Judgement
 
 
 def test_a_curve_in_place_of_a_law_explains_as_much_and_keeps_the_name(
@@ -38,3 +46,24 @@ def test_laws_taken_back_leave_their_components_without_a_name(
     assert 0.5 < unexplained.probability < cause.probability
     assert cause.component is not None
     assert unexplained.relaxed == cause.component.relaxed
+
+
+def test_a_curve_that_readings_held_out_have_weighed_is_as_probable_as_they_said(
+    bent: Prepared, found: Explanation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The likeliest curve alone may lead astray where it was not fitted."""
+
+    def astray(ws: Workspace, model: Model, judged: Callable[[Model], Judgement]) -> object:
+        gains, after = heldout_gains(ws, model, judged)
+        return {name: -0.01 for name in gains}, after
+
+    monkeypatch.setattr(found_effects, "heldout_gains", astray)
+    instead = with_free_curves(found, bent)
+    (cause,) = instead.causes
+    reported = []
+    for on_all in (True, False):
+        one = replace(instead, causes=(replace(cause, on_all=on_all),))
+        judged = judge_on_heldout(bent, one, instead.model, bent.noise, [])
+        reported.append(judged.found[0].probability)
+    assert reported[0] == cause.probability
+    assert reported[1] < 0.01
