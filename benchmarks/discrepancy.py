@@ -37,8 +37,8 @@ from benchmarks.good_instruments import (
     inputs_of,
     simulated,
 )
-from benchmarks.other_formulas.run import commit
 from benchmarks.other_formulas.tolerances import good_instrument
+from challenge.commit import commit
 from challenge.sets.calibration_population import OF_MAKES
 from diagnosis.discrepancy.good_instrument import evidence
 from diagnosis.discrepancy.learning import APART, learnt, learnt_alike, learnt_apart, learnt_changes

@@ -1,12 +1,12 @@
 """The table of docs/reliability.md, out of the summary that each part of a campaign leaves."""
 
 import json
-import subprocess
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.campaign.sandbox import BYTES, SECONDS, Outcome
+from challenge.commit import commit
 
 BEGIN, END = "<!-- campaign -->", "<!-- end of campaign -->"
 WORDS = {
@@ -16,13 +16,6 @@ WORDS = {
     "flips": "bits flipped, files cut, removed, added, swapped in a finished dataset",
     "kills": "kills (`kill -9`) of runs with one and two jobs",
 }
-
-
-def commit() -> str:
-    """Return the commit that is tried; marked where files differ from it."""
-    words = ["git", "describe", "--always", "--dirty=, with changes", "--abbrev=7"]
-    run = subprocess.run(words, capture_output=True, text=True, check=False)
-    return run.stdout.strip() or "unknown"
 
 
 def summarise(folder: Path, kind: str, found: Sequence[Outcome], seed: int) -> None:

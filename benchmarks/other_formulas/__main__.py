@@ -15,7 +15,8 @@ from pathlib import Path
 from benchmarks.other_formulas.cases import PLANS, Case, save_truth, stage, write
 from benchmarks.other_formulas.judge import figures, load
 from benchmarks.other_formulas.page import cases_of, population_of, write_page
-from benchmarks.other_formulas.run import commit, run
+from benchmarks.other_formulas.run import run
+from challenge.commit import commit
 
 
 def make(out: Path, cases: Sequence[Case]) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.other_formulas.cases import PLANS, Case, save_truth, stage, write
+from challenge.commit import commit
 
 TIMEOUT_S = 900.0
 _COMMAND = (sys.executable, "-W", "ignore", "-m", "flawforge.cli")
@@ -21,16 +22,6 @@ def accepts_baselines() -> bool:
     """Whether this checkout's `diagnose` knows --baseline."""
     said = subprocess.run([*_COMMAND, "diagnose", "--help"], capture_output=True, text=True)
     return "--baseline" in said.stdout
-
-
-def commit() -> str:
-    """Return the commit of the checkout, marked where it was changed since."""
-    root = Path(__file__).parents[2]
-    said = subprocess.run(
-        ["git", "describe", "--always", "--dirty", "--abbrev=9"],
-        capture_output=True, text=True, cwd=root,
-    )  # fmt: skip
-    return said.stdout.strip() or "unknown"
 
 
 def committed_s(name: str) -> float:

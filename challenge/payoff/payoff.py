@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from challenge.cases.seeds import number
+from challenge.commit import commit
 from challenge.payoff.family import CONTROL
 from challenge.payoff.gap import KINDS, Outcome, counted, outcome, pooled
 from challenge.payoff.trial import FAMILIES, SMALL, Effort, render, run_world
-from challenge.proof.record_of_tests import commit
 from challenge.sets.draw import entropy
 from challenge.sets.sealed import write_whole
 
@@ -65,7 +65,7 @@ def payoff(
     else:
         plan = {
             "seed": entropy() if seed is None else seed, "effort": asdict(effort), "worlds": names,
-            "family": family, "commit": commit(Path(__file__).parents[2]),
+            "family": family, "commit": commit(),
         }  # fmt: skip
         write_whole(plan_file, json.dumps(plan, indent=1).encode())
     master = {name: number(plan["seed"], "world", name) for name in names}

@@ -2,7 +2,6 @@
 
 import datetime
 import re
-import subprocess
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -23,15 +22,6 @@ _SHOWN = {
     "share of the oracle's gain, each case at most 1": "oracle's gain",
 }
 """Figures of a run that stand in the overview, and what they are called there."""
-
-
-def commit(root: Path) -> str:
-    """Return the commit of a checkout, marked `-dirty` where it was changed since."""
-    said = subprocess.run(
-        ["git", "describe", "--always", "--dirty", "--abbrev=9"],
-        capture_output=True, text=True, cwd=root, check=False,
-    )  # fmt: skip
-    return said.stdout.strip() or "unknown"
 
 
 def enter(file: Path, *, reason: str, commit: str, lines: Sequence[str]) -> None:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from challenge.baseline.shuffle import SHUFFLED, shuffle
-from challenge.proof.record_of_tests import commit
+from challenge.commit import commit
 from challenge.runs.measure import CHANGE, WAYS, folder
 from challenge.runs.measure import answers as answers_of
 from challenge.sets.processes import ONE_CORE
@@ -103,7 +103,7 @@ def accepts_baselines() -> bool:
 
 def diagnosed_at(out: Path) -> str:
     """Return the commits of a set's answers; of answers that don't say, the checkout's."""
-    here, found = commit(Path(__file__).parents[2]), set()
+    here, found = commit(), set()
     for file in sorted((out / "answers").glob("*/run.json")):
         found.add(json.loads(file.read_text()).get("commit", here))
     return ", ".join(sorted(found)) or here
@@ -161,6 +161,6 @@ def _diagnose(
     if code == 0 and not (answer / "diagnosis.json").exists():
         code, tail = 3, "no diagnosis.json\n" + tail
     record = {"code": code, "seconds": seconds, "began": begin, "said": tail,
-              "commit": commit(Path(__file__).parents[2])}
+              "commit": commit()}
     write_whole(answer / "run.json", json.dumps(record).encode())
     return code, seconds
