@@ -242,7 +242,7 @@ def judge_on_heldout(
     ws, causes, share_own = explanation.ws, list(explanation.causes), not ready.single
     candidates = candidates_of(
         explanation.recorded, ready.placed, explanation.placed,
-        (ready.patches, explanation.patches), model, ready.noise, share_own=share_own,
+        (ready.patches, explanation.patches), ready.noise, share_own=share_own,
     )  # fmt: skip
     nominal = candidates.placed(Model())
     before = judge(nominal.held, plain_noise, Model(), share_own=share_own)

@@ -317,11 +317,6 @@ class ReregisterSettings:
         "change of a depth, over the noise, up to which it is linear in the placement",
         default=3.0, unit="σ", low=0.0, source=CHOSEN,
     )  # fmt: skip
-    least_chance: float = quantity(
-        "smallest probability that a reading or its absence counts with",
-        default=1e-3, unit="1", low=0.0, high=1.0,
-        source="chosen; what comes from elsewhere constrains nothing",
-    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -866,11 +861,6 @@ class Settings:
         "laws, and curves of what they leave, that are fitted one after the other",
         default=12, unit="", low=1, whole=True,
         source="twice most_causes",
-    )  # fmt: skip
-    placed: int = quantity(
-        "times that recordings are placed under a model while that moves them",
-        default=3, unit="", low=1, whole=True,
-        source="as the law's reach",
     )  # fmt: skip
     fitted_readings: int = quantity(
         "readings on which laws are searched; linear parts are solved on all",

@@ -1,6 +1,6 @@
 """Registration again under a model: where the recordings lie if its effects are there."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -11,52 +11,7 @@ from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.register.placement import PRIOR_SD, Placement
-from diagnosis.reregister.edge_placement import placed_by_law
 from diagnosis.settings import SETTINGS
-
-
-def placed_anew(
-    model: Model,
-    patches: Sequence[Patch],
-    recorded: Recorded,
-    placed: Mapping[str, Placement],
-    noise: NoiseModel,
-    *,
-    by_law: bool,
-    settled: Collection[int] = (),
-) -> tuple[list[Patch], dict[str, Placement]]:
-    """Place each recording anew with the effects in the model; patches, and placements by name.
-
-    Under the nominal model a placement takes up part of what that lacks, by tenths of a millimetre
-    where the part is smooth: far enough for curvature to bend what was linear. Recordings that
-    hardly move, or are looked at in strips, stay where they are.
-
-    Parameters
-    ----------
-    placed : each recording's placement so far
-    by_law : whether the model's law at edges counts, or silhouettes as if they were sharp
-    settled : recordings that are known to lie well under this model
-    """
-    out: list[Patch] = []
-    found = dict(placed)
-    moved = {} if by_law else by_all_readings(patches, noise, model)
-    for number, recording in enumerate(recorded.recordings):
-        own = [p for p in patches if p.recording == number]
-        before = placed[recording.name]
-        if number in settled or not is_whole(own, recorded, number):
-            placement = before
-        elif by_law:
-            placement = placed_by_law(own[0], before, model, noise)
-        elif _stays(own[0], moved[number], noise):
-            placement = before
-        else:
-            placement = registered_under(model, own[0], recorded, noise)
-        if placement is not before:
-            again = recorded.cut(number, placement)
-            if log_density(again, noise, model) > log_density(own, noise, model):
-                found[recording.name], own = placement, again
-        out += own
-    return out, found
 
 
 def reregistered(
@@ -66,20 +21,30 @@ def reregistered(
     placed: Mapping[str, Placement],
     noise: NoiseModel,
 ) -> tuple[Sequence[Patch], Mapping[str, Placement]]:
-    """Place recordings anew under a model while that still moves them."""
+    """Place each recording anew with the effects in the model; patches, and placements by name.
+
+    Under the nominal model a placement takes up part of what that lacks, by tenths of a millimetre
+    where the part is smooth: far enough for curvature to bend what was linear. Recordings that
+    hardly move, or are looked at in strips, stay where they are.
+
+    Parameters
+    ----------
+    placed : each recording's placement so far
+    """
     if model.is_nominal:
         return patches, placed
-    settled: set[int] = set()
-    for _ in range(SETTINGS.placed):
-        before = patches
-        patches, placed = placed_anew(
-            model, patches, recorded, placed, noise, by_law=False, settled=settled
-        )
-        # the same again would come out for them
-        settled |= {a.recording for a, b in zip(before, patches, strict=True) if a is b}
-        if settled.issuperset(p.recording for p in patches):
-            break
-    return patches, placed
+    out: list[Patch] = []
+    found = dict(placed)
+    moved = by_all_readings(patches, noise, model)
+    for number, recording in enumerate(recorded.recordings):
+        own = [p for p in patches if p.recording == number]
+        if is_whole(own, recorded, number) and not _stays(own[0], moved[number], noise):
+            placement = registered_under(model, own[0], recorded, noise)
+            again = recorded.cut(number, placement)
+            if log_density(again, noise, model) > log_density(own, noise, model):
+                found[recording.name], own = placement, again
+        out += own
+    return out, found
 
 
 def is_whole(own: Sequence[Patch], recorded: Recorded, number: int) -> bool:

@@ -15,12 +15,7 @@ from diagnosis.model.model import Model
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.assumed_camera import seen_by
 from diagnosis.register.placement import Placement
-from diagnosis.reregister.reregistration import (
-    by_all_readings,
-    is_whole,
-    log_density,
-    registered_under,
-)
+from diagnosis.reregister.reregistration import by_all_readings, log_density
 from diagnosis.validate.heldout import with_own
 from sensors.view.view_cache import ViewCache
 
@@ -115,12 +110,11 @@ def candidates_of(
     nominal: Mapping[str, Placement],
     found: Mapping[str, Placement],
     patches: tuple[Sequence[Patch], Sequence[Patch]],
-    model: Model,
     noise: NoiseModel,
     *,
     share_own: bool,
 ) -> Candidates:
-    """Gather where each recording may lie: registered nominally, under the model, and again.
+    """Gather where each recording may lie: registered nominally, and under the model.
 
     Parameters
     ----------
@@ -138,13 +132,7 @@ def candidates_of(
             )
             for placed, own in zip((nominal, found), patches, strict=True)
         )
-        known = [one]
-        if two.placement is not one.placement:
-            known.append(two)
-        if not model.is_nominal and is_whole(two.patches, recorded, number):
-            again = registered_under(model, two.patches[0], recorded, noise)
-            known.append(place_at(recorded, number, again))
-        places.append(tuple(known))
+        places.append((one,) if two.placement is one.placement else (one, two))
     return Candidates(
         recorded=recorded, noise=noise, places=tuple(places), share_own=share_own
     )

@@ -56,7 +56,7 @@ FORM = {
         "physics/effect_fit:FINER", "physics/effect_fit:MAX_GRID", "physics/effect_fit:PEAKS",
         "physics/effect_fit:RADII_MM", "physics/effect_fit:SMALL", "physics/effect_fit:STRONGER",
         "register/registration:FIRST_SD", "register/registration:NARROWER",
-        "register/silhouettes:REACHES", "reregister/edge_placement:REACHES",
+        "register/silhouettes:REACHES",
     ],
     "time or memory: how much is looked at, or kept": [
         "claims/firmware:DRAWN_POINTS", "claims/firmware:FREQUENCIES",
@@ -68,7 +68,6 @@ FORM = {
         "localise/maps:CHUNK", "localise/maps:LEVELLED_BY", "noise/noise_model:LAG_PART",
         "noise/noise_model:MAX_LAG", "physics/linear_fit:PLACED_BY", "predict/prediction:KEPT_LAWS",
         "predict/prediction:KEPT_TRIALS", "register/sample:READINGS",
-        "reregister/edge_placement:READINGS",
     ],
     "windows of a sum": [
         "data/albedo:BLUR", "data/albedo:CELLS", "data/albedo:FINE", "data/albedo:STRAIGHT",

@@ -9,7 +9,7 @@ from diagnosis.data.recorded import Recorded
 from diagnosis.localise.maps import expected
 from diagnosis.model.model import Model
 from diagnosis.register.registration import register
-from diagnosis.reregister.reregistration import log_density
+from diagnosis.reregister.reregistration import log_density, registered_under
 from diagnosis.validate.heldout import judge
 from diagnosis.validate.placement_candidates import Candidates, candidates_of, place_at
 from sensors.casting.laser import Laser
@@ -43,11 +43,14 @@ def candidates() -> Candidates:
         )
         for r in made
     }
+    noise = bench_workspace("domes").noise
     patches = [p for k, r in enumerate(made) for p in recorded.cut(k, placed[r.name])]
-    return candidates_of(
-        recorded, placed, placed, (patches, patches), Model(effects=(BOW,)),
-        bench_workspace("domes").noise, share_own=True,
-    )  # fmt: skip
+    found = {
+        r.name: registered_under(Model(effects=(BOW,)), p, recorded, noise)
+        for r, p in zip(made, patches, strict=True)
+    }
+    there = [p for k, r in enumerate(made) for p in recorded.cut(k, found[r.name])]
+    return candidates_of(recorded, placed, found, (patches, there), noise, share_own=True)
 
 
 @pytest.mark.parametrize("model", [Model(), Model(effects=(BOW,)), Model(effects=(BOW, WAVE))])
@@ -102,7 +105,7 @@ def test_all_candidates_are_looked_at_by_the_completed_sensor(candidates: Candid
     completed = candidates_of(
         replace(candidates.recorded, datasheet=sheet), nominal, nominal,
         ([p for place in places[::2] for p in place.patches],) * 2,
-        Model(effects=(BOW,)), candidates.noise, share_own=True,
+        candidates.noise, share_own=True,
     )  # fmt: skip
     for own in completed.places:
         assert all(p.view.datasheet is sheet for place in own for p in place.patches)
