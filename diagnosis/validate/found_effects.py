@@ -142,19 +142,23 @@ def _found(
         )
     if cause.doubt:
         statement += f" {cause.doubt}"
-    # what held-out readings speak against may be as improbable as no number is
-    known = math.log(max(cause.probability, sys.float_info.min))
+    known = _log(cause.probability)
     return FoundEffect(
         name=effect.name, effect=effect, statement=statement, parameters=parameters,
         heldout_gain=gain, covariate=covariate.words, covariate_key=covariate.name,
         frame=effect.frame,
         alternatives=tuple(
-            (n, max(cause.nats + math.log(p) - known, 0.0) / max(readings, 1), p)
+            (n, max(cause.nats + _log(p) - known, 0.0) / max(readings, 1), p)
             for n, p in cause.alternatives
         ),
         separating=effect.separating, probability=cause.probability,
         none_of_these=cause.none_of_these, doubt=cause.doubt,
     )  # fmt: skip
+
+
+def _log(probability: float) -> float:
+    """Return its logarithm: what held-out readings speak against may be as rare as no number is."""
+    return math.log(max(probability, sys.float_info.min))
 
 
 def heldout_gains(

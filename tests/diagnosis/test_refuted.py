@@ -55,8 +55,9 @@ def test_a_curve_that_readings_held_out_have_weighed_is_as_probable_as_they_said
 
     def astray(ws: Workspace, model: Model, judged: Callable[[Model], Judgement]) -> object:
         gains, after = heldout_gains(ws, model, judged)
-        return {name: -0.01 for name in gains}, after
+        return dict.fromkeys(gains, lost), after
 
+    lost = -0.01
     monkeypatch.setattr(found_effects, "heldout_gains", astray)
     instead = with_free_curves(found, bent)
     (cause,) = instead.causes
@@ -67,3 +68,11 @@ def test_a_curve_that_readings_held_out_have_weighed_is_as_probable_as_they_said
         reported.append(judged.found[0].probability)
     assert reported[0] == cause.probability
     assert reported[1] < 0.01
+    # so improbable that a float is zero, and its rival as well
+    lost = -10.0
+    rivals = replace(cause, alternatives=(("range_scale", 0.1),))
+    judged = judge_on_heldout(
+        bent, replace(instead, causes=(rivals,)), instead.model, bent.noise, []
+    )
+    (effect,) = judged.found
+    assert (effect.probability, effect.alternatives[0][2]) == (0.0, 0.0)
