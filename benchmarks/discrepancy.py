@@ -176,12 +176,12 @@ def left_out(
     for name in dict.fromkeys(names):
         own = [k == name for k in names]
         kinds = tuple(k for k, out in zip(known.kinds, own, strict=True) if not out)
+        others = [replace(known, kinds=kinds, **way) for way in ways]
         instruments = [i for group, out in zip(shown, own, strict=True) if out for i in group]
         for aspect in ASPECTS:
-            told[name, aspect] = np.array([
-                sum(_nats_of(replace(known, kinds=kinds, **way), i, aspect) for i in instruments)
-                for way in ways
-            ])  # fmt: skip
+            told[name, aspect] = np.array(
+                [sum(_nats_of(one, i, aspect) for i in instruments) for one in others]
+            )
     return told
 
 

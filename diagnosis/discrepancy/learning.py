@@ -5,7 +5,7 @@ component: of what it departs from the nominal model by, and of what later recor
 its first.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -172,10 +172,7 @@ def learnt_alike(instruments: Sequence[Mapping[str, Floats]]) -> dict[str, float
     ----------
     instruments : of each, `factors_alike` by component
     """
-    nats: dict[str, Floats] = {}
-    for name, own in (item for one in instruments for item in one.items()):
-        nats[aspect_of(name)] = nats.get(aspect_of(name), np.zeros(ALIKE.size)) + own
-    return _means(nats, ALIKE)
+    return _means(((aspect_of(n), own) for one in instruments for n, own in one.items()), ALIKE)
 
 
 def learnt_apart(told: Mapping[tuple[str, str], Floats]) -> dict[str, float]:
@@ -185,12 +182,12 @@ def learnt_apart(told: Mapping[tuple[str, str], Floats]) -> dict[str, float]:
     ----------
     told : log evidence (A,) of each of `APART`, by a population that the others tell, and by aspect
     """
+    return _means(((aspect, own) for (_, aspect), own in told.items()), APART)
+
+
+def _means(told: Iterable[tuple[str, Floats]], values: Floats) -> dict[str, float]:
+    """Posterior mean of a number by aspect, from log evidence (A,) of its values (A,), summed."""
     nats: dict[str, Floats] = {}
-    for (_, aspect), own in told.items():
-        nats[aspect] = nats.get(aspect, np.zeros(APART.size)) + own
-    return _means(nats, APART)
-
-
-def _means(nats: Mapping[str, Floats], values: Floats) -> dict[str, float]:
-    """Posterior mean of a number by aspect, from log evidence (A,) of its values (A,)."""
+    for aspect, own in told:
+        nats[aspect] = nats.get(aspect, np.zeros(values.size)) + own
     return {a: float(np.exp(own - logsumexp(own)) @ values) for a, own in sorted(nats.items())}

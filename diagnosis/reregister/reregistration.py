@@ -38,7 +38,7 @@ def reregistered(
     moved = by_all_readings(patches, noise, model)
     for number, recording in enumerate(recorded.recordings):
         own = [p for p in patches if p.recording == number]
-        if is_whole(own, recorded, number) and not _stays(own[0], moved[number], noise):
+        if _is_whole(own, recorded, number) and not _stays(own[0], moved[number], noise):
             placement = registered_under(model, own[0], recorded, noise)
             again = recorded.cut(number, placement)
             if log_density(again, noise, model) > log_density(own, noise, model):
@@ -47,7 +47,7 @@ def reregistered(
     return out, found
 
 
-def is_whole(own: Sequence[Patch], recorded: Recorded, number: int) -> bool:
+def _is_whole(own: Sequence[Patch], recorded: Recorded, number: int) -> bool:
     """Whether a recording is looked at as a whole, and not in strips."""
     return len(own) == 1 and own[0].shape == recorded.recordings[number].depth_mm.shape
 
