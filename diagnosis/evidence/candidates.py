@@ -93,6 +93,10 @@ class Candidate:
         of each variant (V, S); the mean of all forms that were looked at (S,), each as probable as
         it is before: those that weren't picked show nothing, and pay for what they could have been
         """
+        single = [w for w in self.shapes if isinstance(w, np.ndarray) and w.shape[1] == 1]
+        if len(single) == self.tried:
+            each = cavity.log_factors_of_each(np.hstack(single), sizes)
+            return each, np.asarray(logsumexp(each + self.log_shares[:, None], axis=0))
         cavities = [cavity if w is None else cavity.combined(w) for w in self.shapes]
         each = np.stack([c.log_factors(sizes) for c in cavities])
         mean = logsumexp(each + self.log_shares[:, None], axis=0)

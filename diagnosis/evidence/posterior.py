@@ -79,9 +79,12 @@ class Cavity:
     def log_factors(self, sizes: Floats) -> Floats:
         """Log Bayes factor of the term with variance size² against none, for each size."""
         values, vectors = np.linalg.eigh(self.information)
-        v = np.square(sizes)[:, None] * np.maximum(values, 0.0)
-        turned = np.square(vectors.T @ self.pull) * np.square(sizes)[:, None]
-        return np.asarray(0.5 * (turned / (1 + v) - np.log1p(v)).sum(axis=1))
+        return np.asarray(_log_factors(values, vectors.T @ self.pull, sizes).sum(axis=1))
+
+    def log_factors_of_each(self, columns: Floats, sizes: Floats) -> Floats:
+        """Return the same (V, S) of single combinations (k, V) of the columns, each by itself."""
+        information = (columns * (self.information @ columns)).sum(axis=0)
+        return _log_factors(information, columns.T @ self.pull, sizes).T
 
     def gain(self, size: float) -> float:
         """Return by how much its most probable value makes the readings more probable, in nats.
@@ -100,6 +103,13 @@ class Cavity:
         values = np.maximum(np.linalg.eigvalsh(self.information), 0.0)
         v = np.square(sizes)[:, None] * values
         return np.asarray(-0.5 * np.log1p(v).sum(axis=1))
+
+
+def _log_factors(information: Floats, pull: Floats, sizes: Floats) -> Floats:
+    """Log Bayes factor (S, k) of each of k directions that tell nothing of each other."""
+    square = np.square(sizes)[:, None]
+    v = square * np.maximum(information, 0.0)
+    return np.asarray(0.5 * (square * np.square(pull) / (1 + v) - np.log1p(v)))
 
 
 class Posterior:
@@ -175,8 +185,9 @@ class Posterior:
     def _cavity(self, term: Term) -> Cavity:
         gw = term.of_rows(self._found.matrix)
         u = np.concatenate([self._d[:, None] * gw.T, term.of_rows(self._changes.T).T])
-        au = linalg.cho_solve(self._factor, u, check_finite=False)
-        information = term.of_rows(gw.T) - u.T @ au
+        # u' A⁻¹ u by half of a solution: with A = L L', it is v'v of v = L⁻¹ u
+        v = linalg.solve_triangular(self._factor[0], u, lower=True, check_finite=False)
+        information = term.of_rows(gw.T) - v.T @ v
         return Cavity(
             information=0.5 * (information + information.T),
             pull=term.of_rows(self._found.right) - u.T @ self._solved,

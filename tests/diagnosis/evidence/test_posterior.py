@@ -41,6 +41,17 @@ def test_a_term_s_bayes_factor_is_the_ratio_of_marginal_densities(joined: bool) 
         assert factor == pytest.approx(truth, abs=1e-3)
 
 
+def test_single_combinations_are_weighed_at_once_as_one_by_one() -> None:
+    x, quiet, y = problem(3)
+    cavity = Posterior(equations(x, y), quiet).cavity(Term(at=np.array([1, 2, 3])))
+    columns, sizes = np.random.default_rng(5).standard_normal((3, 4)), np.array([0.1, 0.7, 3.0])
+    each = cavity.log_factors_of_each(columns, sizes)
+    assert each.shape == (4, 3)
+    for k, factors in enumerate(each):
+        alone = cavity.combined(columns[:, [k]]).log_factors(sizes)
+        np.testing.assert_allclose(factors, alone, rtol=1e-9)
+
+
 def test_a_term_s_gain_is_that_of_its_most_probable_value() -> None:
     """As a dense fit gains, less what it gains on readings of the noise alone."""
     x, quiet, y = problem(4)
