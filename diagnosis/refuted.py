@@ -6,7 +6,7 @@ from diagnosis.components.free_curve import Curve
 from diagnosis.evidence.reported_causes import unnamed
 from diagnosis.explanation import Explanation, under
 from diagnosis.model.model import Model
-from diagnosis.physics.remainder import curves_of, is_curve
+from diagnosis.physics.remainder import curves_of
 from diagnosis.prepare import Prepared
 
 LAW_REFUTED = "Readings held out depart as well, but not by its law: the formula is another."
@@ -18,7 +18,7 @@ def with_free_curves(explanation: Explanation, ready: Prepared) -> Explanation:
     The rest has no name, but for what readings held out show by themselves.
     """
     curves = {
-        m.candidate.effect: m for m in explanation.members if is_curve(m.candidate.component)
+        m.candidate.effect: m for m in explanation.members if m.candidate.component.is_curve
     }
     kept = tuple(
         c.doubted("Its law is refuted by readings held out; the curve that it follows is kept.")

@@ -1,10 +1,12 @@
 """Causes weighed on the readings held out as well.
 
 Nothing is fitted to these. What they add to the evidence of a cause is how well it predicts them,
-given the fitted ones: its coefficients are integrated. They decide between causes that the fitted
-readings can't tell apart, and speak against one that was there by chance.
+given the fitted ones: the coefficients of a curve are integrated, a law of light at edges stays as
+it was fitted. They decide between causes that the fitted readings can't tell apart, and speak
+against one that was there by chance.
 """
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
@@ -15,8 +17,10 @@ from diagnosis.evidence.reported_causes import Cause, shares_by_effect
 from diagnosis.evidence.seen import Seen, seen
 from diagnosis.explanation import Explanation, under
 from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
+from diagnosis.physics.assumed_camera import seen_by
 from diagnosis.physics.joint_fit import fit_laws
-from diagnosis.physics.remainder import is_curve
+from diagnosis.physics.laws_at_edges import nats_of_law
 from diagnosis.prepare import Prepared
 from diagnosis.settings import SETTINGS
 
@@ -31,22 +35,7 @@ def weighed_on_all(
     the explanation; names of causes that are unlikely, where there are some: it stands as it was,
     to be made again without them
     """
-    places = {c.name: m for c in explanation.causes for m in _places(c, explanation.members)}
-    if not places:
-        return explanation, []
-    now = seen(all_fitted(ready.patches), ready.noise, Model())
-    before = seen(ready.baseline, ready.noise, Model(), like=now) if ready.baseline else None
-    members = weighed_again(
-        explanation.members, now, explanation.departures if before is None else explanation.scales,
-        before, departures=explanation.departures, withheld=withheld,
-    )  # fmt: skip
-    again = {m.candidate.name: m for m in members}
-    causes: list[Cause] = []
-    for cause in explanation.causes:
-        place = places.get(cause.name)
-        anew = None if place is None else again.get(place.candidate.name)
-        others = {c.name for c in explanation.causes if c is not cause} | {c.name for c in causes}
-        causes.append(cause if anew is None else _shared_anew(cause, anew, members, now, others))
+    causes = _by_curves(_by_laws(explanation, ready), explanation, ready, withheld)
     pairs = list(zip(explanation.causes, causes, strict=True))
     unlikely = [was.name for was, c in pairs if 1 - c.none_of_these <= SETTINGS.reported]
     if unlikely:
@@ -60,6 +49,58 @@ def weighed_on_all(
     by_name = {c.name: c for c in fitted}
     decided = replace(explanation, causes=tuple(by_name.get(c.name, c) for c in causes))
     return under(model, decided, ready), []
+
+
+def _by_laws(explanation: Explanation, ready: Prepared) -> list[Cause]:
+    """Let laws of light at edges be as probable as all readings make them, or less.
+
+    A law that isn't nature's may lose on some readings what it gains on others. What it gains on
+    all of them is its size, of which a good instrument has some, too.
+    """
+    sheet, noise = explanation.recorded.datasheet, ready.noise
+    effects = {e.name: e for e in explanation.model.effects}
+    causes: list[Cause] = []
+    for cause in explanation.causes:
+        law, effect = cause.component, effects.get(cause.name)
+        if effect is None or law is None or not (cause.channel == "mean" and law.relaxed.spanned):
+            causes.append(cause)
+            continue
+        nats = nats_of_law(
+            law, effect,
+            Workspace.build(all_fitted(seen_by(ready.patches, sheet)), noise),
+            explanation.model.without(cause.name),
+            Workspace.build(seen_by(ready.baseline, sheet), noise) if ready.baseline else None,
+            explanation.scales,
+            explained=math.hypot(*(c.size for c in explanation.causes if c is not cause)),
+        )  # fmt: skip
+        if nats is not None:
+            probability = SETTINGS.probability(nats, cause.name)
+            cause = replace(cause.at_most(probability), on_all=True)
+        causes.append(cause)
+    return causes
+
+
+def _by_curves(
+    causes: Sequence[Cause], explanation: Explanation, ready: Prepared, withheld: frozenset[str]
+) -> list[Cause]:
+    """Share the probability of each cause that a curve shows anew, as all readings weigh it."""
+    places = {c.name: m for c in causes for m in _places(c, explanation.members)}
+    if not places:
+        return list(causes)
+    now = seen(all_fitted(ready.patches), ready.noise, Model())
+    before = seen(ready.baseline, ready.noise, Model(), like=now) if ready.baseline else None
+    members = weighed_again(
+        explanation.members, now, explanation.departures if before is None else explanation.scales,
+        before, departures=explanation.departures, withheld=withheld,
+    )  # fmt: skip
+    again = {m.candidate.name: m for m in members}
+    shared: list[Cause] = []
+    for cause in causes:
+        place = places.get(cause.name)
+        anew = None if place is None else again.get(place.candidate.name)
+        others = {c.name for c in causes if c is not cause} | {c.name for c in shared}
+        shared.append(cause if anew is None else _shared_anew(cause, anew, members, now, others))
+    return shared
 
 
 def _places(cause: Cause, members: Sequence[Member]) -> list[Member]:
@@ -101,7 +142,7 @@ def _shared_anew(
     component = cause.component if best == cause.name else likeliest.component
     return replace(
         cause, name=best, probability=named[best], none_of_these=rest, component=component,
-        on_all=True, shown_again=component is not None and not is_curve(component),
+        on_all=True,
         alternatives=tuple(
             (n, named[n]) for n in order if n != best and named[n] > SETTINGS.offered
         ),

@@ -57,6 +57,12 @@ class Component:
         """Name of the component whose variants differ in pitch alone."""
         return self.name.partition(" at ")[0]
 
+    @property
+    def is_curve(self) -> bool:
+        """Whether its values hold for other recordings, too, and follow no law at edges."""
+        own = self.own or self.relaxed.each == "profile"
+        return self.relaxed.channel == "mean" and not own and not self.relaxed.spanned
+
 
 RATES: tuple[tuple[RelaxedChannel, str], ...] = (
     ("scale", "noise"), ("missing", "losses"), ("outliers", "outliers"),

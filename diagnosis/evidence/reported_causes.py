@@ -27,8 +27,7 @@ class Cause:
     repeats : frequency (of what repeats) found; 0 for others
     component : by which it was found
     unsure : relative standard deviation of the law's strength, by what good instruments have
-    on_all : whether readings held out have weighed its component, coefficients integrated
-    shown_again : whether readings held out show its component, too, by coefficients of their own
+    on_all : whether readings held out have weighed its component as well
     doubt : what speaks against the law, not against the cause; "" for nothing
     """
 
@@ -44,8 +43,12 @@ class Cause:
     component: Component | None = None
     unsure: float = 0.0
     on_all: bool = False
-    shown_again: bool = False
     doubt: str = ""
+
+    @property
+    def shown_again(self) -> bool:
+        """Whether readings held out show it, too, and by more than the likeliest curve."""
+        return self.on_all and self.component is not None and not self.component.is_curve
 
     def doubted(self, why: str) -> "Cause":
         """Return the cause with a doubt about its law, each said once."""
@@ -70,7 +73,7 @@ class Cause:
         return Unexplained(
             component=self.name if self.component is None else self.component.name,
             channel=self.channel, probability=self.probability, nats=self.nats, size=self.size,
-            repeats=self.repeats,
+            repeats=self.repeats, effect=self.name,
             relaxed=None if self.component is None else self.component.relaxed,
         )  # fmt: skip
 
@@ -83,7 +86,7 @@ class Unexplained:
     ----------
     size : whitened rms (mean), or rms of the linear predictor (other channels)
     repeats : frequency or place of its form, where it has one
-    relaxed : what it follows
+    relaxed, effect : what it follows; of a law at edges, whose it is
     """
 
     component: str
@@ -93,6 +96,7 @@ class Unexplained:
     size: float
     repeats: float = 0.0
     relaxed: Relaxed | None = None
+    effect: str = ""
 
     @property
     def of_surface(self) -> bool:
@@ -108,7 +112,7 @@ def usual_components(assessment: Assessment) -> list[Unexplained]:
         Unexplained(
             component=habit.name, channel=habit.component.relaxed.channel, nats=habit.nats,
             size=habit.size, probability=habit.fault, repeats=habit.repeats,
-            relaxed=habit.component.relaxed,
+            relaxed=habit.component.relaxed, effect=habit.component.effect,
         )
         for habit in assessment.usual if not habit.component.placement
     ]  # fmt: skip
@@ -184,7 +188,7 @@ def reported(assessment: Assessment) -> tuple[list[Cause], list[Unexplained]]:
             unexplained.append(Unexplained(
                 component=member.name, channel=channel, probability=1 - shares.get("", 0.0),
                 nats=member.nats, size=member.size, repeats=member.repeats,
-                relaxed=component.relaxed,
+                relaxed=component.relaxed, effect=component.effect,
             ))  # fmt: skip
     return sorted(causes.values(), key=lambda c: (-c.size, -c.nats)), unexplained
 

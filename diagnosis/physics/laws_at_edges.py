@@ -96,6 +96,21 @@ class _Tried:
         """Nats that an effect explains."""
         return self.ws.most_probable(self.model.with_effect(effect, own)) - self._without
 
+    def gain_of_usual(self, before: Fitted | None) -> float:
+        """Nats that the law explains as baselines show it; 0 where they don't."""
+        return 0.0 if before is None else max(self.gain(before.effect.shared()), 0.0)
+
+    def size_of(self, gain: float, explained: float) -> tuple[float, Floats]:
+        """Whitened rms of what gains so much, and the log factors of sizes that say so.
+
+        Parameters
+        ----------
+        explained : whitened rms of what the model explains, of which a share is in doubt
+        """
+        size = math.sqrt(2 * max(gain, 0.0) / self.count)
+        unsure = math.hypot(1 / math.sqrt(self.count), SETTINGS.doubt * explained)
+        return size, factors_of_value(size, unsure, SETTINGS.mean_sizes())
+
     def with_law(self, fitted: Fitted) -> "_Tried":
         """Have a law in the model."""
         return _Tried(self.ws, self.ws.levelled(self.model.with_effect(fitted.effect, fitted.own)))
@@ -149,16 +164,43 @@ def _law_at_edges(
     """Fit one law, and weigh what it explains, or what it changed by."""
     fitted, gain = now.fit(law)
     then, _ = (None, 0.0) if before is None or fitted is None else before.fit(law)
-    usual = 0.0 if then is None else now.gain(then.effect.shared())
-    whole, size = (
-        math.sqrt(2 * max(nats, 0.0) / now.count) for nats in (gain, gain - max(usual, 0.0))
+    (_, every), (size, factors) = (
+        now.size_of(nats, explained) for nats in (gain, gain - now.gain_of_usual(then))
     )
-    unsure = math.hypot(1 / math.sqrt(now.count), SETTINGS.doubt * explained)
-    every, factors = (factors_of_value(s, unsure, SETTINGS.mean_sizes()) for s in (whole, size))
     return LawAtEdges(
         component=law, key=key_of(law, listed=now.listed), gain=gain, size=size, factors=factors,
         all_factors=every, fitted=fitted, before=then,
     )  # fmt: skip
+
+
+def nats_of_law(
+    law: Component,
+    effect: Effect,
+    ws: Workspace,
+    model: Model,
+    before: Workspace | None,
+    usual: Mapping[str, Floats],
+    *,
+    explained: float,
+) -> float | None:
+    """Log Bayes factor of a law as it is, against what a good instrument has of it.
+
+    Readings that it wasn't fitted to may be among those that it is weighed on: what it loses there
+    makes its size smaller. None where no size could tell (`may_be_named`).
+
+    Parameters
+    ----------
+    model : beside which the law is
+    before, explained : as for `laws_in_turn`
+    usual : as for `unusual_at_edges`
+    """
+    now = _Tried(ws, model)
+    if not may_be_named(law, usual, listed=now.listed):
+        return None
+    key = key_of(law, listed=now.listed)
+    then, _ = (None, 0.0) if before is None else _Tried(before, NOMINAL).fit(law)
+    _, factors = now.size_of(now.gain(effect) - now.gain_of_usual(then), explained)
+    return Scales(sizes=SETTINGS.mean_sizes(), weights=usual).nats(key, factors)
 
 
 def shown_at_edges(
@@ -234,5 +276,6 @@ def unusual_at_edges(
             habits.append(Unexplained(
                 component=law.component.effect, channel="mean", probability=probability,
                 nats=law.gain, size=law.size, relaxed=law.component.relaxed,
+                effect=law.component.effect,
             ))  # fmt: skip
     return found, habits

@@ -2,7 +2,6 @@
 
 from collections.abc import Collection
 
-from diagnosis.components.component import Component
 from diagnosis.components.free_curve import Part
 from diagnosis.evidence.assess import Assessment
 from diagnosis.evidence.mean_causes import Member
@@ -13,16 +12,9 @@ def remainder(found: Assessment, known: Collection[str]) -> Member | None:
     """Return the largest member that is the remainder of a known cause, if it is a curve."""
     kin = [
         m for m in found.mean
-        if m.candidate.effect in known and is_curve(m.candidate.component)
+        if m.candidate.effect in known and m.candidate.component.is_curve
     ]  # fmt: skip
     return max(kin, key=lambda m: m.size, default=None)
-
-
-def is_curve(component: Component) -> bool:
-    """Whether a component's values hold for other recordings, too, and follow no law at edges."""
-    relaxed = component.relaxed
-    own = component.own or relaxed.each == "profile"
-    return relaxed.channel == "mean" and not own and not relaxed.spanned
 
 
 def curves_of(member: Member, seen: Seen, sd_mm: float) -> list[Part]:

@@ -85,11 +85,28 @@ def test_what_each_recording_shows_keeps_its_name_where_its_law_is_another(
     assert effect.probability > 0.9
     assert "the formula is another" in effect.doubt
     assert without_names(misled, shaken).causes[0].name == "stage_vibration"
-    of_curves = replace(misled, causes=(replace(misled.causes[0], shown_again=False),))
+    of_curves = replace(misled, causes=(replace(misled.causes[0], on_all=False),))
     without = judge_on_heldout(shaken, of_curves, misled.model, shaken.noise, [])
     assert without.found == ()
     assert judged.left == []
     assert [u.component for u in without.left] == [misled.causes[0].component.name]
+
+
+def test_a_law_at_edges_is_weighed_by_what_it_does_on_all_readings() -> None:
+    blurred = ready([{"name": "finite_spot", "line_sd_um": 300.0}], 13, name="steps")
+    found = explained(blurred)
+    assert [c.name for c in found.causes] == ["finite_spot"]
+    sure, unlikely = weighed_on_all(found, blurred, frozenset())
+    assert unlikely == []
+    (spot,) = sure.causes
+    assert spot.on_all
+    assert spot.shown_again
+    assert 0.5 < spot.probability <= found.causes[0].probability
+    sharp = ready([], 14, name="steps")
+    fooled = replace(
+        explained(sharp), causes=found.causes, members=found.members, model=found.model
+    )
+    assert weighed_on_all(fooled, sharp, frozenset())[1] == ["finite_spot"]
 
 
 @pytest.mark.parametrize(("channel", "left"), [("mean", []), ("scale", ["thermal_drift"])])

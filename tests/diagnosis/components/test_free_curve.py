@@ -8,7 +8,6 @@ import pytest
 from diagnosis.components.component import Component, components_of, curve_columns
 from diagnosis.components.free_curve import Curve, Part
 from diagnosis.model.model import Model
-from diagnosis.physics.remainder import is_curve
 from diagnosis.predict.prediction import law_of
 from sensors.effects.line_bow import LineBow
 from sensors.model import SensorModel
@@ -59,12 +58,12 @@ def test_a_cause_goes_with_its_curve_and_is_fitted_anew_beside_it() -> None:
 
 
 def test_what_is_each_recordings_own_or_lives_at_edges_is_no_curve() -> None:
-    named = {c.effect: is_curve(c) for c in components_of("mean") if c.effect}
+    named = {c.effect: c.is_curve for c in components_of("mean") if c.effect}
     assert named["line_bow"]
     assert named["column_offset"]
     assert not named["stage_vibration"]
     assert not named["reflectance_edge"]
-    assert not any(is_curve(c) for c in components_of("mean") if c.own)
+    assert not any(c.is_curve for c in components_of("mean") if c.own)
 
 
 def test_a_bow_of_another_formula_is_a_bow_and_leaves_nothing_behind() -> None:

@@ -47,6 +47,19 @@ def test_the_most_probable_comes_first_with_what_it_follows(ws: Workspace) -> No
     assert [r.detail for r in found] == ["c, 99 nats", "c, 50 nats", "c, 10 nats"]
 
 
+@pytest.mark.parametrize(
+    ("effect", "words"),
+    [("interreflection", "facing wall"), ("finite_spot", "curvature"), ("", "nearest depth edge")],
+)
+def test_light_at_edges_follows_what_its_law_does_and_not_the_time(
+    effect: str, words: str, ws: Workspace
+) -> None:
+    """Each was called a mean over time."""
+    relaxed = Relaxed(channel="mean", spanned=True)
+    (found,) = residual_structure([unexplained(relaxed=relaxed, effect=effect)], ws, Model())
+    assert words in found.covariate
+
+
 def test_a_period_over_the_rows_is_a_length_of_depth(ws: Workspace) -> None:
     relaxed = Relaxed(channel="mean", along=("camera_row",), periodic=True, frequency="rows")
     (found,) = residual_structure([unexplained(repeats=300.0, relaxed=relaxed)], ws, Model())

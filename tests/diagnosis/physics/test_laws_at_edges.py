@@ -14,6 +14,7 @@ from diagnosis.physics.laws_at_edges import (
     known_laws,
     laws_in_turn,
     may_be_named,
+    nats_of_law,
     unusual_at_edges,
 )
 from diagnosis.settings import SETTINGS
@@ -68,6 +69,25 @@ def test_it_is_named_where_good_instruments_have_less(blurred: Workspace) -> Non
     assert habit.nats == pytest.approx(alone["finite_spot"].gain)
     assert habit.probability < 0.5
     assert unusual_at_edges([], {}) == ([], [])
+
+
+def test_what_a_law_loses_on_further_readings_makes_it_smaller(
+    blurred: Workspace, sharp: Workspace
+) -> None:
+    (law,) = (one for one in LAWS if one.effect == "finite_spot")
+    further = [replace(p, recording=p.recording + k) for k in (10, 20) for p in sharp.patches]
+    both = Workspace.build([*blurred.patches, *further], blurred.noise)
+
+    def nats(ws: Workspace, size: float) -> float | None:
+        return nats_of_law(law, BLUR, ws, Model(), None, usual(size), explained=0.0)
+
+    kept, lost = nats(blurred, 0.002), nats(both, 0.002)
+    assert kept > 3
+    assert lost < 0
+    assert nats_of_law(law, BLUR, blurred, Model(), None, {}, explained=0.0) is None
+    # baselines that are blurred alike: nothing has changed
+    effect = laws_in_turn([law], blurred, Model())[0].fitted.effect
+    assert nats_of_law(law, effect, blurred, Model(), blurred, usual(0.002), explained=0.0) < 0
 
 
 def test_a_law_that_resembles_the_strongest_explains_little_beside_it(blurred: Workspace) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from diagnosis.components.component import components_of
 from diagnosis.evidence.assess import Assessment, assessed_mean
-from diagnosis.physics.remainder import curves_of, is_curve, remainder
+from diagnosis.physics.remainder import curves_of, remainder
 from tests.support.linear_readings import WIDE, LinearReadings
 
 
@@ -61,5 +61,5 @@ def test_a_curve_is_in_mm_whatever_its_columns_were_scaled_by(
 def test_curves_hold_for_other_recordings_and_off_edges() -> None:
     for component in components_of("mean"):
         if component.own or component.relaxed.each == "profile" or component.relaxed.spanned:
-            assert not is_curve(component), component.name
-    assert not any(is_curve(c) for c in components_of("scale"))
+            assert not component.is_curve, component.name
+    assert not any(c.is_curve for c in components_of("scale"))
