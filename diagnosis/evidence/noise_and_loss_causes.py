@@ -172,8 +172,8 @@ class RateSearch:
 
         Returns
         -------
-        candidates by name; what a good instrument has that explains most, None where that is no
-        more than chance
+        candidates by name; what a good instrument has that explains most by itself, None where
+        that is no more than chance
         """
         made = {c.name: self.sizes(responses, c) for c in candidates}
         if not made:
@@ -185,6 +185,7 @@ class RateSearch:
         )
         found: dict[str, _Weighed] = {}
         nothing, usual = left + doubted, None
+        shown = nothing + SETTINGS.stands_out
         for c in candidates:
             one = made[c.name]
             less = float(best.factors.max() - one.factors.max())
@@ -192,14 +193,18 @@ class RateSearch:
             factors = one.factors + min(alike, less, misfit)
             quiet = np.log(np.maximum(self.scales.of(c.key), 1e-300))
             good = float(logsumexp(factors + quiet))
-            if good > nothing:
-                nothing, usual = good, c
+            nothing = max(nothing, good)
+            # as good as another one, it need not explain anything: taken as given it would leave
+            # what that explains, and nothing to hold it against
+            itself = float(logsumexp(one.factors + quiet))
+            if itself >= shown:
+                shown, usual = itself, c
             found[c.name] = _Weighed(
-                usual=good, nats=float(logsumexp(factors + np.log(self.scales.changed(c.key)))),
+                usual=itself, nats=float(logsumexp(factors + np.log(self.scales.changed(c.key)))),
                 gain=one.gain, variant=one.variant, size=one.size, change=one.change,
             )  # fmt: skip
         weighed = {n: replace(w, nats=w.nats - nothing) for n, w in found.items()}
-        return weighed, usual if nothing >= left + doubted + SETTINGS.stands_out else None
+        return weighed, usual
 
     def _beside(
         self, responses: Responses, usual: RateCandidate, as_weighed: _Weighed

@@ -96,6 +96,26 @@ def test_a_cause_is_found_beside_what_a_good_instrument_has_more_of() -> None:
     assert 0.0 < habit.fault < 1.0
 
 
+def test_what_explains_nothing_by_itself_is_not_taken_as_given() -> None:
+    """All that was as good as the likeliest was taken; nothing was left to hold that against."""
+    bent, idle = U**2 - np.mean(U**2), LINEAR
+    small = 0.05 * bent[:, None]
+    channel = channel_with(1.5, "scale", "incidence_noise", small, seed=7)
+    (one,) = channel.candidates
+    rare, usual = (
+        replace(one, component=component("scale", effect),
+                variants=(replace(one.variants[0], columns=columns),))
+        for effect, columns in (("light_falloff", small), ("incidence_noise", idle[:, None]))
+    )  # fmt: skip
+    sizes = SETTINGS.rate_sizes()
+    none, often = np.eye(sizes.size)[0], np.full(sizes.size, 1 / sizes.size)
+    scales = Scales(sizes=sizes, weights={usual.key: often, rare.key: none})
+    alone = replace(channel, candidates=(rare,))
+    assert [m.candidate for m in RateSearch(alone, scales).search()[0]] == [rare]
+    beside = replace(channel, candidates=(rare, usual))
+    assert RateSearch(beside, scales).search() == ([], [])
+
+
 @pytest.mark.parametrize(("other", "found"), [(-0.3, 1), (-60.0, 0)])
 def test_causes_that_share_the_evidence_are_weighed_together(
     other: float, found: int, monkeypatch: pytest.MonkeyPatch
