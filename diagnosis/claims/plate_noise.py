@@ -1,7 +1,7 @@
 """The noise on the part against a plate's: compared where the part is hit squarely."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,24 +14,30 @@ from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel, robust_sd
 from diagnosis.predict.albedo_borders import albedo_borders
 from diagnosis.settings import SETTINGS
-from sensors.effects.base import Effect
 from sensors.effects.motion_blur import MotionBlur
 from sensors.effects.pixel_locking import PixelLocking
+from sensors.view.covariates import COVARIATES
 from sensors.view.view import View
 
 WAYS = ("whitened", "scatter")
 """How the size of noise is measured."""
 
 
-def level_change(ws: Workspace, model: Model, nominal_sd_mm: float) -> LevelChange:
+def level_change(
+    ws: Workspace, model: Model, nominal_sd_mm: float, beside: Collection[str] = ()
+) -> LevelChange:
     """Measure the part's noise over a nominal one.
 
     A finish is the same throughout, so the least change counts: of the recordings, of the ways to
     measure it, and of the parts of what other causes of noise follow, whose laws may be off
     elsewhere. Recordings that differ by more than their readings leave open say by how much a
     recording is unlike the finish for another reason.
+
+    Parameters
+    ----------
+    beside : covariates that the noise goes with for other reasons
     """
-    measured = levels(ws, model, nominal_sd_mm).values()
+    measured = levels(ws, model, nominal_sd_mm, beside).values()
     changes = [
         replace(c, unsure=math.hypot(c.unsure, scatter_of(each))) for each in measured for c in each
     ]
@@ -42,8 +48,9 @@ def level_change(ws: Workspace, model: Model, nominal_sd_mm: float) -> LevelChan
 
 
 def change_since(
-    ws: Workspace, model: Model, baseline: Workspace, usual: Mapping[str, Field], doubt: float
-) -> tuple[LevelChange, float]:
+    ws: Workspace, model: Model, baseline: Workspace, usual: Mapping[str, Field], doubt: float,
+    beside: Collection[str] = (),
+) -> tuple[LevelChange, float]:  # fmt: skip
     """Measure the part's noise over that of baselines; and its log Bayes factor.
 
     The way to measure it and the part of what other causes follow that are the least evidence.
@@ -52,12 +59,13 @@ def change_since(
     ----------
     ws, baseline : with the same noise
     usual, doubt : as for `nats_since`
+    beside : as for `level_change`
     """
     size_mm = ws.noise.sd_mm
     before = levels(baseline, Model(), size_mm)
     least = LevelChange(log=0.0, unsure=level_unsure(ws.noise)), -math.inf
     found = []
-    for (way, *_), seen in levels(ws, model, size_mm).items():
+    for (way, *_), seen in levels(ws, model, size_mm, beside).items():
         good = before.get((way, "", 0), [])
         if good:
             log = float(np.mean([c.log for c in seen]) - np.mean([c.log for c in good]))
@@ -69,19 +77,23 @@ def change_since(
 
 
 def levels(
-    ws: Workspace, model: Model, nominal_sd_mm: float
+    ws: Workspace, model: Model, nominal_sd_mm: float, beside: Collection[str] = ()
 ) -> dict[tuple[str, str, int], list[LevelChange]]:
     """Measure the noise of each recording over a nominal one.
 
     Where the part is bright and hit squarely, by the readings' scatter and by what neighbours leave
     of it: a wrong mean adds to the one, a wrong spectrum to the other.
 
+    Parameters
+    ----------
+    beside : as for `level_change`
+
     Returns
     -------
-    by way to measure it, effect on the noise and part of what that follows: of each recording
+    by way to measure it, covariate of the noise and part of its values: of each recording
     """
     predictions, plain = ws.predict(model), ws.predict(Model())
-    noisy = [e for e in model.effects if "variance" in e.channels]
+    goes_with = {e.covariate for e in model.effects if "variance" in e.channels} | {*beside}
     least, unchanged = SETTINGS.least_readings, SETTINGS.claims.unchanged
     square_rad = math.radians(SETTINGS.claims.square_deg)
     found: dict[tuple[int, str, int], list[tuple[Field, Field]]] = {}
@@ -103,7 +115,7 @@ def levels(
             # dark print is noisier whatever its finish
             pick &= bright >= np.nanquantile(bright[pick], SETTINGS.claims.darker)
         size_mm = model.level * ws.noise.sd_mm
-        for name, part, mask in _parts(patch, pick, noisy):
+        for name, part, mask in _parts(patch, pick, sorted(goes_with)):
             found.setdefault((patch.recording, name, part), []).append(
                 (state.innovations[mask] * size_mm, state.residual_mm[mask])
             )
@@ -134,19 +146,19 @@ def levels_of_each(patches: Sequence[Patch], nominal: NoiseModel) -> list[LevelC
 
 
 def _parts(
-    patch: Patch, pick: Mask, noisy: Sequence[Effect]
+    patch: Patch, pick: Mask, covariates: Sequence[str]
 ) -> Iterator[tuple[str, int, Mask]]:
-    """Yield readings by what each cause of noise follows; all of them where there is none."""
-    if not noisy or not pick.any():
+    """Yield readings by what the noise goes with; all of them where that is nothing."""
+    if not covariates or not pick.any():
         yield "", 0, pick
         return
     parts = SETTINGS.claims.level_parts
-    for effect in noisy:
-        values = np.broadcast_to(effect.covariate_values(patch.view), patch.shape)
+    for name in covariates:
+        values = np.broadcast_to(COVARIATES[name].values(patch.view), patch.shape)
         ends = np.quantile(np.nan_to_num(values[pick]), np.arange(1, parts) / parts)
         part = np.searchsorted(ends, np.nan_to_num(values))
         for k in range(parts):
-            yield effect.name, k, pick & (part == k)
+            yield name, k, pick & (part == k)
 
 
 def _scatter_mm(values_mm: Field) -> float:

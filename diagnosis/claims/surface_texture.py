@@ -142,12 +142,16 @@ def _level(
     ws, model = explanation.ws, explanation.model
     view = ws.patches[0].view
     doubt = math.hypot(plates_doubt(model, view), left.level)
+    # what the noise goes with in a good instrument changes its size there, too
+    beside = {name for u in explanation.usual if u.channel == "scale" for name in u.follows}
     if baseline:
         every = Workspace.build(all_fitted(explanation.patches), own)
         before = Workspace.build(baseline, own)
-        change, nats = change_since(every, model, before, explanation.scales, doubt)
+        change, nats = change_since(
+            every, model, before, explanation.scales, doubt, beside
+        )
     else:
-        change = level_change(ws, model, nominal_mm)
+        change = level_change(ws, model, nominal_mm, beside)
         plate = 0.0 if nominal is None else level_unsure(nominal)
         usual = claimed_sizes() if nominal is None else explanation.scales
         unsure = math.hypot(change.unsure, doubt, plate)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from diagnosis.components.component import Component
 from diagnosis.evidence.assess import Assessment
 from diagnosis.settings import SETTINGS
+from sensors.effects import CATALOGUE
 from sensors.effects.relaxed import Relaxed
 from sensors.view.covariates import COVARIATES
 
@@ -97,6 +98,17 @@ class Unexplained:
     repeats: float = 0.0
     relaxed: Relaxed | None = None
     effect: str = ""
+
+    @property
+    def follows(self) -> tuple[str, ...]:
+        """Covariates that it goes with; a law at edges goes with what its effect does."""
+        if self.relaxed is None:
+            return ("time",)
+        if self.relaxed.spanned:
+            return (CATALOGUE[self.effect].covariate if self.effect else "edge_y",)
+        if self.relaxed.each == "column":
+            return ("column",)
+        return self.relaxed.along or ("time",)
 
     @property
     def of_surface(self) -> bool:

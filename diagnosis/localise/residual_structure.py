@@ -17,7 +17,6 @@ from diagnosis.localise.regions import NEIGHBOURS, Region, departure_mask, regio
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.settings import SETTINGS
-from sensors.effects import CATALOGUE
 from sensors.view.covariates import COVARIATES
 from sensors.view.view import View
 
@@ -102,14 +101,8 @@ def described(components: Sequence[Unexplained], ws: Workspace) -> tuple[Residua
 
 
 def _follows(one: Unexplained) -> tuple[str, str]:
-    """Words and frame of what a component follows; a law at edges follows what its effect does."""
-    names = ["time"]
-    if one.relaxed is not None:
-        each = ["column"] if one.relaxed.each == "column" else []
-        names = each or list(one.relaxed.along) or names
-        if one.relaxed.spanned:
-            names = [CATALOGUE[one.effect].covariate if one.effect in CATALOGUE else "edge_y"]
-    found = [COVARIATES[n] for n in names]
+    """Words and frame of what a component follows."""
+    found = [COVARIATES[n] for n in one.follows]
     return " and ".join(c.words for c in found), found[0].frame
 
 

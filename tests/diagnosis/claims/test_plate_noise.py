@@ -39,6 +39,18 @@ def test_the_level_of_the_noise_is_what_every_recording_bears_out(ws: Workspace)
     assert told((1.5, 0.7)) == 0.0
 
 
+def test_noise_that_goes_with_the_line_is_no_rougher_finish(ws: Workspace) -> None:
+    """Light that falls off towards the ends was reported as a rougher surface."""
+    patches = []
+    for p, q in zip(ws.patches, ws.predict(Model()), strict=True):
+        ends = np.abs(np.linspace(-1, 1, p.shape[1])) > 0.4
+        louder = np.where(ends, 1.4, 1.0)
+        patches.append(replace(p, depth_mm=q.mean_mm + louder * (p.depth_mm - q.mean_mm)))
+    dim = replace(ws, patches=tuple(patches))
+    assert level_change(dim, Model(), ws.noise.sd_mm).log > 0.15
+    assert abs(level_change(dim, Model(), ws.noise.sd_mm, {"x"}).log) < 0.07
+
+
 def test_a_cause_of_noise_that_follows_the_rows_makes_a_plate_no_measure_of_the_part() -> None:
     """A plate stands within one row or two of the camera; the part reaches over many."""
     view = bench_workspace("valley").patches[0].view
