@@ -147,9 +147,7 @@ def _level(
     if baseline:
         every = Workspace.build(all_fitted(explanation.patches), own)
         before = Workspace.build(baseline, own)
-        change, nats = change_since(
-            every, model, before, explanation.scales, doubt, beside
-        )
+        change, nats = change_since(every, model, before, explanation.scales, doubt, beside)
     else:
         change = level_change(ws, model, nominal_mm, beside)
         plate = 0.0 if nominal is None else level_unsure(nominal)
