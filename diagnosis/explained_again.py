@@ -76,7 +76,7 @@ def _explained(
     power = 1.0
     channels = {c.channel for c in found.causes} | {u.channel for u in found.unexplained}
     if "mean" in channels:
-        power = power_of_long_waves(found.ws, found.model, look.departures)
+        power = power_of_long_waves(found.ws, found.model, look.departures, found.slips)
     if power > 1:
         said = [LOUDER.format(power)]
         ready = replace(ready, noise=replace(ready.noise, long_waves=power))

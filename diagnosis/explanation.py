@@ -52,6 +52,12 @@ class Explanation:
     usual: tuple[Unexplained, ...] = ()
 
     @property
+    def slips(self) -> set[str]:
+        """Covariates of which profiles have multiples of their own, without a cause."""
+        forms = (u.relaxed for u in self.unexplained if u.channel == "mean")
+        return {f.times for f in forms if f is not None and f.times}
+
+    @property
     def held(self) -> list[Patch]:
         """Patches with readings that nothing was fitted to."""
         return [p for p in self.patches if p.scored.any()]

@@ -71,6 +71,20 @@ def test_what_whole_profiles_and_columns_do_is_no_noise_of_long_waves() -> None:
     assert power(Workspace.build(moved, ws.noise)) < 1.2 * power(ws)
 
 
+def test_slips_of_profiles_are_no_noise_of_long_waves() -> None:
+    """Lost counts were taken for noise, and what showed them for what is usual."""
+    ws, moved = with_noise(bench_workspace("domes"), 0.0), []
+    for p in ws.patches:
+        slip_mm = 0.1 * np.linspace(-1, 1, p.shape[0]) ** 3
+        depth = p.depth_mm + slip_mm[:, None] * np.nan_to_num(p.view.slope_y)
+        moved.append(replace(p, depth_mm=depth))
+    slipped = Workspace.build(moved, ws.noise)
+    assert power(slipped) > 2.5
+    still = louder_waves(slipped, Model(), {"slope_y"})
+    assert still is not None
+    assert np.exp(2 * still.log) < 1.5
+
+
 def test_what_no_good_instrument_has_in_long_waves_is_no_noise() -> None:
     ws = with_noise(bench_workspace("domes"), 0.5)
     sizes = SETTINGS.rate_sizes()
