@@ -194,10 +194,10 @@ def nats_of_law(
     before, explained : as for `laws_in_turn`
     usual : as for `unusual_at_edges`
     """
-    now = _Tried(ws, model)
-    if not may_be_named(law, usual, listed=now.listed):
+    listed = laws_stated(ws.patches[0].view.sensor.effects)
+    if not may_be_named(law, usual, listed=listed):
         return None
-    key = key_of(law, listed=now.listed)
+    now, key = _Tried(ws, model), key_of(law, listed=listed)
     then, _ = (None, 0.0) if before is None else _Tried(before, NOMINAL).fit(law)
     _, factors = now.size_of(now.gain(effect) - now.gain_of_usual(then), explained)
     return Scales(sizes=SETTINGS.mean_sizes(), weights=usual).nats(key, factors)
