@@ -31,8 +31,7 @@ from scipy.special import logsumexp
 from benchmarks.good_instruments import (
     Factors,
     Make,
-    again,
-    changes,
+    beside,
     departures,
     inputs_of,
     simulated,
@@ -110,18 +109,17 @@ def main() -> None:
         print("By the share of instruments of another kind:", table(UNLIKE, shares),
               "By how much further sizes lie apart in another kind:", table(APART, apart),
               sep="\n")  # fmt: skip
+    look = delayed(kept(beside))
+    later = [work(look(make, known, 1) for make in group.instruments) for group in groups]
     changing = learnt_changes([
-        work(delayed(kept(changes))(make, known, kind) for make in g.instruments)
-        for g, kind in zip(groups, known.kinds, strict=True)
+        [one.factors_of_change(kind) for one in shown]
+        for shown, kind in zip(later, known.kinds, strict=True)
     ])  # fmt: skip
-    known = Population(
-        kinds=tuple(
-            replace(k, changes=c, anew=a)
-            for k, (c, a) in zip(known.kinds, changing, strict=True)
-        )
-    )
-    alike = learnt_alike(work(delayed(kept(again))(make, known) for make in recorded))
-    known = replace(known, alike=alike)
+    third = work(look(make, known, 2) for make in recorded)
+    known = replace(known, kinds=tuple(
+        replace(k, changes=c, anew=a) for k, (c, a) in zip(known.kinds, changing, strict=True)
+    ))  # fmt: skip
+    known = replace(known, alike=learnt_alike([one.factors_alike(known) for one in third]))
     args.write.write_text(written(known), encoding="utf-8")
 
 

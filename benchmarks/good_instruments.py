@@ -1,7 +1,7 @@
 """What one good instrument shows: of what it departs from the nominal model by, and of changes."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -77,52 +77,62 @@ def lay_factors(ready: Prepared) -> Factors:
     return {} if lay is None else {LAY: lay[1]}
 
 
-def changes(make: Make, population: Population, kind: Kind) -> Factors:
-    """Likelihood of what others change beside the first recording, by component.
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Beside:
+    """What later recordings of a good instrument show beside its first ones as baselines.
 
-    See `factors_of_change`.
+    Log factors of sizes, by component.
+
+    Attributes
+    ----------
+    shown : of the first
+    among : of what the first change among themselves
+    laws : of what laws at edges do in these changes
+    found : of what the later ones change
+    columns : how the instrument's file says that columns lie
+    """
+
+    shown: Factors
+    among: Factors
+    laws: Factors
+    found: Factors
+    columns: str
+
+    def factors_of_change(self, kind: Kind) -> Factors:
+        """Likelihood of what the later ones change; see `learning.factors_of_change`.
+
+        Parameters
+        ----------
+        kind : which the instrument is of
+        """
+        return {
+            name: factors_of_change(
+                kind.weights[name], self.shown.get(name, np.zeros(factors.size)), factors
+            )
+            for name, factors in self.found.items()
+            if name in kind.weights
+        }
+
+    def factors_alike(self, population: Population) -> Factors:
+        """Likelihood of each share of changes that are as those before, by component."""
+        population = population.of_files(self.columns)
+        kinds = kinds_of(population, self.shown, good=True)
+        both = next_changes(population, kinds, {**self.shown, **self.laws}, self.among)
+        return {
+            name: factors_alike(*both[name], self.found[name])
+            for name in self.among.keys() & both.keys() & self.found.keys()
+        }
+
+
+def beside(make: Make, population: Population, count: int) -> Beside:
+    """Look at later recordings beside the first ones.
 
     Parameters
     ----------
-    population : by which the first recording is a baseline
-    kind : which the instrument is of
-    """
-    shown, _, found = beside(make(), population, 1)
-    return {
-        name: factors_of_change(
-            kind.weights[name], shown.get(name, np.zeros(factors.size)), factors
-        )
-        for name, factors in found.items()
-        if name in kind.weights
-    }
-
-
-def again(make: Make, population: Population) -> Factors:
-    """Likelihood of each share of changes that are as those before, by component.
-
-    The first two recordings are baselines of the third.
+    population : what good instruments depart by
+    count : of baselines
     """
     inputs = make()
-    shown, (among, laws), found = beside(inputs, population, 2)
-    population = population.of_files(inputs.datasheet.columns)
-    kinds = kinds_of(population, shown, good=True)
-    both = next_changes(population, kinds, shown | laws, among)
-    return {
-        name: factors_alike(*both[name], found[name])
-        for name in among.keys() & both.keys() & found.keys()
-    }
-
-
-def beside(
-    inputs: Inputs, population: Population, count: int
-) -> tuple[Factors, tuple[Factors, Factors], Factors]:
-    """Look at later recordings beside the first ones as baselines.
-
-    Returns
-    -------
-    likelihood of each size of each component in the first; of what they change among themselves,
-    with what laws at edges do in them; of what the later ones change
-    """
     first, later = inputs.recordings[:count], inputs.recordings[count:]
     ready = prepared(
         replace(inputs, recordings=later, holdout=first[:1], baselines=first), [], lambda _: None
@@ -142,7 +152,10 @@ def beside(
         # what a recording shows of a law is its own edges', and says nothing of the next
         **factors_at_edges(shown_at_edges(now.components, rest, base)),
     }
-    return shown, changes_among(ready, now, own), found
+    among, laws = changes_among(ready, now, own)
+    return Beside(
+        shown=shown, among=among, laws=laws, found=found, columns=inputs.datasheet.columns
+    )
 
 
 def simulated(seed: int) -> Inputs:
