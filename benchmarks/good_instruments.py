@@ -21,12 +21,12 @@ from diagnosis.discrepancy.learning import factors_alike, factors_of_change
 from diagnosis.discrepancy.population import Kind, Population
 from diagnosis.evidence.long_waves import long_wave_factors
 from diagnosis.evidence.noise_level import AGAINST_PLATES, level_factors, level_unsure
-from diagnosis.evidence.seen import channels_seen, seen
+from diagnosis.evidence.seen import channels_seen, seen, together
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.physics.laws_at_edges import factors_at_edges, shown_at_edges
 from diagnosis.prepare import Inputs, Prepared, prepared
-from diagnosis.usual_sizes import changes_among
+from diagnosis.usual_sizes import changes_among, good_seen
 from pipeline.parts.part import load_part
 from sensors.datasheet import Datasheet
 from sensors.recording import Recording
@@ -139,7 +139,8 @@ def beside(make: Make, population: Population, count: int) -> Beside:
     )
     patches = [p for p in ready.patches if p.fit.any()]
     now = seen(patches, ready.noise, Model())
-    before = seen(ready.baseline, ready.noise, Model(), like=now)
+    good = good_seen(ready, now)
+    before = together(good, ready.baseline)
     usual = channels_seen(ready.baseline, ready.noise, Model(), now)
     shown = mean_factors(before) | rate_factors(usual.values())
     population = population.of_files(inputs.datasheet.columns)
@@ -152,7 +153,7 @@ def beside(make: Make, population: Population, count: int) -> Beside:
         # what a recording shows of a law is its own edges', and says nothing of the next
         **factors_at_edges(shown_at_edges(now.components, rest, base)),
     }
-    among, laws = changes_among(ready, now, own)
+    among, laws = changes_among(ready, good, own)
     return Beside(
         shown=shown, among=among, laws=laws, found=found, columns=inputs.datasheet.columns
     )

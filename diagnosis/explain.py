@@ -95,8 +95,8 @@ def explain(
     return Explanation(
         model=state.model, causes=state.causes, unexplained=(*unexplained, *of_rates),
         patches=tuple(state.patches), placed=state.placed, recorded=state.recorded,
-        ws=fitted_part(state.patches, noise), first=look.now, members=members, scales=scales,
-        departures=departures,
+        ws=fitted_part(state.patches, noise), first=look.now, before=look.before,
+        members=members, scales=scales, departures=departures,
         usual=(*usual, *(u for u in usual_laws if u.component not in state.names), *usual_rates),
     )  # fmt: skip
 

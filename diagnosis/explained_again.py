@@ -11,7 +11,7 @@ from diagnosis.discrepancy.population import Population
 from diagnosis.evidence.long_waves import power_of_long_waves
 from diagnosis.explain import explain
 from diagnosis.explanation import Explanation, Progress
-from diagnosis.first_look import FirstLook, first_look
+from diagnosis.first_look import FirstLook, first_look, louder_look
 from diagnosis.prepare import Prepared
 from diagnosis.weighed_on_all import weighed_on_all
 
@@ -80,7 +80,7 @@ def _explained(
     if power > 1:
         said = [LOUDER.format(power)]
         ready = replace(ready, noise=replace(ready.noise, long_waves=power))
-        found = explained_by(ready, first_look(ready, known), notes=said)
+        found = explained_by(ready, louder_look(look, ready, known, power), notes=said)
     notes += said
     return ready, found
 

@@ -33,6 +33,7 @@ class Explanation:
     unexplained : components that no catalogued effect claims
     first, members : the recordings as they were seen under the nominal model, and the mean's
         causes as they were weighed then
+    before : baselines as they were seen then, where there are some
     usual : what good instruments have as well, with the probability that it is a fault
     scales, departures : what a good instrument has of each component, or changes by since its
         baselines, and what it shares with them
@@ -46,6 +47,7 @@ class Explanation:
     recorded: Recorded
     ws: Workspace
     first: Seen
+    before: Seen | None
     members: tuple[Member, ...]
     scales: Mapping[str, Field]
     departures: Mapping[str, Field]

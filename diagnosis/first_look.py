@@ -1,16 +1,17 @@
 """Recordings and baselines under the nominal model: where every explanation begins."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from diagnosis.discrepancy.good_instrument import rate_factors
 from diagnosis.discrepancy.population import Population
 from diagnosis.evidence.noise_and_loss_channels import Channel
-from diagnosis.evidence.seen import Seen, channels_seen, seen
+from diagnosis.evidence.seen import Seen, channels_seen, seen, together
 from diagnosis.explanation import fitted_part
 from diagnosis.fields import Field
 from diagnosis.model.model import Model
 from diagnosis.prepare import Prepared
-from diagnosis.usual_sizes import usual_sizes
+from diagnosis.usual_sizes import good_seen, usual_sizes
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -23,6 +24,8 @@ class FirstLook:
     baseline_channels : noise, losses and outliers of the baselines, by name
     departures : probability of the sizes of what the instrument departs from the nominal model by
     scales : of what is weighed, changes beside baselines
+    good : the mean of the first baseline, and of later ones
+    rates : log factors of sizes of noise, losses and outliers, in baselines where there are some
     """
 
     now: Seen
@@ -30,6 +33,8 @@ class FirstLook:
     baseline_channels: Mapping[str, Channel]
     departures: Mapping[str, Field]
     scales: Mapping[str, Field]
+    good: tuple[Seen, ...]
+    rates: Mapping[str, Field]
 
 
 def first_look(ready: Prepared, population: Population) -> FirstLook:
@@ -39,11 +44,36 @@ def first_look(ready: Prepared, population: Population) -> FirstLook:
     ----------
     population : what good instruments have of each component
     """
-    noise, baseline = ready.noise, ready.baseline
-    now = seen(fitted_part(ready.patches, noise).patches, noise, Model())
-    before = seen(baseline, noise, Model(), like=now) if baseline else None
-    channels = channels_seen(baseline, noise, Model(), now) if baseline else {}
-    departures, scales = usual_sizes(population, ready, now, before, channels)
+    noise, fitted = ready.noise, fitted_part(ready.patches, ready.noise).patches
+    now = seen(fitted, noise, Model())
+    channels = channels_seen(ready.baseline or fitted, noise, Model(), now)
+    return _look(
+        ready, population, now, good_seen(ready, now), channels if ready.baseline else {},
+        rate_factors(channels.values()),
+    )  # fmt: skip
+
+
+def louder_look(
+    look: FirstLook, ready: Prepared, population: Population, power: float
+) -> FirstLook:
+    """Look again where the noise has so much more power for a mismatch of the mean.
+
+    Parameters
+    ----------
+    ready : with that noise
+    """
+    return _look(
+        ready, population, look.now.louder(power), tuple(g.louder(power) for g in look.good),
+        look.baseline_channels, look.rates,
+    )  # fmt: skip
+
+
+def _look(
+    ready: Prepared, population: Population, now: Seen, good: Sequence[Seen],
+    channels: Mapping[str, Channel], rates: Mapping[str, Field],
+) -> FirstLook:  # fmt: skip
+    departures, scales = usual_sizes(population, ready, now, good, rates)
     return FirstLook(
-        now=now, before=before, baseline_channels=channels, departures=departures, scales=scales
-    )
+        now=now, before=together(good, ready.baseline) if good else None, good=tuple(good),
+        baseline_channels=channels, rates=rates, departures=departures, scales=scales,
+    )  # fmt: skip

@@ -14,7 +14,7 @@ from diagnosis.data.patch import all_fitted
 from diagnosis.evidence.assess import weighed_again
 from diagnosis.evidence.mean_causes import Member
 from diagnosis.evidence.reported_causes import Cause, shares_by_effect
-from diagnosis.evidence.seen import Seen, seen
+from diagnosis.evidence.seen import Seen, seen, together
 from diagnosis.explanation import Explanation, under
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
@@ -87,8 +87,7 @@ def _by_curves(
     places = {c.name: m for c in causes for m in _places(c, explanation.members)}
     if not places:
         return list(causes)
-    now = seen(all_fitted(ready.patches), ready.noise, Model())
-    before = seen(ready.baseline, ready.noise, Model(), like=now) if ready.baseline else None
+    now, before = _all_seen(explanation.first, ready), explanation.before
     members = weighed_again(
         explanation.members, now, explanation.departures if before is None else explanation.scales,
         before, departures=explanation.departures, withheld=withheld,
@@ -101,6 +100,17 @@ def _by_curves(
         others = {c.name for c in causes if c is not cause} | {c.name for c in shared}
         shared.append(cause if anew is None else _shared_anew(cause, anew, members, now, others))
     return shared
+
+
+def _all_seen(first: Seen, ready: Prepared) -> Seen:
+    """Look at the readings held out as well, in the components of those fitted.
+
+    Of one recording alone all readings are looked at anew: its blocks have one placement.
+    """
+    if ready.single:
+        return seen(all_fitted(ready.patches), ready.noise, Model())
+    held = all_fitted([p for p in ready.patches if not p.fit.any()])
+    return together([first, seen(held, ready.noise, Model(), like=first)], ready.patches)
 
 
 def _places(cause: Cause, members: Sequence[Member]) -> list[Member]:

@@ -68,6 +68,10 @@ class Gram:
         """X'X and X'y alone."""
         return Equations(matrix=self.matrix, right=self.right)
 
+    def louder(self, power: float) -> "Gram":
+        """Let the noise have so much more power, and columns of a whitened rms of 1 with it."""
+        return replace(self, right=self.right / np.sqrt(power))
+
 
 def weights_of(patch: Patch, state: Whitened) -> Floats:
     """Weight (n, m) of each reading, by Huber's rule; 0 where it takes no part.
@@ -306,6 +310,27 @@ def _combined(rows: Floats, weights: Sequence[tuple[slice, Floats]]) -> Floats:
         for which, turn in weights
     ]
     return np.concatenate([rows[:0], *parts])
+
+
+def joined(one: Gram, other: Gram) -> Gram:
+    """Join the equations of recordings and of others, in the components that both have."""
+    theirs = {b.component.name: b.at for b in other.blocks if b.recording is None}
+    mine = [b for b in one.blocks if b.recording is not None or b.component.name in theirs]
+    own = [b for b in other.blocks if b.recording is not None]
+    ends = np.cumsum([b.at.size for b in (*mine, *own)])
+    blocks = tuple(
+        replace(b, columns=slice(int(end) - b.at.size, int(end)))
+        for b, end in zip((*mine, *own), ends, strict=True)
+    )
+    of_one = [(b.at, was.at) for b, was in zip(blocks[: len(mine)], mine, strict=True)]
+    of_other = [(b.at, theirs[b.component.name]) for b in blocks if b.recording is None]
+    of_other += [(b.at, was.at) for b, was in zip(blocks[len(mine) :], own, strict=True)]
+    matrix, right = np.zeros((ends[-1], ends[-1])), np.zeros(ends[-1])
+    for gram, places in ((one, of_one), (other, of_other)):
+        here, there = (np.concatenate(part) for part in zip(*places, strict=True))
+        matrix[np.ix_(here, here)] += gram.matrix[np.ix_(there, there)]
+        right[here] += gram.right[there]
+    return Gram(blocks=blocks, matrix=matrix, right=right, readings=one.readings + other.readings)
 
 
 def shared_only(baseline: Gram, found: Gram) -> Equations:

@@ -1,7 +1,8 @@
 """Recordings under a model, as the evidence sees them: equations of the mean, and channels."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from diagnosis.components.covariate_ranges import ranges_of
 from diagnosis.components.law_forms import law_forms
 from diagnosis.data.patch import Patch
 from diagnosis.evidence.candidates import Candidate, candidates_of
-from diagnosis.evidence.gram import Gram, Turns, grams_of, shared_only, turned, turns_of
+from diagnosis.evidence.gram import Gram, Turns, grams_of, joined, shared_only, turned, turns_of
 from diagnosis.evidence.noise_and_loss_channels import Channel, channel_of
 from diagnosis.evidence.posterior import World
 from diagnosis.model.log_density import Whitened
@@ -21,6 +22,7 @@ from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.predict.prediction import Prediction
 
 Floats = NDArray[np.float64]
+Laws = Mapping[str, tuple[Floats, ...]]
 RATES = ("scale", "missing", "outliers")
 COVARIATES = ("x", "depth", "travel", "slope_y", "incidence", "half_vector", "clock",
               "part_x", "part_y", "part_z")  # fmt: skip
@@ -36,6 +38,7 @@ class Seen:
     turns : how their columns were combined
     candidates : of the mean
     ranges : of covariates
+    laws : by component, its columns as the law of its cause combines them
     """
 
     bulk: Gram
@@ -44,6 +47,14 @@ class Seen:
     candidates: tuple[Candidate, ...]
     components: tuple[Component, ...]
     ranges: Mapping[str, tuple[float, float]]
+    laws: Laws = field(default_factory=dict)
+
+    def louder(self, power: float) -> "Seen":
+        """Let the noise have so much more power: unit columns are as much larger, and alike."""
+        return replace(
+            self, bulk=self.bulk.louder(power), whole=self.whole.louder(power),
+            turns={name: np.sqrt(power) * turn for name, turn in self.turns.items()},
+        )  # fmt: skip
 
 
 def seen(
@@ -57,7 +68,7 @@ def seen(
 
     Parameters
     ----------
-    like : recordings whose components are taken, for baselines of the same instrument
+    like : recordings whose components are taken, for others of the same instrument
     """
     ws = Workspace.build(patches, noise)
     states = ws.states(ws.predict(model))
@@ -69,20 +80,44 @@ def seen(
     bulk, whole = grams_of(components, patches, states, ranges, noise)
     turns = turns_of(bulk, whole) if like is None else like.turns
     bulk, whole = turned(bulk, turns), turned(whole, turns)
+    components = tuple(c for c in components if c.name in turns)
+    if like is None:
+        laws: Laws = {c.name: law_forms(c, patches, ranges) for c in components}
+    else:
+        laws = like.laws
+    return Seen(
+        bulk=bulk, whole=whole, turns=turns, candidates=_candidates(bulk, laws, patches),
+        components=components, ranges=ranges, laws=laws,
+    )  # fmt: skip
+
+
+def together(looks: Sequence[Seen], patches: Sequence[Patch]) -> Seen:
+    """Take the recordings of several looks as those of one.
+
+    Parameters
+    ----------
+    looks : all in the components of the first
+    patches : of all of them
+    """
+    bulk, whole = (
+        reduce(joined, grams)
+        for grams in ([one.bulk for one in looks], [one.whole for one in looks])
+    )
+    return replace(
+        looks[0], bulk=bulk, whole=whole, candidates=_candidates(bulk, looks[0].laws, patches)
+    )
+
+
+def _candidates(bulk: Gram, laws: Laws, patches: Sequence[Patch]) -> tuple[Candidate, ...]:
     times: dict[int, list[Floats]] = {}
     ways: dict[int, list[Floats]] = {}
     for p in patches:
         times.setdefault(p.recording, []).append(p.view.time_s)
         ways.setdefault(p.recording, []).append(p.view.travel_mm)
-    candidates = candidates_of(
+    return tuple(candidates_of(
         bulk, {k: np.concatenate(v) for k, v in times.items()},
-        {k: np.concatenate(v) for k, v in ways.items()}, patches[0].view.sensor.effects,
-        {c.name: law_forms(c, patches, ranges) for c in components if c.name in turns},
-    )  # fmt: skip
-    return Seen(
-        bulk=bulk, whole=whole, turns=turns, candidates=tuple(candidates),
-        components=tuple(c for c in components if c.name in turns), ranges=ranges,
-    )  # fmt: skip
+        {k: np.concatenate(v) for k, v in ways.items()}, patches[0].view.sensor.effects, laws,
+    ))  # fmt: skip
 
 
 def worlds_of(found: Seen, before: Seen | None) -> dict[bool, World]:
