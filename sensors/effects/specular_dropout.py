@@ -160,8 +160,9 @@ def returned_light(view: View, matt: float, lobe_deg: float) -> Floats:
     lobe_deg : float
         Width of the specular lobe, as an angle of microfacets.
     """
-    tangent = np.tan(np.minimum(view.half_vector_rad, math.radians(STEEPEST_DEG)))
-    lobe = np.exp(-np.square(tangent / math.tan(math.radians(lobe_deg))))
+    cosine = np.maximum(view.cos_half_vector, math.cos(math.radians(STEEPEST_DEG)))
+    # tan² α = 1 / cos² α - 1
+    lobe = np.exp((1.0 - cosine**-2) / math.tan(math.radians(lobe_deg)) ** 2)
     signal = matt * view.cos_incidence + (1.0 - matt) * lobe
     if view.reflectance is not None and view.intensity is None:
         signal = signal * view.reflectance.at(view.part_mm)

@@ -272,16 +272,20 @@ class View:
         )  # fmt: skip
 
     @cached_property
-    def half_vector_rad(self) -> Floats:
-        """Angle between the normal and the half vector of laser and camera, (n, m) rad.
+    def cos_half_vector(self) -> Floats:
+        """Cosine of the angle between the normal and the half vector of laser and camera, (n, m).
 
         That is the sum of the unit vectors to both, (2 + 2 cos γ)^½ long, γ between them.
         """
         away_mm = np.sqrt(self.x_mm**2 + self.datasheet.camera_offset_mm**2 + self.depth_mm**2)
         along = self.ray[:, 0] * self.x_mm + self.ray[:, 2] * self.depth_mm
         length = np.sqrt(2.0 + 2.0 * along / away_mm)
-        cosine = (self.cos_incidence + self.cos_camera) / length
-        return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
+        return np.asarray(np.clip((self.cos_incidence + self.cos_camera) / length, -1, 1))
+
+    @property
+    def half_vector_rad(self) -> Floats:
+        """Angle between the normal and the half vector of laser and camera, (n, m) rad."""
+        return np.asarray(np.arccos(self.cos_half_vector))
 
     @property
     def visible(self) -> NDArray[np.bool_]:
