@@ -9,7 +9,7 @@ It takes an hour or two; with `--keep` the same command continues from where it 
 Only good instruments are used: folders whose truth hides nothing. Each gives, for each component
 of the diagnosis, the likelihood of each size; the mixing distribution over sizes is kept. The same
 is kept of changes, of what the other recordings have beside the first one, taken as a baseline, and
-how often the next recordings depart as another instrument's would; and of the third beside the
+how often the next recordings depart in another way; and of the third beside the
 first two, how often a change is as the one before.
 Each population is a kind of instruments of its own; with `--makes` each is of another make.
 Each population is told by the others: by how much further sizes lie apart in yet another kind, by

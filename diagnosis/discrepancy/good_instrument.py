@@ -16,7 +16,6 @@ from diagnosis.discrepancy.population import (
     Shares,
     aspect_of,
     is_law_at_edges,
-    larger_of,
     tells_kind,
 )
 from diagnosis.evidence.candidates import Candidate
@@ -218,17 +217,18 @@ def _usual_change(
     if is_law_at_edges(name):
         likelihood = np.zeros_like(likelihood)
     anew = population.anew(name)
-    alike = _next(known, changes[0], anew[0][:, None], likelihood)
-    other = _next(unseen, changes[1], anew[1], likelihood)
+    alike = _next(told(known, likelihood), changes[0], anew[0][:, None])
+    other = _next(told(unseen, likelihood), changes[1], anew[1])
     return np.asarray((1 - unlike) * alike + unlike * other)
 
 
-def _next(
-    departures: Floats, changes: Floats, anew: Floats | float, likelihood: Floats
-) -> Floats:
-    """Probability (..., S) of a change's size by one kind, given its baselines' likelihood."""
-    of_two = larger_of(departures, told(departures, likelihood))
-    return np.asarray((1 - anew) * changes + anew * of_two)
+def _next(own: Floats, changes: Floats, anew: Floats | float) -> Floats:
+    """Probability (..., S) of a change's size by one kind, given those of its baselines.
+
+    What comes anew is as large as what there was: two departures of one size differ by √2 of it,
+    which is half a step of the grid.
+    """
+    return np.asarray((1 - anew) * changes + anew * own)
 
 
 def _of_each_kind(population: Population, name: str) -> Floats:

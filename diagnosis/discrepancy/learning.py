@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from diagnosis.discrepancy.good_instrument import evidence, rate_of, told
-from diagnosis.discrepancy.population import aspect_of, larger_of
+from diagnosis.discrepancy.population import aspect_of
 
 Floats = NDArray[np.float64]
 SPREADS = (0.35, 0.5, 0.7, 1.0)
@@ -44,38 +44,42 @@ def learnt(
     long, and no fault of ten times what any good instrument has would stand out. Share, median and
     spread are averaged over their posterior. Before any instrument a median is the less probable
     the larger it is, as its inverse: what no recording of the population could show isn't taken for
-    usual. How probable shares and spreads are before, components of a kind tell together, those of
-    each channel by themselves (empirical Bayes; Efron & Morris, J. Am. Stat. Assoc. 68 (1973) 117):
-    most are alike in all instruments, and in a few these differ widely.
+    usual. How probable shares and spreads are before, components of all kinds tell together, those
+    of each channel by themselves (empirical Bayes; Efron & Morris, J. Am. Stat. Assoc. 68 (1973)
+    117): most are alike in all instruments, and in a few these differ widely. What one kind's
+    recordings leave open, others tell.
 
     Parameters
     ----------
     kinds : of each kind, each instrument's log factors of sizes, by component
     anew : shares of the last that are weighed, where it is no size but an event apart
     """
-    out = []
-    for instruments in kinds:
-        found: dict[str, list[Floats]] = {}
+    found: dict[tuple[int, str], list[Floats]] = {}
+    for kind, instruments in enumerate(kinds):
         for factors in instruments:
             for name, own in factors.items():
-                found.setdefault(name, []).append(own)
-        weights: dict[str, Floats] = {}
-        for channel in dict.fromkeys(map(rate_of, found)):
-            alike = {n: f for n, f in found.items() if rate_of(n) == channel}
-            weights |= _together(alike, SPREADS_OF_RATES if channel else SPREADS, anew)
-        out.append({name: weights[name] for name in found})
-    return out
+                found.setdefault((kind, name), []).append(own)
+    weights: dict[tuple[int, str], Floats] = {}
+    for channel in dict.fromkeys(rate_of(name) for _, name in found):
+        alike = {key: f for key, f in found.items() if rate_of(key[1]) == channel}
+        weights |= _together(alike, SPREADS_OF_RATES if channel else SPREADS, anew)
+    return [
+        {name: weights[k, name] for k, name in found if k == kind} for kind in range(len(kinds))
+    ]
 
 
 def _together(
-    found: Mapping[str, Sequence[Floats]], spreads: Sequence[float], anew: Sequence[float]
-) -> dict[str, Floats]:
-    """Probability of each size of components whose shares and spreads are told together."""
-    if not found:
-        return {}
-    fits = {name: _fits(np.stack(own), spreads, anew) for name, own in sorted(found.items())}
+    found: Mapping[tuple[int, str], Sequence[Floats]],
+    spreads: Sequence[float],
+    anew: Sequence[float],
+) -> dict[tuple[int, str], Floats]:
+    """Probability of each size of components whose shares and spreads are told together.
+
+    By kind and name.
+    """
+    fits = {key: _fits(np.stack(own), spreads, anew) for key, own in sorted(found.items())}
     shares = _shares(np.stack([logsumexp(nats, axis=1) for nats, _ in fits.values()]))
-    return {name: _mixed(*fit, shares) for name, fit in fits.items()}
+    return {key: _mixed(*fit, shares) for key, fit in fits.items()}
 
 
 def _shares(nats: Floats) -> Floats:
@@ -134,8 +138,7 @@ def factors_of_change(departures: Floats, shown: Floats, change: Floats) -> Floa
     departures : probability (S,) of the component's sizes among the kind's instruments
     shown, change : log factors (S,) of the sizes in the first recording, and of what others change
     """
-    of_two = larger_of(departures, told(departures, shown))
-    return np.append(change, evidence(of_two, change))
+    return np.append(change, evidence(told(departures, shown), change))
 
 
 def learnt_changes(

@@ -3,10 +3,10 @@
 `discrepancy.json` holds kinds of instruments and, for each component of each kind, the probability
 of each size of a grid: a lognormal distribution over instruments, fitted to the likelihood of the
 sizes in each one's recordings; and the same of changes, in recordings beside an earlier one of the
-instrument and the part. A share of changes comes anew: the instrument departs as another one of its
-kind would, and the change is the difference of both departures. The others are small, and of sizes
-of their own. Where an instrument has changed before, its next change is like that one in a share of
-instruments (`alike`). `python -m benchmarks.discrepancy` makes it.
+instrument and the part. A share of changes comes anew: the instrument departs by as much as before,
+but in another way. The others are small, and of sizes of their own. Where an instrument has changed
+before, its next change is like that one in a share of instruments (`alike`).
+`python -m benchmarks.discrepancy` makes it.
 
 Which kind an instrument is of, its own recordings tell: where one has none of the locking, bow and
 slips that all of a kind have, it isn't of that kind (a mixture; Gelman et al., Bayesian Data
@@ -44,7 +44,7 @@ class Kind:
     weights : for each component's name, probability of each size
     changes : the same of what changes from one recording of an instrument and a part to another,
         where that doesn't come anew
-    anew : by component, how often an instrument departs as another one the next time
+    anew : by component, how often an instrument departs in another way the next time
     makes, instruments : how many it was learnt from
     columns : how its files say that columns lie, which decides about all but light at edges; ""
         for either way
@@ -297,16 +297,3 @@ def population() -> Population:
             for kind in known["kinds"]
         ),
     )
-
-
-def larger_of(one: Floats, other: Floats) -> Floats:
-    """Probability (..., S) of the size of the difference of two departures, on a doubling grid.
-
-    Independent vectors add in quadrature, √(d₁² + d₂²): the larger one, to within half a step.
-
-    Parameters
-    ----------
-    one, other : (..., S) probability of each departure's size
-    """
-    below = np.cumsum(one, axis=-1) * np.cumsum(other, axis=-1)
-    return np.asarray(np.diff(below, axis=-1, prepend=0.0))

@@ -62,14 +62,14 @@ def test_instruments_with_nothing_make_no_large_size_usual() -> None:
     assert changed(mixed)[SIZES < 0.05].sum() < 1e-6
 
 
-@pytest.mark.parametrize("of_another", [False, True])
-def test_it_is_learnt_whether_changes_come_anew(of_another: bool) -> None:
-    """In half of the instruments a change is that of two departures, or always small."""
+@pytest.mark.parametrize("of_departures", [False, True])
+def test_it_is_learnt_whether_changes_come_anew(of_departures: bool) -> None:
+    """In half of the instruments a change is as large as what there was, or always small."""
     rng = np.random.default_rng(4)
-    had, other = (0.1 * np.exp(0.7 * rng.standard_normal(60)) for _ in range(2))
+    had = 0.1 * np.exp(0.7 * rng.standard_normal(60))
     change = np.full(60, 0.004)
-    if of_another:
-        change[::2] = np.hypot(had, other)[::2]
+    if of_departures:
+        change[::2] = had[::2]
     shown = [seen_as(float(s), 40) for s in had]
     (departures,) = learnt([[{"bow": one} for one in shown]])
     ((changes, anew),) = learnt_changes([[
@@ -78,7 +78,7 @@ def test_it_is_learnt_whether_changes_come_anew(of_another: bool) -> None:
     ]])  # fmt: skip
     assert changes["bow"].sum() == pytest.approx(1.0)
     assert changes["bow"][SIZES < 0.02].sum() > 0.95
-    assert anew["bow"] == pytest.approx(0.5, abs=0.1) if of_another else anew["bow"] < 0.05
+    assert anew["bow"] == pytest.approx(0.5, abs=0.1) if of_departures else anew["bow"] < 0.05
 
 
 @pytest.mark.parametrize("share", [0.1, 0.9])
@@ -97,3 +97,21 @@ def test_it_is_learnt_whether_changes_of_an_instrument_are_alike(share: float) -
     assert shares["mean"] == pytest.approx(share, abs=0.15)
     # what nothing is known of: either as likely
     assert shares["missing"] == pytest.approx(0.5)
+
+
+def test_what_one_kind_leaves_open_others_tell() -> None:
+    """Where nothing departs, whether it comes anew can't be seen; elsewhere it never does."""
+    rng = np.random.default_rng(7)
+    kinds, changes = [], []
+    for typical in (1e-5, 0.1):
+        had = typical * np.exp(0.5 * rng.standard_normal((30, 8)))
+        kinds.append([{f"c{k}": seen_as(float(s), 40) for k, s in enumerate(one)} for one in had])
+        still = seen_as(1e-5, 40)
+        changes.append([{n: (own, still) for n, own in one.items()} for one in kinds[-1]])
+    departures = learnt(kinds)
+    learnt_of = learnt_changes([
+        [{n: factors_of_change(known[n], *both) for n, both in one.items()} for one in instruments]
+        for known, instruments in zip(departures, changes, strict=True)
+    ])  # fmt: skip
+    for _, anew in learnt_of:
+        assert max(anew.values()) < 0.05
