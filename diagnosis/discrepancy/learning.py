@@ -34,9 +34,7 @@ TURNS = 300
 """Steps to the likeliest shares of the spreads; each makes them likelier."""
 
 
-def learnt(
-    kinds: Sequence[Sequence[Mapping[str, Floats]]], anew: Sequence[float] = ()
-) -> list[dict[str, Floats]]:
+def learnt(kinds: Sequence[Sequence[Mapping[str, Floats]]]) -> list[dict[str, Floats]]:
     """Probability of each size of each component, by kinds of instruments.
 
     Of the instruments of a kind a share has nothing of a component, in the others its size is
@@ -44,14 +42,24 @@ def learnt(
     long, and no fault of ten times what any good instrument has would stand out. Share, median and
     spread are averaged over their posterior. Before any instrument a median is the less probable
     the larger it is, as its inverse: what no recording of the population could show isn't taken for
-    usual. How probable shares and spreads are before, components of all kinds tell together, those
-    of each channel by themselves (empirical Bayes; Efron & Morris, J. Am. Stat. Assoc. 68 (1973)
-    117): most are alike in all instruments, and in a few these differ widely. What one kind's
-    recordings leave open, others tell.
+    usual. How probable shares and spreads are before, components of a kind tell together, those of
+    each channel by themselves (empirical Bayes; Efron & Morris, J. Am. Stat. Assoc. 68 (1973) 117):
+    most are alike in all instruments, and in a few these differ widely.
 
     Parameters
     ----------
     kinds : of each kind, each instrument's log factors of sizes, by component
+    """
+    return [one for kind in kinds for one in _learnt_together([kind])]
+
+
+def _learnt_together(
+    kinds: Sequence[Sequence[Mapping[str, Floats]]], anew: Sequence[float] = ()
+) -> list[dict[str, Floats]]:
+    """Learn sizes of kinds that tell together how probable shares and spreads are before.
+
+    Parameters
+    ----------
     anew : shares of the last that are weighed, where it is no size but an event apart
     """
     found: dict[tuple[int, str], list[Floats]] = {}
@@ -146,6 +154,9 @@ def learnt_changes(
 ) -> list[tuple[dict[str, Floats], dict[str, float]]]:
     """Probability of the sizes of each kind's changes, by component, and how often they come anew.
 
+    Where a kind departs by nothing, its recordings leave open how often that comes anew: other
+    kinds tell.
+
     Parameters
     ----------
     kinds : of each kind, each instrument's `factors_of_change` by component
@@ -153,7 +164,7 @@ def learnt_changes(
     return [
         ({n: w[:-1] / w[:-1].sum() for n, w in one.items()},
          {n: float(w[-1]) for n, w in one.items()})
-        for one in learnt(kinds, ANEW)
+        for one in _learnt_together(kinds, ANEW)
     ]  # fmt: skip
 
 
