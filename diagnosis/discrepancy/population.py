@@ -164,8 +164,12 @@ class Population:
 
     @property
     def of_changes(self) -> "Population":
-        """The same kinds of instruments, by what changes in them."""
-        return replace(self, kinds=tuple(replace(k, weights=k.changes) for k in self.kinds))
+        """The same kinds of instruments, by what changes in them.
+
+        However unlike kinds are in what they depart by, they change by as little.
+        """
+        kinds = tuple(replace(k, weights=k.changes) for k in self.kinds)
+        return replace(self, kinds=kinds, apart_by={})
 
     def anew(self, component: str) -> tuple[Floats, float]:
         """How often a component's change comes anew in known kinds (kinds,), in one never seen."""
