@@ -737,12 +737,12 @@ class Settings:
     least_rate_size: float = quantity(
         "smallest rms change in the other channels, of the noise's logarithm and of twice the root "
         "of the share of losses or outliers",
-        default=0.01, unit="1", low=0.0,
-        source="one per cent of the noise; one reading of 40,000",
+        default=0.00125, unit="1", low=0.0,
+        source="signal to noise 0.35 in 40,000 readings: nothing",
     )  # fmt: skip
     rate_steps: int = quantity(
         "sizes of that grid, each twice the one before",
-        default=10, unit="", low=1, whole=True,
+        default=13, unit="", low=1, whole=True,
         source="up to a factor exp(5) of the noise; all readings are lost at a change of 2",
     )  # fmt: skip
     small_sizes: int = quantity(
