@@ -20,7 +20,7 @@ from diagnosis.model.log_density import (
 )
 from diagnosis.model.model import Model
 from diagnosis.noise.noise_model import NoiseModel
-from diagnosis.predict.edges import on_edges
+from diagnosis.predict.edges import reaches_edges
 from diagnosis.predict.expectation import expect
 from diagnosis.predict.prediction import Prediction
 from diagnosis.settings import SETTINGS
@@ -138,7 +138,7 @@ class Workspace:
 
     def masks_for(self, effect: Effect | type[Effect]) -> list[Mask]:
         """Return the readings on which an effect is fitted: bulk physics away from edges."""
-        if on_edges(effect):
+        if reaches_edges(effect):
             return self.masks()
         return [m & ~p.edge for p, m in zip(self.patches, self.masks(), strict=True)]
 

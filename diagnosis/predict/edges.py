@@ -17,6 +17,8 @@ from sensors.view.view import View
 
 EDGE_COVARIATES = {c.name for c in COVARIATES.values() if c.place == "edges"}
 """Covariates of effects that live on depth edges alone."""
+CORNER_COVARIATES = {c.name for c in COVARIATES.values() if c.place == "corners"}
+"""Covariates of effects that live in corners, whose readings are edges where walls are near."""
 
 
 def on_edges(effect: Effect | type[Effect]) -> bool:
@@ -24,6 +26,11 @@ def on_edges(effect: Effect | type[Effect]) -> bool:
     if isinstance(effect, FormError) and effect.fillet_mm > 0:
         return not any(effect.coefficients_um)
     return effect.covariate in EDGE_COVARIATES
+
+
+def reaches_edges(effect: Effect | type[Effect]) -> bool:
+    """Whether an effect lives on depth edges or in corners: off edges it may do next to nothing."""
+    return on_edges(effect) or effect.covariate in CORNER_COVARIATES
 
 
 def edge_softness(

@@ -13,7 +13,7 @@ from diagnosis.model.shrinkage import shrunk
 from diagnosis.model.workspace import Workspace
 from diagnosis.physics.joint_fit import refit_linear
 from diagnosis.physics.uncertainty import Estimate, intervals
-from diagnosis.predict.edges import on_edges
+from diagnosis.predict.edges import reaches_edges
 from diagnosis.settings import SETTINGS
 from diagnosis.validate.heldout import Judgement, judge
 from diagnosis.validate.placement_candidates import Candidates
@@ -122,7 +122,7 @@ def _on_heldout(cause: Cause, gain: float, readings: int) -> Cause:
 
 def _readings(effect: Effect, judgement: Judgement) -> int:
     """Count the readings that an effect is judged on: of bulk physics those off edges."""
-    return int(judgement.counts.sum()) if on_edges(effect) else judgement.bulk
+    return int(judgement.counts.sum()) if reaches_edges(effect) else judgement.bulk
 
 
 def _found(
@@ -182,7 +182,7 @@ def heldout_gains(
             # the noise's level is free with it: that alone is no gain of the effect's
             rest = ws.levelled(rest, shaped=True)
         without = judged(rest)
-        if on_edges(effect):
+        if reaches_edges(effect):
             gains[effect.name] = without.log_score - after.log_score
         else:
             gains[effect.name] = without.bulk_score - after.bulk_score
