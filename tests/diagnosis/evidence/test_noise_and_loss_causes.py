@@ -55,6 +55,19 @@ def test_what_is_withheld_is_found_without_a_name() -> None:
     assert member.candidate.component.effect == ""
 
 
+def test_nothing_is_nothing_beside_many_readings() -> None:
+    """At one per cent of the noise the smallest size still explained most of three per cent."""
+    channel = channel_with(0.03, "scale", "incidence_noise", LINEAR[:, None], seed=2, count=40_000)
+    (one,) = channel.candidates
+    none = Scales(
+        sizes=SETTINGS.rate_sizes(), weights={one.key: np.eye(SETTINGS.rate_sizes().size)[0]}
+    )
+    search = RateSearch(channel, none)
+    weighed, _ = search.weigh(channel.responses, [one])
+    assert weighed[one.name].nats > 15
+    assert [m.candidate for m in search.search()[0]] == [one]
+
+
 def test_what_a_good_instrument_has_explains_a_curve_that_is_nearly_its_own() -> None:
     """No law is exact: a cause that is a little nearer isn't there for what is usual."""
     bent = LINEAR + 0.1 * (U**2 - np.mean(U**2)) / np.std(U**2)

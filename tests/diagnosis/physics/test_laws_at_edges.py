@@ -19,6 +19,7 @@ from diagnosis.physics.laws_at_edges import (
 )
 from diagnosis.settings import SETTINGS
 from sensors.effects.finite_spot import FiniteSpot
+from sensors.effects.interreflection import Interreflection
 from sensors.effects.motion_blur import MotionBlur
 from tests.support.effect_case import bench_workspace, taken_with
 from tests.support.small_parts import datasheet
@@ -55,6 +56,20 @@ def test_a_law_explains_what_it_made(blurred: Workspace, sharp: Workspace) -> No
     assert spot.size > 5 * still["finite_spot"].size
     # the likeliest deviation of one number is that number
     assert SIZES[spot.factors.argmax()] == pytest.approx(spot.size, rel=0.5)
+
+
+def test_a_reflection_is_found_where_its_corner_is_an_edge() -> None:
+    """All that it changes is beside the corner's edge, where nothing was fitted."""
+    true = Interreflection(weight=0.02, reach_mm=0.8, power=2.0)
+    lit = taken_with(bench_workspace("valley"), "valley", true)
+    for patch in lit.patches:
+        change = np.nan_to_num(true.fields(patch.view)[0])
+        assert np.square(change[patch.edge]).sum() > 0.99 * np.square(change).sum()
+    (law,) = (c for c in components_of("mean") if c.effect == true.name)
+    (found,) = laws_in_turn([law], lit, Model())
+    assert found.gain > 100
+    assert found.fitted is not None
+    assert found.fitted.effect.weight == pytest.approx(true.weight, rel=0.5)
 
 
 def test_it_is_named_where_good_instruments_have_less(blurred: Workspace) -> None:

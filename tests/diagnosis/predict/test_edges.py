@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from diagnosis.predict.edges import edge_softness, near_edges
+from diagnosis.predict.edges import edge_softness, near_edges, on_edges, reaches_edges
 from diagnosis.predict.prediction import law_of
 from sensors.casting.laser import Laser
+from sensors.effects import CATALOGUE
 from sensors.model import SensorModel
 from sensors.view.view import View
 from tests.support.small_parts import datasheet, part, poses
@@ -79,3 +80,10 @@ def test_an_outline_just_outside_a_recording_is_one(order: int) -> None:
     assert (chance[:, end] > 0).all()
     assert (chance[:, inside] == 0).all()
     assert near_edges(cut, cut.depth_mm)[:, end].all()
+
+
+def test_laws_of_corners_reach_edges_and_have_smooth_places_besides() -> None:
+    reach = {name for name, kind in CATALOGUE.items() if reaches_edges(kind)}
+    alone = {name for name, kind in CATALOGUE.items() if on_edges(kind)}
+    assert reach - alone == {"interreflection"}
+    assert {"finite_spot", "edge_mixing"} <= alone
