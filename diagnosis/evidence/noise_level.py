@@ -53,8 +53,12 @@ def level_nats(change: LevelChange, usual: Mapping[str, Floats]) -> float:
 
 
 def claimed_sizes() -> dict[str, Floats]:
-    """Probability of each size by which a surface's noise is off what a file claims."""
-    weights = np.exp(-0.5 * np.square(SETTINGS.rate_sizes() / SETTINGS.claimed_level))
+    """Probability of each size by which a surface's noise is off what a file claims.
+
+    Half a normal distribution; a step of the grid is as wide as its size.
+    """
+    sizes = SETTINGS.rate_sizes()
+    weights = sizes * np.exp(-0.5 * np.square(sizes / SETTINGS.claimed_level))
     return {AGAINST_PLATES: weights / weights.sum()}
 
 
