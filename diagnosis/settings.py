@@ -323,11 +323,6 @@ class ReregisterSettings:
 class PhysicsSettings:
     """Fits of the laws of named causes: `physics/`."""
 
-    promising: float = quantity(
-        "share of the best law's gain that a law must gain on its grid to be searched further",
-        default=0.25, unit="1", low=0.0, high=1.0,
-        source="a search rarely doubles a gain, and a law with half of the best one's is no cause",
-    )  # fmt: skip
     weakest_shares: tuple[float, ...] = quantity(
         "visible shares of a line's light, least of which gives a reading, that are tried where "
         "the sensor's file states none",

@@ -128,11 +128,11 @@ def among_laws(
         return None if found is None or found.effect.is_null else found
 
     fitted = {n: f for n, f in (known or {}).items() if n in components}
-    rough = {n: f for n in components.keys() - fitted if (f := law(n, polish=False)) is not None}
-    for name in sorted(rough, key=lambda n: (-rough[n].gain, n)):
-        most = max((f.gain for f in fitted.values()), default=0.0)
-        if name == cause.name or rough[name].gain > SETTINGS.physics.promising * most:
-            fitted[name] = law(name, polish=True) or rough[name]
+    for name in sorted(components.keys() - fitted):
+        rough = law(name, polish=False)
+        # a point of the grid that gains little tells nothing of what a search gains from there
+        if rough is not None and (name == cause.name or rough.gain > 0):
+            fitted[name] = law(name, polish=True) or rough
     without = few.most_probable(model)
     gains = {
         n: few.most_probable(model.with_effect(f.effect, f.own)) - without - f.free
