@@ -180,8 +180,8 @@ def next_changes(
 ) -> dict[str, tuple[Floats, Floats]]:
     """Probability (S,) of the sizes of an instrument's next change, by component, in two ways.
 
-    As another instrument's, and as its own before: two recordings may show another part of the
-    field than the next two.
+    As kinds tell, and as its own before: two recordings may show another part of the field than the
+    next two.
 
     Parameters
     ----------
