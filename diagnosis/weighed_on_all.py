@@ -108,7 +108,7 @@ def _all_seen(first: Seen, ready: Prepared) -> Seen:
     Of one recording alone all readings are looked at anew: its blocks have one placement.
     """
     if ready.single:
-        return seen(all_fitted(ready.patches), ready.noise, Model())
+        return seen(all_fitted(ready.patches), ready.noise, Model(), like=first)
     held = all_fitted([p for p in ready.patches if not p.fit.any()])
     return together([first, seen(held, ready.noise, Model(), like=first)], ready.patches)
 
