@@ -72,8 +72,9 @@ def _look(
     ready: Prepared, population: Population, now: Seen, good: Sequence[Seen],
     channels: Mapping[str, Channel], rates: Mapping[str, Field],
 ) -> FirstLook:  # fmt: skip
-    departures, scales = usual_sizes(population, ready, now, good, rates)
+    before = together(good, ready.baseline) if good else None
+    departures, scales = usual_sizes(population, ready, now, before, good, rates)
     return FirstLook(
-        now=now, before=together(good, ready.baseline) if good else None, good=tuple(good),
-        baseline_channels=channels, rates=rates, departures=departures, scales=scales,
+        now=now, before=before, good=tuple(good), baseline_channels=channels, rates=rates,
+        departures=departures, scales=scales,
     )  # fmt: skip

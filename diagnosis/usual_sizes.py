@@ -15,7 +15,7 @@ from diagnosis.discrepancy.good_instrument import (
 from diagnosis.discrepancy.population import Population
 from diagnosis.evidence.long_waves import long_wave_factors
 from diagnosis.evidence.noise_level import AGAINST_PLATES, steady_level
-from diagnosis.evidence.seen import Seen, channels_seen, seen, together
+from diagnosis.evidence.seen import Seen, channels_seen, seen
 from diagnosis.fields import Field
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
@@ -27,6 +27,7 @@ def usual_sizes(
     population: Population,
     ready: Prepared,
     first: Seen,
+    before: Seen | None,
     good: Sequence[Seen],
     rates: Mapping[str, Field],
 ) -> tuple[dict[str, Field], dict[str, Field]]:
@@ -34,7 +35,7 @@ def usual_sizes(
 
     Parameters
     ----------
-    good : baselines, see `good_seen`
+    before, good : baselines, where there are some; their parts, see `good_seen`
     rates : log factors of sizes of noise, losses and outliers in baselines; without any in the
         recordings
 
@@ -42,11 +43,10 @@ def usual_sizes(
     -------
     of what it departs from the nominal model by; of what is weighed, changes beside baselines
     """
-    if not good:
+    if before is None:
         kinds = kinds_of(population, {**mean_factors(first), **rates}, good=False)
         departures = population.of_kinds(kinds)
         return departures, departures
-    before = together(good, ready.baseline)
     mean = mean_factors(before)
     factors = {
         **mean, **rates, **long_wave_factors(Workspace.build(ready.baseline, ready.noise)),
