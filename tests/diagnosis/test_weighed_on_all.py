@@ -9,7 +9,7 @@ from diagnosis.explanation import Explanation
 from diagnosis.model.model import Model
 from diagnosis.prepare import Prepared
 from diagnosis.refuted import without_names
-from diagnosis.weighed_on_all import weighed_on_all
+from diagnosis.weighed_on_all import _all_seen, weighed_on_all
 from sensors.effects.stage_vibration import StageVibration
 from sensors.effects.thermal_drift import ThermalDrift
 from tests.support.explained import explained
@@ -123,3 +123,13 @@ def test_a_law_of_no_use_leaves_what_no_other_law_explains(
     assert [c.name for c in judged.causes] == ["line_bow"]
     assert notes == ["thermal_drift: fitted, but of no use on held-out readings"]
     assert [u.component for u in judged.left] == left
+
+
+@pytest.mark.parametrize("single", [False, True])
+def test_all_readings_are_weighed_in_the_columns_of_baselines(
+    bent: Prepared, found: Explanation, single: bool
+) -> None:
+    """Baselines are looked at once, in the components of the readings that were fitted."""
+    every = _all_seen(found.first, replace(bent, single=single))
+    assert every.turns is found.first.turns
+    assert every.whole.readings > found.first.whole.readings
