@@ -616,7 +616,7 @@ class ClaimsSettings:
 
     def spectrum_changes(self) -> Floats:
         """Return sizes of changes of the noise's spectrum that no filter makes, as logarithms."""
-        return self.least_spectrum_change * 4.0 ** np.arange(self.spectrum_steps)
+        return np.asarray(self.least_spectrum_change * 4.0 ** np.arange(self.spectrum_steps))
 
     def mounting_scatters(self) -> Floats:
         """Return sizes of the scatter of how parts lie, over the prior of a placement."""

@@ -86,23 +86,22 @@ def weighed(
     size = 0.5 * np.sqrt(np.square(changes).mean(axis=(1, 2)))
     at = np.abs(np.log(np.maximum(size[:, None], sizes[0]) / sizes)).argmin(axis=1)
     law = [_mean(known[at == k]) if (at == k).any() else one for k, one in enumerate(free)]
-    return FilterWeighed(factors=_mean([free, law]), known=known)
+    return FilterWeighed(factors=_mean(np.array([free, law])), known=known)
 
 
-def log_octaves(noise: NoiseModel, gain: Field | float = 1.0) -> Field:
+def log_octaves(noise: NoiseModel) -> Field:
     """Logarithm of the mean power in pairs of octaves, the travel's frequency and the line's, (K,).
 
-    In the square of the unit of its `sd_mm`; times a gain (GRID, GRID).
+    In the square of the unit of its `sd_mm`.
     """
     members = _members()
     number = members.sum(axis=1)
-    power = members @ (gain * np.maximum(power_of(noise.acf), 0.0)) @ members.T
-    power /= np.outer(number, number)
-    return np.asarray(np.log(noise.sd_mm**2 * np.maximum(power.ravel()[USED], LEAST_POWER)))
+    power = members @ np.maximum(power_of(noise.acf), 0.0) @ members.T / np.outer(number, number)
+    return np.asarray(np.log(noise.sd_mm**2 * (power.ravel()[USED] + LEAKING)))
 
 
-LEAST_POWER = 1e-6
-"""Power of an octave, over the mean, below which there is none."""
+LEAKING = 0.01
+"""Power in an octave, over the mean of all, that leaks from others: no filter takes it away."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -181,7 +180,7 @@ def _members() -> Field:
 def _shares() -> Field:
     """Share of all frequencies in each pair of octaves that is compared, (K,)."""
     share = _members().mean(axis=1)
-    return np.outer(share, share).ravel()[USED]
+    return np.asarray(np.outer(share, share).ravel()[USED])
 
 
 def _places() -> tuple[Field, Field]:
@@ -201,7 +200,7 @@ def _walks() -> tuple[Field, Field, Field]:
 def _smooth(*places: Field) -> Field:
     """Covariance of what is smooth over octaves."""
     square = sum(np.square(np.subtract.outer(p, p)) for p in places)
-    return np.asarray(np.exp(-0.5 * square))
+    return np.asarray(np.exp(-0.5 * square), dtype=np.float64)
 
 
 def _mean(logs: Sequence[float] | Sequence[Field] | Field) -> Field:

@@ -14,7 +14,6 @@ import numpy as np
 
 from diagnosis.claims.filtered_noise import FILTER, FilterWeighed, log_octaves, weighed
 from diagnosis.claims.noise_of_recordings import OffEdges, measured, off_edges
-from diagnosis.claims.noise_spectrum import GRID
 from diagnosis.data.patch import all_fitted
 from diagnosis.discrepancy.good_instrument import nats_of_factors
 from diagnosis.discrepancy.population import Population
@@ -34,12 +33,11 @@ from sensors.view.view import View
 if TYPE_CHECKING:
     from diagnosis.prepare import Prepared
 
-DRAWN_POINTS = 192
-"""Points along either axis of a drawn field: some 37000 readings, as many as recordings have."""
-MEDIANS = (1, 3, 5)
-MEANS_ALONG = (1, 3, 5, 7, 9)
-MEANS_ACROSS = (1, 3, 5, 7)
-"""Windows that makers offer and that leave a scan its shape."""
+DRAWN_POINTS = 256
+"""Points along either axis of a drawn field, at most."""
+MEDIANS = ((1, 3), (1, 5), (3, 1), (5, 1), (3, 3), (5, 5))
+MEANS = ((1, 3), (1, 5), (1, 7), (1, 9), (3, 1), (5, 1), (7, 1), (3, 3), (5, 5))
+"""Windows, profiles by points, that makers offer and that leave a scan its shape."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -105,7 +103,7 @@ def filtered_readings(
     return ready.filtered_by(effect), [found]
 
 
-BEHIND = "behind a filter, the noise tells neither how rough the surface is nor whether it has a lay"
+BEHIND = "behind a filter, the noise doesn't tell how rough a surface is, or whether it has a lay"
 
 
 def noise_spectra(ready: "Prepared") -> NoiseSpectra | None:
@@ -137,9 +135,10 @@ def noise_spectra(ready: "Prepared") -> NoiseSpectra | None:
 def filters_on(
     recordings: Sequence[OffEdges], before: NoiseModel
 ) -> tuple[list[OnboardFilter], Field]:
-    """List filters with what they make of noise in each recording.
+    """List filters with what each makes of noise, drawn on what each recording scans.
 
-    A median is drawn on what the recording scans; a mean's gain is known.
+    On a slope a median averages less, and where the part is bent a mean is off. A median and a mean
+    together change the spectrum by about the product of what each does.
 
     Parameters
     ----------
@@ -149,17 +148,23 @@ def filters_on(
     -------
     filters, and their changes (L, R, K) of the spectrum's logarithm, see `log_octaves`
     """
-    plain, filters, changes = OnboardFilter.none(), [], []
+    plain = OnboardFilter.none()
+    medians = [plain.with_parameters(median_profiles=a, median_points=b) for a, b in MEDIANS]
+    means = [plain.with_parameters(mean_profiles=c, mean_points=d) for c, d in MEANS]
     scanned = [_scanned(one, before) for one in recordings]
-    without = np.stack([log_octaves(one.filtered(plain)) for one in scanned])
-    for a, b in itertools.product(MEDIANS, MEDIANS):
-        median = plain.with_parameters(median_profiles=a, median_points=b)
-        left = [one.filtered(median) for one in scanned]
-        for c, d in itertools.product(MEANS_ACROSS, MEANS_ALONG):
-            if (a, b, c, d) != (1, 1, 1, 1):
-                filters.append(median.with_parameters(mean_profiles=c, mean_points=d))
-                gain = np.outer(_gain(c), _gain(d))
-                changes.append(np.stack([log_octaves(n, gain) for n in left]) - without)
+    without = np.stack([one.octaves(plain) for one in scanned])
+    by_median, by_mean = (
+        [np.stack([one.octaves(f) for one in scanned]) - without for f in each]
+        for each in (medians, means)
+    )
+    filters = [*medians, *means]
+    changes = [*by_median, *by_mean]
+    for (median, first), (mean, then) in itertools.product(
+        zip(medians, by_median, strict=True), zip(means, by_mean, strict=True)
+    ):
+        windows = {"median_profiles": median.median_profiles, "median_points": median.median_points}
+        filters.append(mean.with_parameters(**windows))
+        changes.append(first + then)
     return filters, np.stack(changes)
 
 
@@ -179,10 +184,10 @@ class _Scanned:
     mask: Mask
     like: NoiseModel
 
-    def filtered(self, firmware: OnboardFilter) -> NoiseModel:
-        """Measure what a filter leaves of the noise, over its size."""
+    def octaves(self, firmware: OnboardFilter) -> Field:
+        """Return the spectrum's logarithm behind a filter."""
         left_mm = firmware.filtered(self.plain_mm + self.drawn_mm) - self.plain_mm
-        return measured([left_mm / self.sd_mm], [self.mask], self.like)
+        return log_octaves(measured([left_mm / self.sd_mm], [self.mask], self.like))
 
 
 def _scanned(recording: OffEdges, before: NoiseModel) -> _Scanned:
@@ -216,10 +221,3 @@ def claimed_noise(surface: Surface, view: View, own: NoiseModel) -> NoiseModel |
         [quantise(drawn, step)], [np.ones(drawn.shape, dtype=bool)], pitch_mm=pitch,
         missing_share=0.0, from_reference=False,
     )  # fmt: skip
-
-
-def _gain(window: int) -> Field:
-    """Gain of the power by a mean over a window, (GRID,): Dirichlet's kernel squared."""
-    places = np.arange(window) - window // 2
-    waves = np.exp(2j * np.pi * np.outer(places, np.fft.fftfreq(GRID)))
-    return np.asarray(np.square(np.abs(waves.mean(axis=0))))
