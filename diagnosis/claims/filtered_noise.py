@@ -191,10 +191,13 @@ def _places() -> tuple[Field, Field]:
 
 def _walks() -> tuple[Field, Field, Field]:
     """Covariances of a gain's logarithm of mean square 1: the line's, the travel's, both's."""
-    across, along = (
-        np.minimum.outer(steps, steps) / steps.mean() for steps in (p + 1 for p in _places())
-    )
+    across, along = (_walk(places + 1) for places in _places())
     return across, along, (across + along) / 2
+
+
+def _walk(steps: Field) -> Field:
+    """Covariance of a random walk after so many steps, of mean square 1."""
+    return np.asarray(np.minimum.outer(steps, steps) / steps.mean())
 
 
 def _smooth(*places: Field) -> Field:

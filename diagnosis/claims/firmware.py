@@ -6,6 +6,7 @@ then expected like those of a listed one.
 """
 
 import itertools
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 
 DRAWN_POINTS = 256
 """Points along either axis of a drawn field, at most."""
+DRAWN_READINGS = 40_000
+"""Readings that are drawn for each recording, at least: as many as it may have."""
 MEDIANS = ((1, 3), (1, 5), (3, 1), (5, 1), (3, 3), (5, 5))
 MEANS = ((1, 3), (1, 5), (1, 7), (1, 9), (3, 1), (5, 1), (7, 1), (3, 3), (5, 5))
 """Windows, profiles by points, that makers offer and that leave a scan its shape."""
@@ -174,20 +177,24 @@ class _Scanned:
 
     Attributes
     ----------
-    plain_mm, drawn_mm, sd_mm : (n, m) depth, noise, and its size
+    plain_mm, sd_mm : (n, m) depth, and size of the noise
+    drawn_mm : noise, several times
     mask : readings off edges
     """
 
     plain_mm: Field
-    drawn_mm: Field
+    drawn_mm: Sequence[Field]
     sd_mm: Field
     mask: Mask
     like: NoiseModel
 
     def octaves(self, firmware: OnboardFilter) -> Field:
         """Return the spectrum's logarithm behind a filter."""
-        left_mm = firmware.filtered(self.plain_mm + self.drawn_mm) - self.plain_mm
-        return log_octaves(measured([left_mm / self.sd_mm], [self.mask], self.like))
+        left = [
+            (firmware.filtered(self.plain_mm + drawn) - self.plain_mm) / self.sd_mm
+            for drawn in self.drawn_mm
+        ]
+        return log_octaves(measured(left, [self.mask] * len(left), self.like))
 
 
 def _scanned(recording: OffEdges, before: NoiseModel) -> _Scanned:
@@ -197,13 +204,15 @@ def _scanned(recording: OffEdges, before: NoiseModel) -> _Scanned:
     rows, columns = (min(n, DRAWN_POINTS) for n in patch.shape)
     first, left = ((n - size) // 2 for n, size in zip(patch.shape, (rows, columns), strict=True))
     at = np.s_[first : first + rows, left : left + columns]
-    power = np.maximum(before.spectrum((DRAWN_POINTS, DRAWN_POINTS)), 0.0)
-    waves = np.fft.fft2(np.random.default_rng(0).standard_normal(power.shape))
-    drawn = before.sd_mm * np.fft.ifft2(waves * np.sqrt(power)).real
-    sd_mm = state.sd_mm[at]
+    root = np.sqrt(np.maximum(before.spectrum((DRAWN_POINTS, DRAWN_POINTS)), 0.0))
+    rng, sd_mm = np.random.default_rng(0), before.sd_mm * state.sd_mm[at]
+    drawn = [
+        np.fft.ifft2(root * np.fft.fft2(rng.standard_normal(root.shape))).real[:rows, :columns]
+        for _ in range(math.ceil(DRAWN_READINGS / (rows * columns)))
+    ]
     return _Scanned(
         plain_mm=np.where(patch.observed, patch.plain_mm, np.nan)[at],
-        drawn_mm=drawn[:rows, :columns] * sd_mm, sd_mm=sd_mm, mask=mask[at], like=before,
+        drawn_mm=[sd_mm * one for one in drawn], sd_mm=state.sd_mm[at], mask=mask[at], like=before,
     )  # fmt: skip
 
 
