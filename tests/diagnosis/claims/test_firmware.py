@@ -156,4 +156,4 @@ def test_a_filter_is_named_and_expected_at_edges(windows):
     assert found.effects[0].probability > 0.9
     listed = [e for e in found.datasheet.effects if e["name"] == OnboardFilter.name]
     assert listed == [firmware.to_mapping()]
-    assert found.after.log_score > found.before.log_score
+    assert found.after.log_score < found.before.log_score  # lower is better
