@@ -85,7 +85,7 @@ def diagnose(
     progress("judging on held-out readings")
     explanation, judged, against_claims = _standing(ready, explanation, withheld, notes)
     left = (*explanation.unexplained, *judged.left)
-    against_claims = doubted_claims(against_claims, left)
+    against_claims = doubted_claims(against_claims, left, ready.filtered)
     # what is told by its form is so: no other mechanism repeats rows, or counts in steps
     against_claims += [f for f in by_form if f.name not in withheld]
     verdict = _verdict(bool(explanation.causes or against_claims), bool(left))

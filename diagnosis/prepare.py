@@ -11,6 +11,7 @@ from diagnosis.data.albedo import with_brightness
 from diagnosis.data.inputs import check_overlap, checked, lateral_mm, tiles
 from diagnosis.data.patch import Patch, in_range
 from diagnosis.data.recorded import Recorded
+from diagnosis.filtered import Filtered
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.calibration import calibrated_noise
@@ -22,7 +23,6 @@ from files.errors import RecipeError
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
 from sensors.datasheet import Datasheet, with_effects
-from sensors.effects.onboard_filter import OnboardFilter
 from sensors.recording import Recording
 from sensors.surface.surface import Surface
 
@@ -65,7 +65,7 @@ class Prepared:
     surface : with its noise
     fitted, held : names of recordings
     single : whether there is one recording, of which blocks are held out
-    firmware : filter that the recordings went through, and neither plates nor baselines did
+    filtered : filter that the recordings went through, and neither plates nor baselines did
     """
 
     recorded: Recorded
@@ -79,18 +79,18 @@ class Prepared:
     fitted: tuple[str, ...]
     held: tuple[str, ...]
     single: bool
-    firmware: OnboardFilter | None = None
+    filtered: Filtered | None = None
 
     def in_steps(self, step_mm: float) -> "Prepared":
         """Expect the error of counting in steps that plates and baselines don't have."""
         return replace(self, nominal=self.nominal and self.nominal.rounded(step_mm))
 
-    def filtered_by(self, firmware: OnboardFilter) -> "Prepared":
+    def filtered_by(self, found: Filtered) -> "Prepared":
         """Expect a filter of the firmware in the recordings."""
-        sheet = with_effects(self.recorded.datasheet, (firmware.to_mapping(),))
+        sheet = with_effects(self.recorded.datasheet, (found.effect.to_mapping(),))
         recorded = replace(self.recorded, datasheet=sheet)
         patches = tuple(_cut(recorded, self.placed))
-        return replace(self, recorded=recorded, patches=patches, firmware=firmware)
+        return replace(self, recorded=recorded, patches=patches, filtered=found)
 
 
 def prepared(inputs: Inputs, notes: list[str], progress: Progress) -> Prepared:

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from scipy.special import log_ndtr, logsumexp
+from scipy.special import expit, log_ndtr, logsumexp
 
 from diagnosis.claims.noise_spectrum import GRID, power_of
 from diagnosis.fields import Field
@@ -46,12 +46,25 @@ class FilterWeighed:
 
     Attributes
     ----------
-    factors : (S,) log Bayes factor of each size, the root mean square of the noise's logarithm
+    free : (S,) log Bayes factor of gains of each size, the root mean square of the noise's
+        logarithm
+    law : (S,) the same of the known filters of about that size; of gains where there is none
     known : (L,) log Bayes factor of each known filter
     """
 
-    factors: Field
+    free: Field
+    law: Field
     known: Field
+
+    @property
+    def factors(self) -> Field:
+        """Log Bayes factor of each size, (S,)."""
+        return _mean([self.free, self.law])
+
+    @property
+    def unknown(self) -> float:
+        """Probability that a filter is none of the known ones."""
+        return float(expit(_mean(self.free) - _mean(self.known)))
 
 
 def weighed(
@@ -78,15 +91,14 @@ def weighed(
     seen = [(one, one.together(ratio)) for one in errors]
     none = _mean([one.log_density(mean, c) for one, mean in seen for c in finishes])
     known = _mean([one.log_density(one.together(ratio - changes)) for one in errors]) - none
-    free = [
-        _mean([one.log_lower(mean, np.square(2 * s) * k) for one, mean in seen for k in _walks()])
-        - none
-        for s in sizes
-    ]
+    gains = [np.square(2 * s) * np.stack(_walks()) for s in sizes]
+    free = np.array([
+        _mean([one.log_lower(mean, k) for one, mean in seen for k in each]) for each in gains
+    ]) - none  # fmt: skip
     size = 0.5 * np.sqrt(np.square(changes).mean(axis=(1, 2)))
     at = np.abs(np.log(np.maximum(size[:, None], sizes[0]) / sizes)).argmin(axis=1)
     law = [_mean(known[at == k]) if (at == k).any() else one for k, one in enumerate(free)]
-    return FilterWeighed(factors=_mean(np.array([free, law])), known=known)
+    return FilterWeighed(free=free, law=np.array(law), known=known)
 
 
 def log_octaves(noise: NoiseModel) -> Field:
@@ -174,7 +186,7 @@ class _Together:
 def _members() -> Field:
     """Which frequencies belong to which octave, (4, GRID)."""
     octave = np.searchsorted(OCTAVES, np.abs(np.fft.fftfreq(GRID)), side="right") - 1
-    return (octave == np.arange(OCTAVES.size)[:, None]).astype(np.float64)
+    return np.asarray(octave == np.arange(OCTAVES.size)[:, None], dtype=np.float64)
 
 
 def _shares() -> Field:

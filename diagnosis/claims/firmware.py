@@ -19,6 +19,7 @@ from diagnosis.data.patch import all_fitted
 from diagnosis.discrepancy.good_instrument import nats_of_factors
 from diagnosis.discrepancy.population import Population
 from diagnosis.fields import Field, Mask
+from diagnosis.filtered import Filtered
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel, calibrate
@@ -84,28 +85,31 @@ def filtered_readings(
     spectra = noise_spectra(ready)
     if spectra is None:
         return ready, []
-    known = known.of_changes if ready.baseline else known
     by_all, by_fitted = (spectra.weighed(names) for names in (spectra.names, ready.fitted))
     assert by_all is not None
-    nats, before = (
-        0.0 if w is None else nats_of_factors(known, FILTER, w.factors)
-        for w in (by_all, by_fitted)
-    )
+    before = 0.0 if by_fitted is None else by_fitted.factors.max()
+    known = known.of_changes if ready.baseline else known
+    nats = nats_of_factors(known, FILTER, by_all.factors)
     probability = SETTINGS.probability(nats, OnboardFilter.name)
-    if probability <= SETTINGS.reported or nats < before:
+    if probability <= SETTINGS.reported or by_all.factors.max() < before:
         return ready, []
     effect = spectra.filters[int(by_all.known.argmax())]
+    found = Filtered(effect=effect, probability=probability, unknown=by_all.unknown)
     windows = plain_values({
         key: float(getattr(effect, key)) for key in
         ("median_points", "median_profiles", "mean_points", "mean_profiles")
     })  # fmt: skip
     held = sum(int((p.scored & p.observed).sum()) for p in ready.patches)
     notes.append(f"{OnboardFilter.name}: {BEHIND}")
-    gain = (nats - before) / max(held, 1)
-    found = plainly_found(effect, gain, windows, probability=probability)
-    return ready.filtered_by(effect), [found]
+    gain = float(by_all.factors.max() - before) / max(held, 1)
+    doubt = UNKNOWN if by_all.unknown > SETTINGS.reported else ""
+    named = plainly_found(effect, gain, windows, probability=probability, doubt=doubt)
+    return ready.filtered_by(found), [named]
 
 
+UNKNOWN = (
+    "The noise's spectrum is that of no window that makers offer: of these, the nearest is given."
+)
 BEHIND = "behind a filter, the noise doesn't tell how rough a surface is, or whether it has a lay"
 
 

@@ -88,7 +88,7 @@ def texture(
     """
     model, noise, nominal, surface = explanation.model, ready.noise, ready.nominal, ready.surface
     view = explanation.ws.patches[0].view
-    if ready.firmware is not None:
+    if ready.filtered is not None:
         # what it leaves tells nothing of the finish
         return [], nominal_noise(noise, nominal, surface, view)
     claimed = nominal_sd_mm(nominal, surface, view)
