@@ -11,9 +11,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import prod
 
+from diagnosis.claims.filtered import Filtered
 from diagnosis.evidence.reported_causes import Unexplained, unnamed
 from diagnosis.explanation import Explanation, under
-from diagnosis.filtered import Filtered
 from diagnosis.prepare import Prepared
 from diagnosis.settings import SETTINGS
 from diagnosis.validate.found_effects import FoundEffect

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.claims.filtered import Filtered
 from diagnosis.claims.plate_noise import level_change
 from diagnosis.data.albedo import with_brightness
 from diagnosis.data.inputs import check_overlap, checked, lateral_mm, tiles
 from diagnosis.data.patch import Patch, in_range
 from diagnosis.data.recorded import Recorded
-from diagnosis.filtered import Filtered
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.calibration import calibrated_noise

@@ -27,6 +27,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.special import expit, log_ndtr, logsumexp
 
 from diagnosis.claims.noise_spectrum import GRID, power_of
+from diagnosis.evidence.mean_causes import Scales
 from diagnosis.fields import Field
 from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.settings import SETTINGS
@@ -60,6 +61,18 @@ class FilterWeighed:
     def factors(self) -> Field:
         """Log Bayes factor of each size, (S,)."""
         return _mean([self.free, self.law])
+
+    def nats(self, good: Scales) -> float:
+        """Log Bayes factor of a filter, known or of another form, against a good instrument.
+
+        Known ones are as probable as each other, whatever their sizes.
+
+        Parameters
+        ----------
+        good : sizes that good instruments seem to have
+        """
+        by_form = np.array([good.of_change(FILTER, self.free), _mean(self.known)])
+        return float(_mean(by_form)) - good.of_good(FILTER, self.factors)
 
     @property
     def unknown(self) -> float:

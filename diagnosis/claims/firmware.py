@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from diagnosis.claims.filtered import Filtered
 from diagnosis.claims.filtered_noise import FILTER, FilterWeighed, log_octaves, weighed
 from diagnosis.claims.noise_of_recordings import OffEdges, measured, off_edges
 from diagnosis.data.patch import all_fitted
-from diagnosis.discrepancy.good_instrument import nats_of_factors
+from diagnosis.discrepancy.good_instrument import of_any_kind
 from diagnosis.discrepancy.population import Population
 from diagnosis.fields import Field, Mask
-from diagnosis.filtered import Filtered
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel, calibrate
@@ -88,9 +88,8 @@ def filtered_readings(
     by_all, by_fitted = (spectra.weighed(names) for names in (spectra.names, ready.fitted))
     assert by_all is not None
     before = 0.0 if by_fitted is None else by_fitted.factors.max()
-    known = known.of_changes if ready.baseline else known
-    nats = nats_of_factors(known, FILTER, by_all.factors)
-    probability = SETTINGS.probability(nats, OnboardFilter.name)
+    good = of_any_kind(known.of_changes if ready.baseline else known, FILTER)
+    probability = SETTINGS.probability(by_all.nats(good), OnboardFilter.name)
     if probability <= SETTINGS.reported or by_all.factors.max() < before:
         return ready, []
     effect = spectra.filters[int(by_all.known.argmax())]

@@ -245,26 +245,18 @@ def _small(name: str) -> Floats:
 
 
 def nats_of_size(population: Population, name: str, size: float) -> float:
-    """Log Bayes factor of a cause whose whitened rms is known, against a good instrument's.
-
-    A kind is as probable as it is of many makes.
-    """
-    scales = _of_any_kind(population, name)
+    """Log Bayes factor of a cause whose whitened rms is known, against a good instrument's."""
+    scales = of_any_kind(population, name)
     k = int(np.abs(np.log(scales.sizes / max(size, scales.sizes[0]))).argmin())
     good, changed = (np.maximum(w[k], 1e-300) for w in (scales.of(name), scales.changed(name)))
     return float(np.log(changed / good))
 
 
-def nats_of_factors(population: Population, name: str, factors: Floats) -> float:
-    """Log Bayes factor of a cause, from those of its sizes (S,), against a good instrument's.
+def of_any_kind(population: Population, name: str) -> Scales:
+    """Sizes that good instruments have of one component, whatever their kind.
 
     A kind is as probable as it is of many makes.
     """
-    return _of_any_kind(population, name).nats(name, factors)
-
-
-def _of_any_kind(population: Population, name: str) -> Scales:
-    """Sizes that good instruments have of one component, whatever their kind."""
     weights = population.weights(name)
     shares = population.makes / population.makes.sum()
     return Scales(

@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 
 from diagnosis.beside_unknown import doubted_causes, doubted_claims, share_held
+from diagnosis.claims.filtered import Filtered
 from diagnosis.evidence.reported_causes import Unexplained
 from diagnosis.explanation import Explanation
-from diagnosis.filtered import Filtered
 from diagnosis.prepare import Prepared
 from diagnosis.settings import SETTINGS
 from diagnosis.validate.found_effects import plainly_found
