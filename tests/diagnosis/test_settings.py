@@ -50,7 +50,7 @@ FORM = {
         "register/registration:SETTLED",
     ],
     "where a search begins, and its steps": [
-        "claims/firmware:MEANS", "claims/firmware:MEDIANS", "discrepancy/learning:ALIKE",
+        "claims/drawn_filters:MEANS", "claims/drawn_filters:MEDIANS", "discrepancy/learning:ALIKE",
         "discrepancy/learning:ANEW", "discrepancy/learning:APART", "discrepancy/learning:NONE",
         "discrepancy/learning:SPREADS", "discrepancy/learning:SPREADS_OF_RATES",
         "physics/curvature:FARTHER", "physics/curvature:FIRST_STEP", "physics/curvature:SHARES",
@@ -60,7 +60,7 @@ FORM = {
         "register/silhouettes:REACHES",
     ],
     "time or memory: how much is looked at, or kept": [
-        "claims/firmware:DRAWN_POINTS", "claims/firmware:DRAWN_READINGS",
+        "claims/drawn_filters:DRAWN_POINTS", "claims/drawn_filters:DRAWN_READINGS",
         "claims/noise_spectrum:GRID",
         "components/law_forms:EVERY", "components/row_periods:BINS",
         "data/albedo:MOST_CELLS", "data/albedo:MOST_READINGS",

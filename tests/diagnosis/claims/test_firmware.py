@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.claims.firmware import filters_on, noise_spectra
+from diagnosis.claims.drawn_filters import filters_on
+from diagnosis.claims.firmware import noise_spectra
 from diagnosis.claims.noise_of_recordings import off_edges
 from diagnosis.data.patch import all_fitted
 from diagnosis.model.model import Model
