@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from diagnosis.claims.filtered_noise import FILTER
+from diagnosis.claims.firmware import noise_spectra
 from diagnosis.claims.lay import LAY, lay_of
 from diagnosis.claims.plate_noise import level_change
 from diagnosis.data.patch import all_fitted
@@ -65,16 +67,27 @@ def departures(make: Make) -> Factors:
         unsure = np.hypot(change.unsure, level_unsure(ready.nominal))
         found[AGAINST_PLATES] = level_factors(change.log, float(unsure))
     laws = shown_at_edges(one.components, ws)
-    return found | lay_factors(ready) | factors_at_edges(laws)
+    return found | spectrum_factors(ready) | factors_at_edges(laws)
 
 
-def lay_factors(ready: Prepared) -> Factors:
-    """Likelihood of each size of the lay that the noise seems to have, where that can be seen."""
+def spectrum_factors(ready: Prepared) -> Factors:
+    """Likelihood of each size of the lay, and of the filter, that the noise seems to have.
+
+    Where that can be seen.
+    """
     if ready.nominal is None:
         return {}
+    found: dict[str, np.ndarray] = {}
     ws = Workspace.build(all_fitted(ready.patches), ready.noise)
     lay = lay_of(ws, Model(), ready.nominal, ready.baseline)
-    return {} if lay is None else {LAY: lay[1]}
+    if lay is not None:
+        found[LAY] = lay[1]
+    spectra = noise_spectra(ready)
+    if spectra is not None:
+        weighed = spectra.weighed(spectra.names)
+        assert weighed is not None
+        found[FILTER] = weighed.factors
+    return found
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -149,7 +162,7 @@ def beside(make: Make, population: Population, count: int) -> Beside:
     base, rest = (Workspace.build(part, ready.noise) for part in (ready.baseline, patches))
     found = {
         **change_factors(now, before, channels, usual, own),
-        **lay_factors(ready),
+        **spectrum_factors(ready),
         # what a recording shows of a law is its own edges', and says nothing of the next
         **factors_at_edges(shown_at_edges(now.components, rest, base)),
     }

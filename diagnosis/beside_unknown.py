@@ -3,13 +3,15 @@
 Unknown physics isn't of a component's form. What the component that shows it leaves goes with other
 covariates as well, and laws that follow these take it up: one mechanism that nobody catalogued is
 likelier than it and a catalogued one in the same channel. A name holds as probably as that there is
-no unknown mechanism, or that there are two.
+no unknown mechanism, or that there are two. A filter is such a mechanism in channels in which it
+does what wasn't predicted.
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import prod
 
+from diagnosis.claims.filtered import Filtered
 from diagnosis.evidence.reported_causes import Unexplained, unnamed
 from diagnosis.explanation import Explanation, under
 from diagnosis.prepare import Prepared
@@ -25,10 +27,21 @@ TAKEN_UP = (
 )
 
 
-def share_held(unexplained: Iterable[Unexplained], channels: Iterable[str]) -> float:
-    """Factor on the probability of a name, given what is left unexplained in its channels."""
+def share_held(
+    unexplained: Iterable[Unexplained],
+    channels: Iterable[str],
+    filtered: Filtered | None = None,
+) -> float:
+    """Factor on the probability of a name, given what is left unexplained in its channels.
+
+    Parameters
+    ----------
+    filtered : filter that the recordings went through
+    """
     shown = {SHOWN_IN.get(c, c) for c in channels}
     none = prod(1 - u.probability for u in unexplained if u.channel in shown)
+    if filtered is not None:
+        none *= 1 - filtered.unpredicted(shown)
     return none + (1 - none) * SETTINGS.second_mechanism
 
 
@@ -37,7 +50,8 @@ def doubted_causes(
 ) -> Explanation:
     """Doubt causes in whose channels something has no name; the unlikely ones lose theirs."""
     causes = [
-        c.times(share_held(explanation.unexplained, [c.channel])) for c in explanation.causes
+        c.times(share_held(explanation.unexplained, [c.channel], ready.filtered))
+        for c in explanation.causes
     ]
     kept = [c for c in causes if 1 - c.none_of_these > SETTINGS.reported]
     if len(kept) == len(causes):
@@ -51,8 +65,10 @@ def doubted_causes(
 
 
 def doubted_claims(
-    found: Sequence[FoundEffect], unexplained: Sequence[Unexplained]
+    found: Sequence[FoundEffect],
+    unexplained: Sequence[Unexplained],
+    filtered: Filtered | None = None,
 ) -> list[FoundEffect]:
     """Doubt what was found against claims alike; the unlikely ones aren't reported."""
-    held = [f.times(share_held(unexplained, f.effect.channels)) for f in found]
+    held = [f.times(share_held(unexplained, f.effect.channels, filtered)) for f in found]
     return [f for f in held if 1 - f.none_of_these > SETTINGS.reported]

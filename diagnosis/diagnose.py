@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.beside_unknown import doubted_causes, doubted_claims
+from diagnosis.claims.firmware import filtered_readings
 from diagnosis.claims.mounting import blurs, mounted
 from diagnosis.claims.repeats_and_steps import delivered
 from diagnosis.claims.stuck_bit import stuck_bit
@@ -35,6 +36,7 @@ from sensors.effects import CATALOGUE
 from sensors.effects.axis_quantisation import AxisQuantisation
 from sensors.effects.base import MotionEffect
 from sensors.effects.form_error import FormError
+from sensors.effects.onboard_filter import OnboardFilter
 from sensors.effects.row_repeat import RowRepeat
 
 
@@ -67,6 +69,9 @@ def diagnose(
     )  # fmt: skip
     for coarse in (f.effect for f in by_form if isinstance(f.effect, AxisQuantisation)):
         ready = ready.in_steps(1e-3 * coarse.step_um)
+    if OnboardFilter.name not in withheld:
+        ready, filters = filtered_readings(ready, known, notes)
+        by_form += filters
     stuck = stuck_bit(ready.patches, ready.noise)
     if stuck is not None:
         # the noise is folded and the mean a saw: what goes with them has no other cause
@@ -80,7 +85,7 @@ def diagnose(
     progress("judging on held-out readings")
     explanation, judged, against_claims = _standing(ready, explanation, withheld, notes)
     left = (*explanation.unexplained, *judged.left)
-    against_claims = doubted_claims(against_claims, left)
+    against_claims = doubted_claims(against_claims, left, ready.filtered)
     # what is told by its form is so: no other mechanism repeats rows, or counts in steps
     against_claims += [f for f in by_form if f.name not in withheld]
     verdict = _verdict(bool(explanation.causes or against_claims), bool(left))

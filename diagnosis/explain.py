@@ -56,6 +56,7 @@ def explain(
     state = State(
         recorded=ready.recorded, patches=ready.patches, placed=ready.placed, model=Model(),
         causes=(), first=look.now, now=look.now, before=look.before, refuted=refuted,
+        filtered=ready.filtered is not None,
     )  # fmt: skip
     good = Good(noise=noise, scales=scales, departures=departures, baseline=ready.baseline)
     members: tuple[Member, ...] = ()

@@ -77,7 +77,7 @@ def by_law(
     completing = _completed(state, cause, good.noise, notes)
     ws = fitted_part(completing.patches, good.noise)
     model, (fitted,) = fit_laws([cause], ws, state.model)
-    if state.causes and fitted.doubt:
+    if (state.causes or state.filtered) and fitted.doubt:
         notes.append(
             f"what the laws found leave goes with what {cause.name} follows, but its law "
             "explains none of it: taken for a remainder"

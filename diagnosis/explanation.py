@@ -86,6 +86,7 @@ class State:
     gained : what laws of light at edges gain, nats
     refuted : effects whose laws, fitted, do nothing here: what goes with them is a remainder
     tried : laws at edges as they were last fitted, beside this model or the one before
+    filtered : whether the recordings went through a filter that was found, a law before all others
     """
 
     recorded: Recorded
@@ -100,6 +101,7 @@ class State:
     gained: float = 0.0
     refuted: frozenset[str] = frozenset()
     tried: Tried | None = None
+    filtered: bool = False
 
     def fitted_here(self) -> Mapping[str, Fitted]:
         """Laws at edges that were fitted beside this model, on these patches."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.claims.filtered import Filtered
 from diagnosis.claims.plate_noise import level_change
 from diagnosis.data.albedo import with_brightness
 from diagnosis.data.inputs import check_overlap, checked, lateral_mm, tiles
@@ -21,7 +22,7 @@ from diagnosis.register.registration import register
 from files.errors import RecipeError
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
-from sensors.datasheet import Datasheet
+from sensors.datasheet import Datasheet, with_effects
 from sensors.recording import Recording
 from sensors.surface.surface import Surface
 
@@ -64,6 +65,7 @@ class Prepared:
     surface : with its noise
     fitted, held : names of recordings
     single : whether there is one recording, of which blocks are held out
+    filtered : filter that the recordings went through, and neither plates nor baselines did
     """
 
     recorded: Recorded
@@ -77,10 +79,18 @@ class Prepared:
     fitted: tuple[str, ...]
     held: tuple[str, ...]
     single: bool
+    filtered: Filtered | None = None
 
     def in_steps(self, step_mm: float) -> "Prepared":
         """Expect the error of counting in steps that plates and baselines don't have."""
         return replace(self, nominal=self.nominal and self.nominal.rounded(step_mm))
+
+    def filtered_by(self, found: Filtered) -> "Prepared":
+        """Expect a filter of the firmware in the recordings."""
+        sheet = with_effects(self.recorded.datasheet, (found.effect.to_mapping(),))
+        recorded = replace(self.recorded, datasheet=sheet)
+        patches = tuple(_cut(recorded, self.placed))
+        return replace(self, recorded=recorded, patches=patches, filtered=found)
 
 
 def prepared(inputs: Inputs, notes: list[str], progress: Progress) -> Prepared:

@@ -461,19 +461,9 @@ class ClaimsSettings:
         source="calibration sets, sealed ones that were opened among them: 4 of the 6 finishes so "
         "named were right (Laplace's rule of succession)",
     )  # fmt: skip
-    filter_nats: float = quantity(
-        "divergence per reading of a filter's noise from a recording's below which it may be named",
-        default=0.2, unit="nat", low=0.0,
-        source="recordings against their own filter: 0.05 to 0.10; against another: 0.08 and more",
-    )  # fmt: skip
-    filter_share: float = quantity(
-        "divergence of a filter's noise, over that of the nearest surface without a filter, below "
-        "which it may be named",
-        default=0.5, unit="1", low=0.0, high=1.0, source=CHOSEN,
-    )  # fmt: skip
     filter_lags: int = quantity(
         "lags along either axis below which no filter is looked for",
-        default=3, unit="", low=1, whole=True, source=CHOSEN,
+        default=8, unit="", low=1, whole=True, source="they tell the octaves that are compared",
     )  # fmt: skip
     slack_deg: float = quantity(
         "standard deviation of a placement by registration alone: turns",
@@ -572,6 +562,17 @@ class ClaimsSettings:
         default=0.05, unit="1", low=0.0, high=1.0,
         source="less isn't known by 3000 readings",
     )  # fmt: skip
+    least_spectrum_change: float = quantity(
+        "smallest change of the noise, in octaves of both frequencies, that is weighed where no "
+        "filter makes it",
+        default=0.02, unit="1", low=0.0, above=True,
+        source="what 100 000 readings show",
+    )  # fmt: skip
+    spectrum_steps: int = quantity(
+        "sizes of that change, each four times the one before",
+        default=4, unit="", low=1, whole=True,
+        source="up to 1.28: a finish 3.6 times as rough",
+    )  # fmt: skip
     strays: float = quantity(
         "share of outliers of other sizes among those of one size",
         default=0.1, unit="1", low=0.0, high=1.0, above=True, below=True,
@@ -612,6 +613,10 @@ class ClaimsSettings:
     def lay_other_changes(self) -> Floats:
         """Return sizes of changes of the autocorrelation without a lay: none, and others."""
         return np.append(0.0, self.lay_least_change * 4.0 ** np.arange(self.lay_changes))
+
+    def spectrum_changes(self) -> Floats:
+        """Return sizes of changes of the noise's spectrum that no filter makes, as logarithms."""
+        return np.asarray(self.least_spectrum_change * 4.0 ** np.arange(self.spectrum_steps))
 
     def mounting_scatters(self) -> Floats:
         """Return sizes of the scatter of how parts lie, over the prior of a placement."""

@@ -1,129 +1,144 @@
-"""Whether the noise is a surface's that went through the firmware's filters.
+"""A filter of the firmware that the sensor's file doesn't list.
 
-A filter leaves less noise and a correlation over its window, both by integers; a smoother surface
-leaves less noise of the same correlation, a finer or coarser one another correlation. Each
-alternative is drawn from the surface's file at the recording's pitch and measured as the recording
-was; the one whose spectrum is nearest stands.
+Readings that went through one have less noise, of the fast waves alone; a smoother surface has less
+of all waves. It is looked for before any other cause, since it smears edges, too: its windows are
+then expected like those of a listed one.
 """
 
-import itertools
-from collections.abc import Iterator
+from collections.abc import Collection
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from diagnosis.claims.drawn_filters import DRAWN_POINTS, filters_on
+from diagnosis.claims.filtered import Filtered
+from diagnosis.claims.filtered_noise import FILTER, FilterWeighed, weighed
+from diagnosis.claims.noise_of_recordings import off_edges
+from diagnosis.data.patch import all_fitted
+from diagnosis.discrepancy.good_instrument import of_any_kind
+from diagnosis.discrepancy.population import Population
 from diagnosis.fields import Field
+from diagnosis.model.model import Model
+from diagnosis.model.workspace import Workspace
 from diagnosis.noise.noise_model import NoiseModel, calibrate
+from diagnosis.physics.uncertainty import plain_values
 from diagnosis.settings import SETTINGS
-from sensors.effects.base import Effect
+from diagnosis.validate.found_effects import FoundEffect, plainly_found
 from sensors.effects.onboard_filter import OnboardFilter
-from sensors.effects.roughness_level import RoughnessLevel
 from sensors.law import geometric_law
-from sensors.noise.speckle import Speckle
 from sensors.noise.uncertainty import quantise, sigma_mm
 from sensors.surface.surface import Surface
 from sensors.view.view import View
 
-DRAWN_POINTS = 128
-"""Points along either axis of a drawn field: some 16000 readings, whose spectrum is known to
-about a tenth in each of the frequencies compared."""
-FREQUENCIES = (64, 64)
-MEDIANS = (1, 3, 5)
-MEANS_ALONG = (1, 3, 5, 7, 9)
-MEANS_ACROSS = (1, 3, 5, 7)
-"""Windows that makers offer and that leave a scan its shape."""
-AMPLITUDES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.12, 0.08)
-PEAKS = (0.3, 0.5, 0.7, 1.0, 1.4, 2.0)
-"""Factors on heights and on peaks per mm that a surface other than claimed may have."""
-
+if TYPE_CHECKING:
+    from diagnosis.prepare import Prepared
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class _Claimed:
-    """What a surface's file claims of the noise, on a recording's grid."""
+class NoiseSpectra:
+    """Noise of recordings and of before, and what filters would make of it.
 
-    speckle: Speckle
-    white_mm: float
-    step_mm: float
-    pitch_mm: tuple[float, float]
-
-    def noise(self, firmware: OnboardFilter, amplitude: float = 1.0, peaks: float = 1.0) -> Field:
-        """Draw readings of a flat, (n, n) mm; the same heights and errors for every filter."""
-        rng = np.random.default_rng(0)
-        field = replace(
-            self.speckle,
-            amplitude_mm=self.speckle.amplitude_mm * amplitude,
-            cell_x_mm=self.speckle.cell_x_mm / peaks,
-            cell_y_mm=self.speckle.cell_y_mm / peaks,
-        )
-        x_mm, y_mm = (np.arange(DRAWN_POINTS, dtype=np.float64) * p for p in self.pitch_mm)
-        drawn = field.sample(x_mm, y_mm, rng)
-        drawn = drawn - drawn.mean() + self.white_mm * rng.standard_normal(drawn.shape)
-        return quantise(firmware.filtered(quantise(drawn, self.step_mm)), self.step_mm)
-
-
-def filtered_instead(effect: Effect, own: NoiseModel, surface: Surface, view: View) -> Effect:
-    """Put a filter in the place of a surface smoother than its file, where that is nearer.
-
-    Where the sensor's file lists a filter it has been taken into account.
+    Attributes
+    ----------
+    names : of the R recordings with enough readings
+    now, before : noise, over what the model has
+    filters, changes : filters that makers offer, and what each changes (L, R, K), see `log_octaves`
     """
-    smooth = isinstance(effect, RoughnessLevel) and effect.amplitude < 1
-    listed = any(isinstance(e, OnboardFilter) for e in view.sensor.effects)
-    found = onboard_filter_of(own, surface, view) if smooth and not listed else None
-    return found or effect
+
+    names: tuple[str, ...]
+    now: tuple[NoiseModel, ...]
+    before: tuple[NoiseModel, ...]
+    filters: tuple[OnboardFilter, ...]
+    changes: Field
+
+    def weighed(self, names: Collection[str]) -> FilterWeighed | None:
+        """Weigh a filter by some recordings."""
+        some = [k for k, name in enumerate(self.names) if name in names]
+        if not some:
+            return None
+        return weighed([self.now[k] for k in some], self.before, self.changes[:, some])
 
 
-def onboard_filter_of(own: NoiseModel, surface: Surface, view: View) -> OnboardFilter | None:
-    """Return the filter that turns the noise of a surface's file into a recording's, if one does.
+def filtered_readings(
+    ready: "Prepared", known: Population, notes: list[str]
+) -> tuple["Prepared", list[FoundEffect]]:
+    """Name a filter that the sensor's file doesn't list, and expect it in the recordings.
+
+    Recordings held out must speak for it, too.
 
     Parameters
     ----------
-    own : noise of the recordings
-    surface, view : what the surface's file claims, and a scan of it
+    known : good instruments
     """
-    speckle = geometric_law(view, surface).speckle
-    if speckle is None or min(own.lags) < SETTINGS.claims.filter_lags:
+    if any(e["name"] == OnboardFilter.name for e in ready.recorded.datasheet.effects):
+        return ready, []
+    spectra = noise_spectra(ready)
+    if spectra is None:
+        return ready, []
+    by_all, by_fitted = (spectra.weighed(names) for names in (spectra.names, ready.fitted))
+    assert by_all is not None
+    before = 0.0 if by_fitted is None else by_fitted.factors.max()
+    good = of_any_kind(known.of_changes if ready.baseline else known, FILTER)
+    probability = SETTINGS.probability(by_all.nats(good), OnboardFilter.name)
+    if probability <= SETTINGS.reported or by_all.factors.max() < before:
+        return ready, []
+    effect = spectra.filters[int(by_all.known.argmax())]
+    found = Filtered(effect=effect, probability=probability, unknown=by_all.unknown)
+    windows = plain_values({
+        key: float(getattr(effect, key)) for key in
+        ("median_points", "median_profiles", "mean_points", "mean_profiles")
+    })  # fmt: skip
+    held = sum(int((p.scored & p.observed).sum()) for p in ready.patches)
+    notes.append(f"{OnboardFilter.name}: {BEHIND}")
+    gain = float(by_all.factors.max() - before) / max(held, 1)
+    doubt = UNKNOWN if by_all.unknown > SETTINGS.reported else ""
+    named = plainly_found(effect, gain, windows, probability=probability, doubt=doubt)
+    return ready.filtered_by(found), [named]
+
+
+UNKNOWN = (
+    "The noise's spectrum is that of no window that makers offer: of these, the nearest is given."
+)
+BEHIND = "behind a filter, the noise doesn't tell how rough a surface is, or whether it has a lay"
+
+
+def noise_spectra(ready: "Prepared") -> NoiseSpectra | None:
+    """Compare the noise of recordings with that of baselines, plates or the surface's file.
+
+    None where none of these tells of it, or where too little was read.
+    """
+    ws, nominal = Workspace.build(all_fitted(ready.patches), ready.noise), ready.nominal
+    if nominal is None and ready.surface is not None:
+        nominal = claimed_noise(ready.surface, ws.patches[0].view, ready.noise)
+    if nominal is None:
         return None
-    sheet = view.datasheet
-    claimed = _Claimed(
-        speckle=speckle, white_mm=sigma_mm(sheet), step_mm=sheet.step_mm,
-        pitch_mm=(own.pitch_x_mm, own.pitch_y_mm),
+    recordings = off_edges(ws, Model())
+    before = [replace(nominal, sd_mm=nominal.sd_mm / ws.noise.sd_mm)]
+    if ready.baseline:
+        good = off_edges(Workspace.build(ready.baseline, ws.noise), Model())
+        before = [one.noise(nominal) for one in good]
+    now = [one.noise(nominal) for one in recordings]
+    lags = [min(n.lags) for n in (*now, *before)]
+    if not now or not before or min(lags) < SETTINGS.claims.filter_lags:
+        return None
+    filters, changes = filters_on(recordings, before[0])
+    return NoiseSpectra(
+        names=tuple(one.patches[0].name for one in recordings), now=tuple(now),
+        before=tuple(before), filters=tuple(filters), changes=changes,
     )  # fmt: skip
-    none = OnboardFilter.none()
-    surfaces = itertools.product((none,), AMPLITUDES, PEAKS)
-    nearest = min(_divergence(own, claimed.noise(*each), claimed) for each in surfaces)
-    filters = [(_divergence(own, claimed.noise(each), claimed), each) for each in _filters()]
-    distance, best = min(filters, key=lambda pair: pair[0])
-    most = min(SETTINGS.claims.filter_nats, SETTINGS.claims.filter_share * nearest)
-    return best if distance < most else None
 
 
-def _filters() -> Iterator[OnboardFilter]:
-    none = OnboardFilter.none()
-    for a, b, c, d in itertools.product(MEDIANS, MEDIANS, MEANS_ACROSS, MEANS_ALONG):
-        if (a, b, c, d) != (1, 1, 1, 1):
-            yield none.with_parameters(
-                median_profiles=a, median_points=b, mean_profiles=c, mean_points=d
-            )
-
-
-def _divergence(own: NoiseModel, drawn_mm: Field, claimed: _Claimed) -> float:
-    """Kullback-Leibler divergence of two stationary Gaussian fields, nats per reading.
-
-    ½ mean over frequencies of r - 1 - ln r, r the ratio of the spectra (Whittle, Ark. Mat. 2
-    (1953) 423); rounding is the floor of both.
-    """
-    other = calibrate(
-        [drawn_mm], [np.ones(drawn_mm.shape, dtype=bool)], pitch_mm=claimed.pitch_mm,
+def claimed_noise(surface: Surface, view: View, own: NoiseModel) -> NoiseModel | None:
+    """Noise of a flat of a surface as its file claims it, drawn; None where it claims none."""
+    speckle = geometric_law(view, surface).speckle
+    if speckle is None:
+        return None
+    rng, step = np.random.default_rng(0), view.datasheet.step_mm
+    pitch = own.pitch_x_mm, own.pitch_y_mm
+    at = np.arange(float(DRAWN_POINTS))
+    drawn = speckle.sample(pitch[0] * at, pitch[1] * at, rng)
+    drawn = drawn - drawn.mean() + sigma_mm(view.datasheet) * rng.standard_normal(drawn.shape)
+    return calibrate(
+        [quantise(drawn, step)], [np.ones(drawn.shape, dtype=bool)], pitch_mm=pitch,
         missing_share=0.0, from_reference=False,
     )  # fmt: skip
-    reach = [min(a, b) for a, b in zip(own.lags, other.lags, strict=True)]
-    floor = max(claimed.step_mm**2 / 12, 1e-4 * own.sd_mm**2)
-    ratio = _spectrum(own, reach, floor) / _spectrum(other, reach, floor)
-    return float(0.5 * np.mean(ratio - 1 - np.log(ratio)))
-
-
-def _spectrum(noise: NoiseModel, reach: list[int], floor_mm2: float) -> Field:
-    ly, lx = noise.lags
-    cut = np.s_[ly - reach[0] : ly + reach[0] + 1, lx - reach[1] : lx + reach[1] + 1]
-    power = replace(noise, acf=noise.acf[cut]).spectrum(FREQUENCIES)
-    return np.asarray(np.maximum(power, 0.0) * noise.sd_mm**2 + floor_mm2)

@@ -27,15 +27,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import binary_dilation
 from scipy.special import logsumexp
 
+from diagnosis.claims.noise_of_recordings import off_edges
 from diagnosis.claims.noise_spectrum import WIDTHS, Spectra, products
 from diagnosis.data.patch import Patch
 from diagnosis.fields import Field
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
-from diagnosis.noise.noise_model import NoiseModel, calibrate
+from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.settings import SETTINGS
 from sensors.effects.anisotropic_lay import AnisotropicLay
 
@@ -208,26 +208,8 @@ def _recorded(
     ws: Workspace, model: Model, nominal: NoiseModel
 ) -> tuple[list[NoiseModel], list[Field]]:
     """Measure the noise of each recording; how the part lay turned in it."""
-    states = ws.states(ws.predict(model))
-    found, turns = [], []
-    for number in sorted({p.recording for p in ws.patches}):
-        members = [
-            (p, s) for p, s in zip(ws.patches, states, strict=True) if p.recording == number
-        ]
-        # what light leaves along edges has their direction
-        masks = [
-            p.fit & s.used & ~binary_dilation(p.edge, iterations=SETTINGS.claims.lay_off_edges)
-            for p, s in members
-        ]
-        if sum(int(m.sum()) for m in masks) < SETTINGS.claims.lay_readings:
-            continue
-        found.append(calibrate(
-            [s.residual_mm / s.sd_mm for _, s in members], masks,
-            pitch_mm=(nominal.pitch_x_mm, nominal.pitch_y_mm), missing_share=0.0,
-            from_reference=False,
-        ))  # fmt: skip
-        turns.append(_turn(members[0][0]))
-    return found, turns
+    each = off_edges(ws, model)
+    return [one.noise(nominal) for one in each], [_turn(one.patches[0]) for one in each]
 
 
 def _turn(patch: Patch) -> Field:

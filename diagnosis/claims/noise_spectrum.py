@@ -73,11 +73,11 @@ class Spectra:
         use = (x != 0) & (y != 0) & (far > 1 / WAVELENGTHS[-1]) & (far < 0.5)
         once = use & (y > 0)
         smooth = nominal.acf * np.outer(*(_taper(lag) for lag in nominal.lags))
-        power = np.maximum(_power(smooth), SETTINGS.claims.lay_least_power)
+        power = np.maximum(power_of(smooth), SETTINGS.claims.lay_least_power)
         octaves = np.log2(np.maximum(far, 1e-9) / 0.5)
         ring = np.floor(SETTINGS.claims.lay_rings * octaves).astype(np.int64)
         ring -= ring[use].min()
-        own = np.stack([_power(n.acf)[use] for n in noises])
+        own = np.stack([power_of(n.acf)[use] for n in noises])
         level = np.stack([_evened(one, power[use], ring[use]) for one in own])
         level /= level.mean(axis=1, keepdims=True)
         own /= level
@@ -116,6 +116,15 @@ def products(one: Field, two: Field) -> Field:
     return np.asarray(np.tensordot(one, two, axes=(-1, -1)) * 2 / GRID**2)
 
 
+def power_of(acf: Field) -> Field:
+    """Spectrum of an autocorrelation, (GRID, GRID); mean 1."""
+    ly, lx = acf.shape[0] // 2, acf.shape[1] // 2
+    torus = np.zeros((GRID, GRID))
+    rows, columns = np.arange(-ly, ly + 1) % GRID, np.arange(-lx, lx + 1) % GRID
+    np.add.at(torus, (rows[:, None], columns[None, :]), acf)
+    return np.asarray(np.fft.fft2(torus).real)
+
+
 def _over_rings(values: Field, ring: NDArray[np.int64]) -> Field:
     """Replace values (..., F) by their means over frequencies of one ring."""
     flat = values.reshape(-1, values.shape[-1])
@@ -147,15 +156,6 @@ def _in_rings(ring: NDArray[np.int64], near: Mask) -> float:
             lags = np.fft.ifft2(its / math.sqrt(its.sum())).real * GRID
             found += 2 * float(np.square(lags[near]).sum())
     return found
-
-
-def _power(acf: Field) -> Field:
-    """Spectrum of an autocorrelation, (GRID, GRID); mean 1."""
-    ly, lx = acf.shape[0] // 2, acf.shape[1] // 2
-    torus = np.zeros((GRID, GRID))
-    rows, columns = np.arange(-ly, ly + 1) % GRID, np.arange(-lx, lx + 1) % GRID
-    np.add.at(torus, (rows[:, None], columns[None, :]), acf)
-    return np.asarray(np.fft.fft2(torus).real)
 
 
 def _near() -> Mask:

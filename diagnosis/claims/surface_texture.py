@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diagnosis.claims.firmware import filtered_instead
 from diagnosis.claims.lay import LAY, lay_of
 from diagnosis.claims.plate_noise import change_since, level_change, plates_doubt
 from diagnosis.data.patch import Patch, all_fitted
@@ -28,7 +27,6 @@ from diagnosis.validate.found_effects import FoundEffect, plainly_found
 from diagnosis.validate.heldout import judge
 from sensors.effects.anisotropic_lay import AnisotropicLay
 from sensors.effects.base import Effect
-from sensors.effects.onboard_filter import OnboardFilter
 from sensors.effects.roughness_level import RoughnessLevel
 from sensors.noise.uncertainty import sigma_mm
 
@@ -90,13 +88,13 @@ def texture(
     """
     model, noise, nominal, surface = explanation.model, ready.noise, ready.nominal, ready.surface
     view = explanation.ws.patches[0].view
+    if ready.filtered is not None:
+        # what it leaves tells nothing of the finish
+        return [], nominal_noise(noise, nominal, surface, view)
     claimed = nominal_sd_mm(nominal, surface, view)
     level = None
     if claimed > 0:
         level = _level(explanation, noise, nominal, claimed, ready.baseline, left)
-    if level is not None and surface is not None and nominal is None \
-            and OnboardFilter.name not in withheld:
-        level = replace(level, effect=filtered_instead(level.effect, noise, surface, view))
     lay = None if nominal is None else _lay(explanation, noise, nominal, ready.baseline, left)
     claims = [c for c in joined(level, lay) if c.effect.name not in withheld]
     if not claims:
@@ -199,9 +197,5 @@ def _lay(
 
 def texture_estimates(effect: Effect) -> dict[str, Estimate]:
     """Return values without intervals: how alike a plate and a part are was not measured."""
-    names = (
-        "amplitude", "ratio", "angle_deg",
-        "median_points", "median_profiles", "mean_points", "mean_profiles",
-    )  # fmt: skip
-    values = {n: getattr(effect, n, None) for n in names}
+    values = {n: getattr(effect, n, None) for n in ("amplitude", "ratio", "angle_deg")}
     return plain_values({n: float(v) for n, v in values.items() if v is not None})

@@ -245,18 +245,23 @@ def _small(name: str) -> Floats:
 
 
 def nats_of_size(population: Population, name: str, size: float) -> float:
-    """Log Bayes factor of a cause whose whitened rms is known, against a good instrument's.
+    """Log Bayes factor of a cause whose whitened rms is known, against a good instrument's."""
+    scales = of_any_kind(population, name)
+    k = int(np.abs(np.log(scales.sizes / max(size, scales.sizes[0]))).argmin())
+    good, changed = (np.maximum(w[k], 1e-300) for w in (scales.of(name), scales.changed(name)))
+    return float(np.log(changed / good))
+
+
+def of_any_kind(population: Population, name: str) -> Scales:
+    """Sizes that good instruments have of one component, whatever their kind.
 
     A kind is as probable as it is of many makes.
     """
     weights = population.weights(name)
     shares = population.makes / population.makes.sum()
-    scales = Scales(
+    return Scales(
         sizes=SETTINGS.mean_sizes(), weights={} if weights is None else {name: shares @ weights}
     )
-    k = int(np.abs(np.log(scales.sizes / max(size, scales.sizes[0]))).argmin())
-    good, changed = (np.maximum(w[k], 1e-300) for w in (scales.of(name), scales.changed(name)))
-    return float(np.log(changed / good))
 
 
 def alike_at_edges(

@@ -58,12 +58,16 @@ class Scales:
         return changed(self.of(name))
 
     def nats(self, name: str, factors: Floats) -> float:
-        """Log Bayes factor of a change, from those of its sizes (S,), against a good instrument.
+        """Log Bayes factor of a change, from those of its sizes (S,), against a good instrument."""
+        return self.of_change(name, factors) - self.of_good(name, factors)
 
-        A good instrument has what most good ones have, or nothing.
-        """
-        quiet = logsumexp(factors + np.log(np.maximum(self.of(name), 1e-300)))
-        return float(logsumexp(factors + np.log(self.changed(name))) - max(0.0, quiet))
+    def of_change(self, name: str, factors: Floats) -> float:
+        """Log Bayes factor of a change of any size, from those of its sizes (S,)."""
+        return float(logsumexp(factors + np.log(self.changed(name))))
+
+    def of_good(self, name: str, factors: Floats) -> float:
+        """Log Bayes factor of a good instrument: it has what most good ones have, or nothing."""
+        return max(0.0, float(logsumexp(factors + np.log(np.maximum(self.of(name), 1e-300)))))
 
     def typical(self, name: str) -> float:
         """Return the size that most good instruments stay below."""

@@ -192,12 +192,17 @@ def heldout_gains(
 
 
 def plainly_found(
-    effect: Effect, gain: float, parameters: dict[str, Estimate], *, probability: float
+    effect: Effect,
+    gain: float,
+    parameters: dict[str, Estimate],
+    *,
+    probability: float,
+    doubt: str = "",
 ) -> FoundEffect:
     """Report an effect that was measured by itself."""
     cause = Cause(
         name=effect.name, channel=effect.channels[0], probability=probability, alternatives=(),
-        none_of_these=1 - probability, nats=0.0,
+        none_of_these=1 - probability, nats=0.0, doubt=doubt,
     )  # fmt: skip
     return _found(effect, effect.describe(), parameters, gain, cause, 1)
 

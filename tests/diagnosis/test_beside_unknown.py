@@ -5,12 +5,14 @@ from dataclasses import replace
 import pytest
 
 from diagnosis.beside_unknown import doubted_causes, doubted_claims, share_held
+from diagnosis.claims.filtered import Filtered
 from diagnosis.evidence.reported_causes import Unexplained
 from diagnosis.explanation import Explanation
 from diagnosis.prepare import Prepared
 from diagnosis.settings import SETTINGS
 from diagnosis.validate.found_effects import plainly_found
 from sensors.effects.line_bow import LineBow
+from sensors.effects.onboard_filter import OnboardFilter
 from sensors.effects.roughness_level import RoughnessLevel
 
 SECOND = SETTINGS.second_mechanism
@@ -32,6 +34,22 @@ def test_a_name_holds_where_nothing_is_left_or_as_a_second_mechanism() -> None:
     assert share_held(two, ["mean"]) == pytest.approx(0.2 + 0.8 * SECOND)
     assert share_held([left("scale", 0.6)], ["variance"]) == pytest.approx(0.4 + 0.6 * SECOND)
     assert share_held([left("outliers", 1.0)], ["tails"]) == pytest.approx(SECOND)
+
+
+def test_a_filter_is_unknown_physics_where_its_law_says_nothing() -> None:
+    median = OnboardFilter.none().with_parameters(median_points=3, median_profiles=3)
+    mean = OnboardFilter.none().with_parameters(mean_points=3)
+    known = [Filtered(effect=effect, probability=0.9, unknown=0.0) for effect in (median, mean)]
+    assert [share_held([], ["mean"], one) for one in known] == [1.0, 1.0]
+    # on slopes a median leaves more noise
+    on_noise = [share_held([], ["variance"], one) for one in known]
+    assert on_noise == pytest.approx([0.1 + 0.9 * SECOND, 1.0])
+    other = replace(known[1], unknown=0.5)
+    for channel in ("mean", "variance", "missing", "tails"):
+        assert share_held([], [channel], other) == pytest.approx(0.55 + 0.45 * SECOND)
+    assert share_held([left("mean", 0.6)], ["mean"], other) == pytest.approx(
+        0.22 + 0.78 * SECOND
+    )
 
 
 def test_a_cause_beside_sure_unknown_physics_loses_its_name(

@@ -24,7 +24,8 @@ FORM = {
     ],
     "names of units": ["register/part_unit:UNITS"],
     "geometry or definition: no choice": [
-        "claims/lay:SHARES_BEFORE", "claims/noise_spectrum:WAVELENGTHS",
+        "claims/filtered_noise:OCTAVES", "claims/filtered_noise:USED", "claims/lay:SHARES_BEFORE",
+        "claims/noise_spectrum:WAVELENGTHS",
         "claims/noise_spectrum:WIDTHS",
         "data/brightness:SIDE", "model/log_density:ROOT_2PI", "physics/column_offsets:COMB",
         "physics/curvature:TURN", "validate/heldout:ENDS",
@@ -35,6 +36,7 @@ FORM = {
         "evidence/posterior:ROUNDING",
     ],
     "a bound that keeps a division finite": [
+        "claims/filtered_noise:LEAKING",
         "evidence/glm:LEAST_SHARE", "register/pose_derivative:EDGE_ON",
     ],
     "a cell's floor of a sum": ["evidence/glm:SPARSE", "model/log_density:STRAY"],
@@ -48,8 +50,7 @@ FORM = {
         "register/registration:SETTLED",
     ],
     "where a search begins, and its steps": [
-        "claims/firmware:AMPLITUDES", "claims/firmware:MEANS_ACROSS", "claims/firmware:MEANS_ALONG",
-        "claims/firmware:MEDIANS", "claims/firmware:PEAKS", "discrepancy/learning:ALIKE",
+        "claims/drawn_filters:MEANS", "claims/drawn_filters:MEDIANS", "discrepancy/learning:ALIKE",
         "discrepancy/learning:ANEW", "discrepancy/learning:APART", "discrepancy/learning:NONE",
         "discrepancy/learning:SPREADS", "discrepancy/learning:SPREADS_OF_RATES",
         "physics/curvature:FARTHER", "physics/curvature:FIRST_STEP", "physics/curvature:SHARES",
@@ -59,7 +60,7 @@ FORM = {
         "register/silhouettes:REACHES",
     ],
     "time or memory: how much is looked at, or kept": [
-        "claims/firmware:DRAWN_POINTS", "claims/firmware:FREQUENCIES",
+        "claims/drawn_filters:DRAWN_POINTS", "claims/drawn_filters:DRAWN_READINGS",
         "claims/noise_spectrum:GRID",
         "components/law_forms:EVERY", "components/row_periods:BINS",
         "data/albedo:MOST_CELLS", "data/albedo:MOST_READINGS",
