@@ -19,6 +19,7 @@ from diagnosis.noise.noise_model import NoiseModel
 from diagnosis.physics.assumed_threshold import with_threshold
 from diagnosis.register.placement import Placement
 from diagnosis.register.registration import register
+from diagnosis.settings import SETTINGS
 from files.errors import RecipeError
 from sensors.casting.laser import Laser
 from sensors.casting.scene import Scene
@@ -86,7 +87,9 @@ class Prepared:
         return replace(self, nominal=self.nominal and self.nominal.rounded(step_mm))
 
     def filtered_by(self, found: Filtered) -> "Prepared":
-        """Expect a filter of the firmware in the recordings."""
+        """Expect a filter of the firmware in the recordings, where its form is known."""
+        if found.unknown > SETTINGS.reported:
+            return replace(self, filtered=found)
         sheet = with_effects(self.recorded.datasheet, (found.effect.to_mapping(),))
         recorded = replace(self.recorded, datasheet=sheet)
         patches = tuple(_cut(recorded, self.placed))

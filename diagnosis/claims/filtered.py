@@ -12,7 +12,7 @@ class Filtered:
 
     Attributes
     ----------
-    effect : as it is expected in the recordings; where its form is unknown, the nearest known one
+    effect : as it is expected in the recordings; of unknown form, the nearest known one
     probability : that there is one
     unknown : probability that its form is none of the known ones, if there is one
     """

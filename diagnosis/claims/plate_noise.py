@@ -1,7 +1,7 @@
 """The noise on the part against a plate's: compared where the part is hit squarely."""
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -93,7 +93,10 @@ def levels(
     by way to measure it, covariate of the noise and part of its values: of each recording
     """
     predictions, plain = ws.predict(model), ws.predict(Model())
-    goes_with = {e.covariate for e in model.effects if "variance" in e.channels} | {*beside}
+    # an effect has its own way to what the sensor's file may leave out
+    goes_with = {name: COVARIATES[name].values for name in beside} | {
+        e.covariate: e.covariate_values for e in model.effects if "variance" in e.channels
+    }
     least, unchanged = SETTINGS.least_readings, SETTINGS.claims.unchanged
     square_rad = math.radians(SETTINGS.claims.square_deg)
     found: dict[tuple[int, str, int], list[tuple[Field, Field]]] = {}
@@ -115,7 +118,7 @@ def levels(
             # dark print is noisier whatever its finish
             pick &= bright >= np.nanquantile(bright[pick], SETTINGS.claims.darker)
         size_mm = model.level * ws.noise.sd_mm
-        for name, part, mask in _parts(patch, pick, sorted(goes_with)):
+        for name, part, mask in _parts(patch, pick, goes_with):
             found.setdefault((patch.recording, name, part), []).append(
                 (state.innovations[mask] * size_mm, state.residual_mm[mask])
             )
@@ -146,15 +149,15 @@ def levels_of_each(patches: Sequence[Patch], nominal: NoiseModel) -> list[LevelC
 
 
 def _parts(
-    patch: Patch, pick: Mask, covariates: Sequence[str]
+    patch: Patch, pick: Mask, covariates: Mapping[str, Callable[[View], Field]]
 ) -> Iterator[tuple[str, int, Mask]]:
     """Yield readings by what the noise goes with; all of them where that is nothing."""
     if not covariates or not pick.any():
         yield "", 0, pick
         return
     parts = SETTINGS.claims.level_parts
-    for name in covariates:
-        values = np.broadcast_to(COVARIATES[name].values(patch.view), patch.shape)
+    for name, values_of in sorted(covariates.items()):
+        values = np.broadcast_to(values_of(patch.view), patch.shape)
         ends = np.quantile(np.nan_to_num(values[pick]), np.arange(1, parts) / parts)
         part = np.searchsorted(ends, np.nan_to_num(values))
         for k in range(parts):

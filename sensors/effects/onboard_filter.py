@@ -1,5 +1,6 @@
 """The sensor's firmware filters readings: gaps filled, median, mean."""
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,6 +13,7 @@ from sensors.effects.delivery import DeliveryEffect
 from sensors.effects.parameter import parameter
 from sensors.law import Law, RngOf
 from sensors.noise.perlin import grid_pitch
+from sensors.noise.speckle import Speckle
 from sensors.noise.window_filters import (
     gaps_filled,
     median_law,
@@ -167,20 +169,12 @@ class OnboardFilter(DeliveryEffect):
             mass = weighted_sum(mass, kernel, axis)
         return weighted / np.square(np.where(seen, mass, 1.0))
 
-    def _speckle_kept(self, law: Law, view: View) -> list[float]:
-        """Ratios of the speckle's variance after the filter to that before, per median window.
-
-        Estimated on one draw from a fixed seed at the scan's pitches: no closed form is known for
-        the median of correlated heights.
-        """
+    def _speckle_kept(self, law: Law, view: View) -> tuple[float, ...]:
+        """Ratios of the speckle's variance after the filter to that before, per median window."""
         if law.speckle is None:
-            return [1.0] * 4
+            return (1.0,) * 4
         pitches = (grid_pitch(view.column_x_mm) or 1.0, grid_pitch(view.travel_mm) or 1.0)
-        x_mm, y_mm = (np.arange(DRAWN_POINTS, dtype=np.float64) * pitch for pitch in pitches)
-        field = law.speckle.sample(x_mm, y_mm, np.random.default_rng(0))
-        medians = (windowed_median(field, *window) for window in self._windows())
-        left = [float(np.var(windowed_mean(median, *self.mean_window))) for median in medians]
-        return [value / (float(np.var(field)) or 1.0) for value in left]
+        return _variance_left(law.speckle, pitches, self._windows(), self.mean_window)
 
     def _spikes(self, share: Floats | float) -> Floats | float:
         """Share of outliers after the filter: a majority in a median's window, any in a mean's."""
@@ -219,6 +213,25 @@ class OnboardFilter(DeliveryEffect):
         if (c, d) != (1, 1):
             found.append(f"mean over {c} × {d}")
         return {"windows": ", ".join(found) or "no filter"}
+
+
+@functools.lru_cache(maxsize=64)
+def _variance_left(
+    speckle: Speckle,
+    pitches: tuple[float, float],
+    medians: tuple[tuple[int, int], ...],
+    mean: tuple[int, int],
+) -> tuple[float, ...]:
+    """Variance of speckle behind a mean of each median, over that of before.
+
+    Estimated on one draw from a fixed seed at the scan's pitches: no closed form is known for the
+    median of correlated heights.
+    """
+    x_mm, y_mm = (np.arange(DRAWN_POINTS, dtype=np.float64) * pitch for pitch in pitches)
+    field = speckle.sample(x_mm, y_mm, np.random.default_rng(0))
+    behind = (windowed_mean(windowed_median(field, *window), *mean) for window in medians)
+    left = [float(np.var(one)) for one in behind]
+    return tuple(value / (float(np.var(field)) or 1.0) for value in left)
 
 
 def _between(corners: Sequence[Floats | float], down: Floats, across: Floats) -> Floats:

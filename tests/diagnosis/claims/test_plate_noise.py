@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis.claims.plate_noise import level_change, plates_doubt
+from diagnosis.components.component import with_sheet
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.predict.albedo_borders import albedo_borders
@@ -72,3 +73,13 @@ def test_borders_of_a_print_say_nothing_of_the_finish(ws: Workspace) -> None:
         patches.append(replace(p, view=view, depth_mm=p.depth_mm + relief))
     printed = replace(ws, patches=tuple(patches))
     assert abs(level_change(printed, Model(), ws.noise.sd_mm).log) < 0.08
+
+
+def test_noise_that_follows_rows_is_compared_by_the_rows_that_were_fitted(ws: Workspace) -> None:
+    """A file that states no rows ended a diagnosis that had found some."""
+    patches = tuple(
+        replace(p, view=with_sheet(p.view, replace(p.view.datasheet, camera_rows=None)))
+        for p in ws.patches
+    )
+    locked = Model(effects=(PixelLocking(amplitude_px=0.001, rows=1200.0),))
+    assert abs(level_change(replace(ws, patches=patches), locked, ws.noise.sd_mm).log) < 0.08
