@@ -1,8 +1,8 @@
 """A filter of the firmware that the sensor's file doesn't list.
 
 Readings that went through one have less noise, of the fast waves alone; a smoother surface has less
-of all waves. It is looked for before any other cause, since it smears edges, too: its windows are
-then expected like those of a listed one.
+of all waves. It is looked for before any other cause, since it smears edges, too: a known window is
+then expected like a listed one.
 """
 
 from collections.abc import Collection
