@@ -87,8 +87,10 @@ def locate(
                 return r - 1 + before / (before - now), peak
             before = now
         return np.nan, peak
-    rise = low - (level[low] - threshold) / max(level[low] - level[max(low - 1, 0)], 1e-9)
+    if low == 0 or high == rows - 1:  # the line runs off the chip: it crosses on one side only
+        return np.nan, peak
+    rise = low - (level[low] - threshold) / max(level[low] - level[low - 1], 1e-9)
     fall = high + (level[high] - threshold) / max(
-        level[high] - level[min(high + 1, rows - 1)], 1e-9
+        level[high] - level[high + 1], 1e-9
     )
     return 0.5 * (rise + fall), peak

@@ -66,6 +66,14 @@ def test_no_line_no_row(kind):
     assert np.isnan(row)
 
 
+@pytest.mark.parametrize("centre", [1.0, 38.2])
+def test_line_that_runs_off_the_chip_has_no_two_crossings(centre):
+    level = 900 * np.exp(-0.5 * ((np.arange(40.0) - centre) / 1.4) ** 2)
+    row, peak = locate(level, 40, KINDS.index("threshold"), 20.0)
+    assert np.isnan(row)
+    assert peak == level.max()
+
+
 def test_sheet_widens_by_root_two_at_the_rayleigh_range():
     sheet = LaserSheet(waist_mm=0.04, waist_z_mm=100.0, m_squared=1.0)
     assert sheet.rayleigh_mm == pytest.approx(pi * 0.08**2 / 405e-6)
