@@ -140,5 +140,5 @@ def claimed_noise(surface: Surface, view: View, own: NoiseModel) -> NoiseModel |
     drawn = drawn - drawn.mean() + sigma_mm(view.datasheet) * rng.standard_normal(drawn.shape)
     return calibrate(
         [quantise(drawn, step)], [np.ones(drawn.shape, dtype=bool)], pitch_mm=pitch,
-        missing_share=0.0, from_reference=False,
+        missing_share=0.0,
     )  # fmt: skip

@@ -42,7 +42,6 @@ def measured(fields: Sequence[Field], masks: Sequence[Mask], like: NoiseModel) -
     """Measure the noise of fields at another one's pitch."""
     return calibrate(
         fields, masks, pitch_mm=(like.pitch_x_mm, like.pitch_y_mm), missing_share=0.0,
-        from_reference=False,
     )  # fmt: skip
 
 

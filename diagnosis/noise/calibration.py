@@ -45,7 +45,7 @@ def calibrated_noise(
         fields = [p.depth_mm - p.plain_mm for p in patches]
         masks = [p.observed & np.isfinite(p.plain_mm) & p.fit for p in patches]
     pitch = _pitch(patches[0])
-    own = calibrate(fields, masks, pitch_mm=pitch, missing_share=0.0, from_reference=False)
+    own = calibrate(fields, masks, pitch_mm=pitch, missing_share=0.0)
     own = replace(own, tail_share=0.0, tail_sd_mm=SETTINGS.noise.tail_sd * own.sd_mm)
     if not plates:
         return own, None
@@ -54,7 +54,6 @@ def calibrated_noise(
         [np.isfinite(p.residual_mm) for p in plates],
         pitch_mm=plates[0].pitch_mm,
         missing_share=float(np.mean([p.missing_share for p in plates])),
-        from_reference=True,
     )
     ratio = own.sd_mm / reference.sd_mm
     notes.append(
@@ -67,7 +66,6 @@ def calibrated_noise(
         tail_share=min(reference.tail_share, usual),
         tail_sd_mm=max(reference.tail_sd_mm, SETTINGS.noise.tail_sd * own.sd_mm),
         missing_share=min(reference.missing_share, usual),
-        from_reference=True,
     )
     return own, reference.at_pitch(*pitch)
 

@@ -42,8 +42,6 @@ class NoiseModel:
         Pitches at which the lags hold.
     readings : int
         How many readings it was measured from.
-    from_reference : bool
-        True where plates gave it, False where the recordings' own residuals did.
     innovation_sd : float
         Measured size of the whitened readings over the predicted one.
     long_waves : float
@@ -58,7 +56,6 @@ class NoiseModel:
     pitch_x_mm: float
     pitch_y_mm: float
     readings: int
-    from_reference: bool
     innovation_sd: float = 1.0
     long_waves: float = 1.0
 
@@ -118,7 +115,6 @@ def calibrate(
     *,
     pitch_mm: tuple[float, float],
     missing_share: float,
-    from_reference: bool,
 ) -> NoiseModel:
     """Measure the noise of residual fields, robustly against smooth misfit and spikes.
 
@@ -163,7 +159,6 @@ def calibrate(
             pitch_x_mm=pitch_mm[0],
             pitch_y_mm=pitch_mm[1],
             readings=int(inside.size),
-            from_reference=from_reference,
         )
     covariance = np.where(pairs > SETTINGS.noise.least_pairs, total / np.maximum(pairs, 1), 0.0)
     # the means taken off leave a small negative floor: the far lags show it
@@ -186,7 +181,6 @@ def calibrate(
         pitch_x_mm=pitch_mm[0],
         pitch_y_mm=pitch_mm[1],
         readings=int(inside.size),
-        from_reference=from_reference,
     )
 
 

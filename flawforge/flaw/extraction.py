@@ -189,7 +189,6 @@ def _levelled(
     smooth = smooth_weight(hits.depth_mm, normal, max(pitch)) == 1.0
     noise = calibrate(
         [rough], [smooth & read & ~wanted], pitch_mm=(pitch[1], pitch[0]), missing_share=0.0,
-        from_reference=False,
     )  # fmt: skip
     window = _around(wanted)
     inside = wanted[window]

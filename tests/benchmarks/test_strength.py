@@ -24,7 +24,6 @@ def test_a_level_tells_as_much_as_so_many_gaussian_numbers() -> None:
     field = np.random.default_rng(0).standard_normal((200, 300))
     noise = calibrate(
         [field], [np.ones(field.shape, dtype=bool)], pitch_mm=(1.0, 1.0), missing_share=0.0,
-        from_reference=False,
     )  # fmt: skip
     nats = finish_nats(RoughnessLevel(amplitude=1.3), noise, (70, 90), 0.0)
     assert nats == pytest.approx(0.5 * 70 * 90 * (1.69 - 1 - math.log(1.69)), rel=1e-6)

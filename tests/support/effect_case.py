@@ -35,7 +35,7 @@ def workspace_of(recordings: Sequence[Recording], scene: Scene, sheet: Datasheet
     noise = calibrate(
         [p.depth_mm - p.plain_mm for p in patches],
         [np.isfinite(p.depth_mm - p.plain_mm) & ~p.edge for p in patches],
-        pitch_mm=(0.44, PITCH_MM), missing_share=0.0, from_reference=False,
+        pitch_mm=(0.44, PITCH_MM), missing_share=0.0,
     )  # fmt: skip
     return Workspace.build(patches, replace(noise, tail_share=0.0))
 

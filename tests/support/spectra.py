@@ -33,7 +33,7 @@ def noise_of(power: np.ndarray, rng: np.random.Generator, readings: int) -> Nois
     acf = np.fft.ifft2(power).real[np.ix_(pick, pick)]
     return NoiseModel(
         sd_mm=0.01, acf=acf / acf[LAGS, LAGS], tail_share=0.0, tail_sd_mm=0.1, missing_share=0.0,
-        pitch_x_mm=PITCH_X, pitch_y_mm=PITCH_Y, readings=readings, from_reference=True,
+        pitch_x_mm=PITCH_X, pitch_y_mm=PITCH_Y, readings=readings,
     )  # fmt: skip
 
 

@@ -25,7 +25,7 @@ LAGS = 24
 def noise_of(acf: np.ndarray, *, sd_mm: float = 1.0, readings: int = 20_000) -> NoiseModel:
     return NoiseModel(
         sd_mm=sd_mm, acf=acf, tail_share=0.0, tail_sd_mm=3.0, missing_share=0.0, pitch_x_mm=0.1,
-        pitch_y_mm=0.1, readings=readings, from_reference=False,
+        pitch_y_mm=0.1, readings=readings,
     )  # fmt: skip
 
 

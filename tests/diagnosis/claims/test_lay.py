@@ -45,7 +45,7 @@ def test_stretch_is_the_noise_s_ratio_and_direction(ratio: float, angle_deg: flo
     field = np.fft.irfft2(np.fft.rfft2(rng.standard_normal((300, 400))) * root, s=(300, 400))
     noise = calibrate(
         [0.01 * field / field.std()], [np.ones(field.shape, dtype=bool)],
-        pitch_mm=(pitch_x, pitch_y), missing_share=0.0, from_reference=False,
+        pitch_mm=(pitch_x, pitch_y), missing_share=0.0,
     )  # fmt: skip
     stretch = complex(*stretched(noise))
     if ratio == 1.0:

@@ -71,7 +71,6 @@ def test_the_deviation_of_a_level_is_that_of_repeated_fields() -> None:
         field = sum(w * white[:, k : 60 + k] for k, w in enumerate(kernel))
         noise = calibrate(
             [field], [np.ones(field.shape, dtype=bool)], pitch_mm=(1.0, 1.0), missing_share=0.0,
-            from_reference=False,
         )  # fmt: skip
         sizes.append(np.log(noise.sd_mm))
         told.append(level_unsure(noise))
@@ -113,7 +112,7 @@ def test_whitened_readings_count_each_for_itself() -> None:
     rng = np.random.default_rng(1)
     noise = calibrate(
         [rng.standard_normal((60, 60))], [np.ones((60, 60), dtype=bool)], pitch_mm=(1.0, 1.0),
-        missing_share=0.0, from_reference=False,
+        missing_share=0.0,
     )  # fmt: skip
     assert level_unsure(noise, whitened=True) == pytest.approx(1 / np.sqrt(2 * noise.readings))
 

@@ -32,7 +32,7 @@ def test_blocks_are_six_correlation_lengths_wide_where_a_recording_holds_many(
     rng = np.random.default_rng(3)
     white = calibrate(
         [rng.standard_normal((300, 300))], [np.ones((300, 300), dtype=bool)], pitch_mm=(1.0, 1.0),
-        missing_share=0.0, from_reference=False,
+        missing_share=0.0,
     )  # fmt: skip
     assert white.correlation_length_px() == pytest.approx((1.0, 1.0), abs=0.1)
     assert block_of((90, 90), white) == (6, 6)

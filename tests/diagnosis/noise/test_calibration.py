@@ -42,7 +42,7 @@ def test_the_size_is_the_recordings_own(ws: Workspace) -> None:
     residuals = [p.depth_mm - p.plain_mm for p in ws.patches]
     expected = calibrate(
         residuals, [np.isfinite(r) & ~p.edge for r, p in zip(residuals, ws.patches, strict=True)],
-        pitch_mm=(0.44, PITCH_MM), missing_share=0.0, from_reference=False,
+        pitch_mm=(0.44, PITCH_MM), missing_share=0.0,
     ).sd_mm  # fmt: skip
     assert own.sd_mm == pytest.approx(expected, rel=0.02)
     assert own.tail_share == 0.0

@@ -21,7 +21,6 @@ def test_calibration_of_correlated_noise_under_a_smooth_misfit() -> None:
     field[40, 50] = 3.0  # a spike
     model = calibrate(
         [field], [np.ones(field.shape, bool)], pitch_mm=(0.1, 0.1), missing_share=0.0,
-        from_reference=False,
     )  # fmt: skip
     assert model.sd_mm == pytest.approx(np.hypot(0.01, 0.003), rel=0.05)
     ly, lx = model.lags
@@ -35,7 +34,6 @@ def test_fields_of_the_spectrum_have_the_autocorrelation() -> None:
     rng = np.random.default_rng(6)
     model = calibrate(
         [correlated(rng)], [np.ones((160, 200), bool)], pitch_mm=(0.1, 0.1), missing_share=0.0,
-        from_reference=True,
     )  # fmt: skip
     # filtered white noise, on a torus that holds the shape and the lags
     root = np.sqrt(np.clip(model.spectrum((300, 400)), 0, None))
@@ -52,7 +50,7 @@ def test_counting_in_steps_adds_white_noise() -> None:
     field = correlated(np.random.default_rng(7), (400, 400))
     everywhere = [np.ones(field.shape, bool)]
     made = [
-        calibrate([f], everywhere, pitch_mm=(0.1, 0.1), missing_share=0.0, from_reference=False)
+        calibrate([f], everywhere, pitch_mm=(0.1, 0.1), missing_share=0.0)
         for f in (field, np.round(field / 0.012) * 0.012)
     ]
     told = made[0].rounded(0.012)

@@ -18,7 +18,7 @@ def test_whitened_readings_are_independent_even_beside_gaps() -> None:
     fields = [correlated(rng) for _ in range(3)]
     whole = np.ones((160, 200), bool)
     model = calibrate(
-        fields, [whole] * 3, pitch_mm=(0.1, 0.1), missing_share=0.0, from_reference=True
+        fields, [whole] * 3, pitch_mm=(0.1, 0.1), missing_share=0.0
     )
     used = rng.random((160, 200)) > 0.2
     used[60:80, 90:120] = False
@@ -33,7 +33,6 @@ def test_transposed_whitening_is_the_adjoint() -> None:
     rng = np.random.default_rng(8)
     model = calibrate(
         [correlated(rng, (40, 50))], [np.ones((40, 50), bool)], pitch_mm=(1, 1), missing_share=0.0,
-        from_reference=True,
     )  # fmt: skip
     whitener = Whitener.build(model, rng.random((40, 50)) > 0.1)
     a, b = rng.standard_normal((2, 40, 50))
