@@ -3,6 +3,8 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from diagnosis.data.patch import Patch
 from diagnosis.data.recorded import Recorded
 from diagnosis.evidence.mean_causes import Member
@@ -19,6 +21,7 @@ from diagnosis.prepare import Prepared
 from diagnosis.register.placement import Placement
 from diagnosis.reregister.reregistration import log_density, reregistered
 from diagnosis.settings import SETTINGS
+from sensors.datasheet import Datasheet
 
 Progress = Callable[[str], None]
 
@@ -142,24 +145,32 @@ def completed(
     """Complete the sensor's file where a named cause's law needs what it leaves out.
 
     Each completion is tried with the new laws at the points of their grids; the one under which the
-    readings are most probable stands. What was found before needed none of it.
+    readings are most probable stands. What was found before needed none of it. Where nothing tells
+    a camera's sides apart, neither is assumed.
     """
-    sheets = assumed_sheets(recorded.datasheet, causes)
+    given = recorded.datasheet
+    sheets = assumed_sheets(given, causes)
     if len(sheets) == 1:
         return recorded, patches
-    best = None
-    for sheet in sheets:
-        views = seen_by(patches, sheet)
-        ws = fitted_part(views, noise).thin(SETTINGS.fitted_readings)
+
+    def density(sheet: Datasheet) -> float:
+        ws = fitted_part(seen_by(patches, sheet), noise).thin(SETTINGS.fitted_readings)
         trial, _ = fit_laws(causes, ws, model, polish=False)
-        density = log_density(ws.patches, noise, trial)
-        if best is None or density > best[0]:
-            best = density, sheet, views
-    assert best is not None
-    _, sheet, views = best
-    notes.append(
-        "the sensor's file states no triangulation angle: of those tried, "
-        f"{sheet.triangulation_angle_deg:g}° with the camera at {sheet.camera_side} suits the "
-        "readings best"
-    )
-    return replace(recorded, datasheet=sheet), views
+        return log_density(ws.patches, noise, trial)
+
+    densities = [density(sheet) for sheet in sheets]
+    sheet = sheets[int(np.argmax(densities))]
+    if given.triangulation_angle_deg is not None:
+        if np.ptp(densities) < SETTINGS.stands_out:
+            return recorded, patches
+        notes.append(
+            f"the sensor's file states no side of the camera: {sheet.camera_side} suits the "
+            "readings best"
+        )
+    else:
+        notes.append(
+            "the sensor's file states no triangulation angle: of those tried, "
+            f"{sheet.triangulation_angle_deg:g}° with the camera at {sheet.camera_side} suits the "
+            "readings best"
+        )
+    return replace(recorded, datasheet=sheet), seen_by(patches, sheet)

@@ -16,6 +16,7 @@ from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.noise.calibration import calibrated_noise
 from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.physics.assumed_camera import with_side
 from diagnosis.physics.assumed_threshold import with_threshold
 from diagnosis.register.placement import Placement
 from diagnosis.register.registration import register
@@ -134,10 +135,11 @@ def prepared(inputs: Inputs, notes: list[str], progress: Progress) -> Prepared:
     )  # fmt: skip
     patches, baseline = _cut(recorded, placed), _cut(theirs, placed)
     progress("calibrating the noise")
-    complete = with_threshold(sheet, patches, baseline)
-    if complete is not sheet:
-        recorded, theirs = (replace(r, datasheet=complete) for r in (recorded, theirs))
-        patches, baseline = _cut(recorded, placed), _cut(theirs, placed)
+    for completed in (with_side, with_threshold):
+        complete = completed(recorded.datasheet, patches, baseline)
+        if complete is not recorded.datasheet:
+            recorded, theirs = (replace(r, datasheet=complete) for r in (recorded, theirs))
+            patches, baseline = _cut(recorded, placed), _cut(theirs, placed)
     noise, nominal = calibrated_noise(patches, known.plates, notes)
     if baseline:
         nominal = _nominal_of(baseline)

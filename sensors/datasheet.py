@@ -21,8 +21,8 @@ MOST_AXIS_MM = 5000.0
 class Datasheet:
     """Parameters of a laser-triangulation profilometer; names end in the unit.
 
-    Unknown values are None; an effect that requires one names the key. `FOV` is equation 2 of
-    Sensors 2023, 23, 7624.
+    Unknown values are None; an effect that requires one names the key. A camera whose side isn't
+    stated is simulated on +y. `FOV` is equation 2 of Sensors 2023, 23, 7624.
     """
 
     name: str
@@ -53,7 +53,7 @@ class Datasheet:
         "angle between laser and camera at the working distance",
         unit="°", low=0, above=True, high=90, below=True, default=None,
     )
-    camera_side: Literal["+y", "-y"] = "+y"
+    camera_side: Literal["+y", "-y"] | None = None
     line_width_um: float | None = quantity(
         "width of the laser line", unit="µm", low=0, above=True, default=None
     )
@@ -123,8 +123,8 @@ class Datasheet:
 
     @property
     def camera_sign(self) -> int:
-        """κ: +1 with the camera on +y, -1 on -y."""
-        return 1 if self.camera_side == "+y" else -1
+        """κ: +1 with the camera on +y, or on a side that isn't stated, -1 on -y."""
+        return -1 if self.camera_side == "-y" else 1
 
     @property
     def camera_offset_mm(self) -> float:

@@ -11,14 +11,13 @@ from diagnosis.components.row_periods import image_row, strongest_rows
 from diagnosis.components.smooth import Ranges, periodic_columns, products, smooth_columns
 from diagnosis.fields import Field, Single
 from diagnosis.noise.noise_model import NoiseModel
+from diagnosis.predict.cameras import needs_of, possible_views
 from diagnosis.predict.prediction import law_of
 from diagnosis.settings import SETTINGS
 from files.errors import RecipeError
-from sensors.datasheet import Datasheet
 from sensors.effects import CATALOGUE
 from sensors.effects.base import Effect
 from sensors.effects.relaxed import Relaxed, RelaxedChannel
-from sensors.model import SensorModel
 from sensors.view.covariates import COVARIATES
 from sensors.view.view import View
 from sensors.view.view_cache import ViewCache
@@ -241,7 +240,7 @@ def _changes(
     kind: type[Effect], patch: "Patch", noise: NoiseModel | None
 ) -> Sequence[Floats] | None:
     out = []
-    for view in possible_views(patch.view, kind.needs):
+    for view in possible_views(patch.view, needs_of(kind, patch.view.datasheet)):
         try:
             plain = law_of(view, (), noise).mean_mm
             points = kind.none().grid(view)
@@ -255,15 +254,6 @@ def _changes(
     return out or None
 
 
-def possible_views(view: View, needs: Sequence[str]) -> list[View]:
-    """Return views by the cameras that the sensor may have, where one is needed and not stated."""
-    sheet = view.datasheet
-    if all(getattr(sheet, key) is not None for key in needs):
-        return [view]
-    return [with_sheet(view, replace(sheet, triangulation_angle_deg=a, camera_side=side))
-            for a in SETTINGS.assumed_angles_deg[1:2] for side in ("+y", "-y")]  # fmt: skip
-
-
 def seen_by_cameras(component: Component, patches: Sequence["Patch"]) -> list[list["Patch"]]:
     """Look at patches by each camera that a component's covariates may be seen by."""
     needs = [key for a in component.relaxed.along for key in COVARIATES[a].needs]
@@ -272,8 +262,3 @@ def seen_by_cameras(component: Component, patches: Sequence["Patch"]) -> list[li
         [replace(p, view=v) for p, v in zip(patches, picked, strict=True)]
         for picked in zip(*views, strict=True)
     ]
-
-
-def with_sheet(view: View, sheet: Datasheet) -> View:
-    """Return the view by a sensor with another file."""
-    return view.with_sensor(SensorModel(sheet))

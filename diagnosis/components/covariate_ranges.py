@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diagnosis.components.component import possible_views
 from diagnosis.components.smooth import Ranges
+from diagnosis.predict.cameras import possible_views
 from diagnosis.settings import SETTINGS
 from sensors.view.covariates import COVARIATES
 

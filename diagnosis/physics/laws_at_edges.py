@@ -29,6 +29,7 @@ from diagnosis.evidence.mean_causes import Scales
 from diagnosis.evidence.reported_causes import Cause, Unexplained
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
+from diagnosis.physics.assumed_camera import from_either_side
 from diagnosis.physics.effect_fit import fit_effect
 from diagnosis.physics.linear_fit import Fitted
 from diagnosis.settings import SETTINGS
@@ -136,14 +137,28 @@ def laws_in_turn(
     """Fit the law that explains most beside a model, and each other one beside that as well.
 
     They resemble each other: most of what another law explains alone, the strongest explains. One
-    that explains nothing alone has nothing left to explain.
+    that explains nothing alone has nothing left to explain. A camera whose side the sensor's file
+    doesn't state is where the strongest law explains more.
 
     Parameters
     ----------
     before : of baselines, which have none of the model's causes
     explained : whitened rms of what the model explains, of which a share is in doubt
     """
-    now, then = _Tried(ws, model), None if before is None else _Tried(before, NOMINAL)
+    sides = from_either_side(ws)
+    baselines = [None] * len(sides) if before is None else from_either_side(before)
+    tried = [
+        _in_turn(
+            laws, _Tried(now, model), None if then is None else _Tried(then, NOMINAL), explained
+        )
+        for now, then in zip(sides, baselines, strict=True)
+    ]
+    return max(tried, key=lambda own: max((law.gain for law in own), default=0.0))
+
+
+def _in_turn(
+    laws: Sequence[Component], now: _Tried, then: _Tried | None, explained: float
+) -> list[LawAtEdges]:
     alone = [_law_at_edges(law, now, then, explained) for law in laws]
     most = max(alone, key=lambda law: law.gain, default=None)
     if most is None or most.fitted is None:

@@ -8,6 +8,7 @@ from scipy.optimize import minimize
 
 from diagnosis.fields import Field
 from diagnosis.noise.noise_model import robust_sd
+from diagnosis.predict.cameras import possible_sheets
 from diagnosis.register.coordinate_search import step_by_step
 from diagnosis.register.placement import PRIOR_SD, move
 from diagnosis.register.pose_derivative import travel_vector
@@ -15,6 +16,7 @@ from diagnosis.register.sample import Sample
 from diagnosis.settings import SETTINGS
 from sensors.casting.laser import Laser
 from sensors.datasheet import Datasheet
+from sensors.view.covariates import CAMERA
 from sensors.view.visibility import camera_visible
 
 REACHES = (8.0, 3.0, 1.0, 0.4, 0.15, 0.05)
@@ -54,9 +56,10 @@ def settled_by_silhouettes(
     known = np.isfinite(depth)
     if datasheet.triangulation_angle_deg is not None:
         # what is read in a shadow is read elsewhere: it would draw the edge there
-        seen = camera_visible(scene, rays, moved, hits, datasheet.camera_offset_mm)
-        hidden = np.isfinite(hits.depth_mm) & ~seen
-        known &= ~binary_dilation(hidden, iterations=SETTINGS.register.shadow_pitches)
+        for sheet in possible_sheets(datasheet, CAMERA):
+            seen = camera_visible(scene, rays, moved, hits, sheet.camera_offset_mm)
+            hidden = np.isfinite(hits.depth_mm) & ~seen
+            known &= ~binary_dilation(hidden, iterations=SETTINGS.register.shadow_pitches)
     away = (depth - hits.depth_mm)[known & np.isfinite(hits.depth_mm)]
     # faces that are bent don't tell where they end
     cap = max(10 * sd_mm, SETTINGS.register.silhouette_pitches * pitch, 2 * robust_sd(away))

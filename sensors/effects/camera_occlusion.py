@@ -90,7 +90,7 @@ class CameraOcclusion(Effect):
     def variants(self, view: View) -> tuple[Self, ...]:
         """Return the camera on the other side."""
         side = self.camera_side or view.datasheet.camera_side
-        return (self.with_parameters(camera_side="-y" if side == "+y" else "+y"),)
+        return (self.with_parameters(camera_side="+y" if side == "-y" else "-y"),)
 
     def changed(self, law: Law, view: View) -> Law:
         """Remove the readings whose point is hidden from the camera."""
@@ -120,7 +120,7 @@ class CameraOcclusion(Effect):
             angle_rad = math.radians(self.triangulation_angle_deg)
             offset = sheet.working_distance_mm * math.tan(angle_rad)
         side = sheet.camera_side if self.camera_side is None else self.camera_side
-        return offset if side == "+y" else -offset
+        return -offset if side == "-y" else offset
 
 
 _LIGHT: ViewCache[Floats] = ViewCache(KEPT_WIDTHS, room=KEPT_IN_ALL)

@@ -123,6 +123,7 @@ def datasheet(points: int = 160, effects: Sequence[dict[str, object]] = ()) -> D
         profile_rate_hz=200.0,
         travel_speed_mm_s=80.0,
         triangulation_angle_deg=30.0,
+        camera_side="+y",
         line_width_um=120.0,
         wavelength_nm=405.0,
         exposure_s=0.0005,

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from diagnosis.claims.plate_noise import level_change, plates_doubt
-from diagnosis.components.component import with_sheet
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.predict.albedo_borders import albedo_borders
+from diagnosis.predict.cameras import with_sheet
 from sensors.effects.pixel_locking import PixelLocking
 from tests.support.effect_case import bench_workspace
 

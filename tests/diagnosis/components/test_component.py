@@ -108,8 +108,8 @@ def test_a_camera_that_is_not_stated_may_be_on_either_side() -> None:
     sheet = datasheet(20)
     form = of("specular_dropout", "missing")
     stated = View(part("plate"), SensorModel(sheet), poses(4), np.arange(4.0))
-    bare = View(part("plate"), SensorModel(replace(sheet, triangulation_angle_deg=None)), poses(4),
-                np.arange(4.0))  # fmt: skip
+    nowhere = replace(sheet, triangulation_angle_deg=None, camera_side=None)
+    bare = View(part("plate"), SensorModel(nowhere), poses(4), np.arange(4.0))
     own: Any = [Looked(stated)]
     assert [p[0].view for p in seen_by_cameras(form, own)] == [stated]
     either: Any = [Looked(bare)]

@@ -3,14 +3,22 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from diagnosis.components.component import components_of
+from diagnosis.data.recorded import Recorded
 from diagnosis.evidence.reported_causes import Cause
+from diagnosis.explanation import completed
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
-from diagnosis.physics.assumed_camera import assumed_sheets, seen_by
+from diagnosis.physics.assumed_camera import assumed_sheets, seen_by, with_side
 from diagnosis.physics.joint_fit import refit, refit_linear
+from diagnosis.physics.laws_at_edges import laws_in_turn
+from diagnosis.predict.cameras import with_sheet
+from diagnosis.predict.prediction import law_of
 from diagnosis.settings import SETTINGS
+from sensors.effects.interreflection import Interreflection
 from sensors.effects.line_bow import LineBow
 from sensors.effects.range_scale import RangeScale
 from tests.support.effect_case import bench_workspace, taken_with
@@ -45,7 +53,7 @@ def test_a_file_that_states_its_camera_stays_as_it_is() -> None:
 
 
 def test_a_camera_that_is_not_stated_is_tried_at_either_side() -> None:
-    sheet = replace(datasheet(60), triangulation_angle_deg=None)
+    sheet = replace(datasheet(60), triangulation_angle_deg=None, camera_side=None)
     tried = assumed_sheets(sheet, [SECOND_LIGHT])
     assert len(tried) == 2 * len(SETTINGS.assumed_angles_deg)
     assert {s.camera_side for s in tried} == {"+y", "-y"}
@@ -56,6 +64,78 @@ def test_a_side_that_is_stated_is_kept() -> None:
     sheet = replace(datasheet(60), triangulation_angle_deg=None, camera_side="-y")
     tried = assumed_sheets(sheet, [SECOND_LIGHT])
     assert [s.camera_side for s in tried] == ["-y"] * len(SETTINGS.assumed_angles_deg)
+
+
+def test_a_side_alone_that_is_not_stated_is_tried_where_a_camera_has_a_part_in_the_law() -> None:
+    sheet = replace(datasheet(60), camera_side=None)
+    tried = assumed_sheets(sheet, [SECOND_LIGHT])
+    assert [(s.triangulation_angle_deg, s.camera_side) for s in tried] == [
+        (30.0, "+y"), (30.0, "-y"),
+    ]  # fmt: skip
+    assert assumed_sheets(sheet, [replace(SECOND_LIGHT, name="finite_spot")]) == tried
+    assert assumed_sheets(sheet, [replace(SECOND_LIGHT, name="line_bow")]) == [sheet]
+
+
+@pytest.fixture(scope="module", params=["+y", "-y"])
+def second_light(request: pytest.FixtureRequest) -> tuple[str, Workspace]:
+    """A file that states no side of the camera, and light from the wall opposite."""
+    seen = bench_workspace("valley")
+    states = seen_by(seen.patches, replace(datasheet(seen.patches[0].shape[1]),
+                                           camera_side=request.param))  # fmt: skip
+    light = Interreflection(weight=0.1, reach_mm=3.0)
+    taken = [
+        replace(p, depth_mm=p.depth_mm + np.nan_to_num(light.signature(p.view))) for p in states
+    ]
+    unstated = replace(states[0].view.datasheet, camera_side=None)
+    return request.param, replace(seen, patches=tuple(seen_by(taken, unstated)))
+
+
+def test_a_law_at_edges_is_found_whatever_side_the_camera_is_on(
+    second_light: tuple[str, Workspace],
+) -> None:
+    _, ws = second_light
+    laws = [c for c in components_of("mean") if c.effect == "interreflection"
+            and c.relaxed.spanned]  # fmt: skip
+    (found,) = laws_in_turn(laws, ws, Model())
+    assert found.fitted is not None
+    assert found.gain > 100
+
+
+def test_the_side_on_which_a_law_suits_the_readings_is_assumed_and_said(
+    second_light: tuple[str, Workspace],
+) -> None:
+    side, ws = second_light
+    sheet = ws.patches[0].view.datasheet
+    recorded = Recorded(
+        recordings=(), scene=ws.patches[0].view.scene, datasheet=sheet, laser={}, lateral_mm=0.1,
+        held_out=(),
+    )  # fmt: skip
+    notes: list[str] = []
+    done, patches = completed(recorded, ws.patches, [SECOND_LIGHT], ws.noise, Model(), notes)
+    assert done.datasheet == replace(sheet, camera_side=side)
+    assert patches[0].view.datasheet.camera_side == side
+    assert "states no side of the camera" in notes[0]
+
+
+@pytest.mark.parametrize("side", ["+y", "-y"])
+def test_listed_shadows_tell_the_side_of_the_camera(side: str) -> None:
+    shadows = {"name": "camera_occlusion"}
+    there = replace(datasheet(80, [shadows]), camera_side=side)
+    unstated = replace(there, camera_side=None)
+    taken = []
+    for p in bench_workspace("steps").patches:
+        seen = np.isfinite(law_of(with_sheet(p.view, there), (), None).mean_mm)
+        depth = np.where(seen, p.depth_mm, np.nan)
+        taken.append(replace(p, depth_mm=depth, view=with_sheet(p.view, unstated)))
+    assert with_side(unstated, taken, []).camera_side == side
+    assert with_side(there, taken, []) is there
+
+
+def test_what_listed_effects_state_of_the_camera_is_taken_from_them() -> None:
+    shadows = {"name": "camera_occlusion", "camera_side": "-y", "triangulation_angle_deg": 25.0}
+    bare = replace(datasheet(60, [shadows]), camera_side=None, triangulation_angle_deg=None)
+    found = with_side(bare, [], [])
+    assert (found.camera_side, found.triangulation_angle_deg) == ("-y", 25.0)
 
 
 def test_patches_are_looked_at_with_another_file(bent: Workspace) -> None:
