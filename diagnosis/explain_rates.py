@@ -4,7 +4,7 @@ Outliers beyond the working range come as losses, and what darkens the light los
 it adds noise: each channel is looked at under the laws of those before it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from diagnosis.claims.outliers_of_one_size import one_size_mm
@@ -64,15 +64,19 @@ def explain_rates(
             if not new:
                 break
             # one law at a time: what it leaves isn't what the others would have to explain
-            state = _with_law(state, new[0], noise, notes, progress)
-            whole = _whitened(state, noise)
-            before, channels = channels, _seen(name, whole, state, baseline_channels)
-            shares = explained_shares(found.rates, before, channels)
-            state, strange = _explained(state, new[0], shares)
-            if new[0].name not in state.names:
-                whole = _whitened(state, noise)
-                nameless = [*strange, *nameless]
+            before = channels
+            for cause in _offered(new[0]):
+                trial = _with_law(state, cause, noise, notes, progress)
+                under = _whitened(trial, noise)
+                channels = _seen(name, under, trial, baseline_channels)
+                shares = explained_shares(found.rates, before, channels)
+                explained = shares.get((cause.channel, cause.name), 1.0)
+                if explained >= SETTINGS.explained_share:
+                    break
+            else:
+                nameless = [*unnamed(new[:1]), *nameless]
                 break
+            state, whole = trial, under
         unexplained += [*alike, *nameless]
         usual += usual_components(found)
     return state, unexplained, usual
@@ -124,17 +128,16 @@ def _by_chance(
     return [c for c in new if c not in outliers], alike
 
 
-def _explained(
-    state: State, new: Cause, shares: Mapping[tuple[str, str], float]
-) -> tuple[State, list[Unexplained]]:
-    """Take a name back whose law explains little of what it was named by.
-
-    Parameters
-    ----------
-    shares : by channel and name, what the laws explain of the gain of their components
-    """
-    if shares.get((new.channel, new.name), 1.0) >= SETTINGS.explained_share:
-        return state, []
-    causes = tuple(c for c in state.causes if c.name != new.name)
-    state = replace(state, model=state.model.without(new.name), causes=causes)
-    return state, unnamed([new])
+def _offered(cause: Cause) -> Iterator[Cause]:
+    """Yield a cause and each alternative, as probable as it is once laws refute those before it."""
+    yield cause
+    refuted, rest = cause.probability, cause.alternatives
+    while rest:
+        (name, probability), rest = rest[0], rest[1:]
+        left = 1.0 - refuted
+        yield replace(
+            cause, name=name, probability=probability / left, component=None,
+            alternatives=tuple((n, p / left) for n, p in rest),
+            none_of_these=cause.none_of_these / left,
+        )  # fmt: skip
+        refuted += probability
