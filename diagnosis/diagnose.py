@@ -36,7 +36,6 @@ from sensors.effects import CATALOGUE
 from sensors.effects.axis_quantisation import AxisQuantisation
 from sensors.effects.base import MotionEffect
 from sensors.effects.form_error import FormError
-from sensors.effects.onboard_filter import OnboardFilter
 from sensors.effects.row_repeat import RowRepeat
 
 
@@ -69,9 +68,8 @@ def diagnose(
     )  # fmt: skip
     for coarse in (f.effect for f in by_form if isinstance(f.effect, AxisQuantisation)):
         ready = ready.in_steps(1e-3 * coarse.step_um)
-    if OnboardFilter.name not in withheld:
-        ready, filters = filtered_readings(ready, known, notes)
-        by_form += filters
+    ready, filters = filtered_readings(ready, known, withheld, notes)
+    by_form += filters
     stuck = stuck_bit(ready.patches, ready.noise)
     if stuck is not None:
         # the noise is folded and the mean a saw: what goes with them has no other cause

@@ -4,7 +4,7 @@ Outliers beyond the working range come as losses, and what darkens the light los
 it adds noise: each channel is looked at under the laws of those before it.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from diagnosis.claims.outliers_of_one_size import one_size_mm
@@ -16,6 +16,7 @@ from diagnosis.evidence.reported_causes import (
     Cause,
     Unexplained,
     not_yet_named,
+    offered_in_turn,
     reported,
     unnamed,
     usual_components,
@@ -65,7 +66,7 @@ def explain_rates(
                 break
             # one law at a time: what it leaves isn't what the others would have to explain
             before = channels
-            for cause in _offered(new[0]):
+            for cause in offered_in_turn(new[0]):
                 trial = _with_law(state, cause, noise, notes, progress)
                 under = _whitened(trial, noise)
                 channels = _seen(name, under, trial, baseline_channels)
@@ -126,18 +127,3 @@ def _by_chance(
     what = f"outliers that all lie {1e3 * off:+.0f} µm off"
     alike = [replace(c.unnamed(), component=what) for c in outliers]
     return [c for c in new if c not in outliers], alike
-
-
-def _offered(cause: Cause) -> Iterator[Cause]:
-    """Yield a cause and each alternative, as probable as it is once laws refute those before it."""
-    yield cause
-    refuted, rest = cause.probability, cause.alternatives
-    while rest:
-        (name, probability), rest = rest[0], rest[1:]
-        left = 1.0 - refuted
-        yield replace(
-            cause, name=name, probability=probability / left, component=None,
-            alternatives=tuple((n, p / left) for n, p in rest),
-            none_of_these=cause.none_of_these / left,
-        )  # fmt: skip
-        refuted += probability

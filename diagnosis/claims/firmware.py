@@ -2,7 +2,8 @@
 
 Readings that went through one have less noise, of the fast waves alone; a smoother surface has less
 of all waves. It is looked for before any other cause, since it smears edges, too: a known window is
-then expected like a listed one.
+then expected like a listed one. Light that spreads in a translucent part smooths the noise as well,
+over no window: plates are of another material, baselines of the same.
 """
 
 from collections.abc import Collection
@@ -15,6 +16,7 @@ from diagnosis.claims.drawn_filters import DRAWN_POINTS, filters_on
 from diagnosis.claims.filtered import Filtered
 from diagnosis.claims.filtered_noise import FILTER, FilterWeighed, weighed
 from diagnosis.claims.noise_of_recordings import off_edges
+from diagnosis.claims.translucency import SPRAY
 from diagnosis.data.patch import all_fitted
 from diagnosis.discrepancy.good_instrument import of_any_kind
 from diagnosis.discrepancy.population import Population
@@ -26,6 +28,7 @@ from diagnosis.physics.uncertainty import plain_values
 from diagnosis.settings import SETTINGS
 from diagnosis.validate.found_effects import FoundEffect, plainly_found
 from sensors.effects.onboard_filter import OnboardFilter
+from sensors.effects.volume_scattering import VolumeScattering
 from sensors.law import geometric_law
 from sensors.noise.uncertainty import quantise, sigma_mm
 from sensors.surface.surface import Surface
@@ -60,17 +63,20 @@ class NoiseSpectra:
 
 
 def filtered_readings(
-    ready: "Prepared", known: Population, notes: list[str]
+    ready: "Prepared", known: Population, withheld: Collection[str], notes: list[str]
 ) -> tuple["Prepared", list[FoundEffect]]:
     """Name a filter that the sensor's file doesn't list, and expect it in the recordings.
 
-    Recordings held out must speak for it, too.
+    Recordings held out must speak for it, too. Against plates a translucent part is as likely as a
+    filter of unknown form.
 
     Parameters
     ----------
     known : good instruments
+    withheld : names of effects that must not be considered
     """
-    if any(e["name"] == OnboardFilter.name for e in ready.recorded.datasheet.effects):
+    listed = {e["name"] for e in ready.recorded.datasheet.effects}
+    if OnboardFilter.name in {*withheld, *listed}:
         return ready, []
     spectra = noise_spectra(ready)
     if spectra is None:
@@ -82,8 +88,12 @@ def filtered_readings(
     probability = SETTINGS.probability(by_all.nats(good), OnboardFilter.name)
     if probability <= SETTINGS.reported or by_all.factors.max() < before:
         return ready, []
-    effect = spectra.filters[int(by_all.known.argmax())]
-    found = Filtered(effect=effect, probability=probability, unknown=by_all.unknown)
+    effect, unknown = spectra.filters[int(by_all.known.argmax())], by_all.unknown
+    by_material = 0.0 if ready.baseline or VolumeScattering.name in withheld else 0.5 * unknown
+    of_filter = probability * (1 - by_material)
+    found = Filtered(
+        effect=effect, probability=of_filter, unknown=(unknown - by_material) / (1 - by_material)
+    )
     windows = plain_values({
         key: float(getattr(effect, key)) for key in
         ("median_points", "median_profiles", "mean_points", "mean_profiles")
@@ -91,14 +101,21 @@ def filtered_readings(
     held = sum(int((p.scored & p.observed).sum()) for p in ready.patches)
     notes.append(f"{OnboardFilter.name}: {BEHIND}")
     gain = float(by_all.factors.max() - before) / max(held, 1)
-    doubt = UNKNOWN if by_all.unknown > SETTINGS.reported else ""
-    named = plainly_found(effect, gain, windows, probability=probability, doubt=doubt)
+    doubt = UNKNOWN if unknown > SETTINGS.reported else ""
+    named = plainly_found(effect, gain, windows, probability=of_filter, doubt=doubt)
+    rival = VolumeScattering.name, gain, probability * by_material
+    if rival[-1] > SETTINGS.offered:
+        named = replace(
+            named, statement=named.statement + TRANSLUCENT, alternatives=(rival,),
+            none_of_these=1 - probability,
+        )  # fmt: skip
     return ready.filtered_by(found), [named]
 
 
 UNKNOWN = (
     "The noise's spectrum is that of no window that makers offer: of these, the nearest is given."
 )
+TRANSLUCENT = " Light that spreads in a translucent material smooths the noise" + SPRAY
 BEHIND = "behind a filter, the noise doesn't tell how rough a surface is, or whether it has a lay"
 
 

@@ -1,6 +1,6 @@
 """Causes as they are reported: a name with its probability, and what else it could be."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from diagnosis.components.component import Component
@@ -168,6 +168,25 @@ def offered_beside(best: str, named: Mapping[str, float]) -> tuple[tuple[str, fl
         found.append((name, named[name]))
         total += named[name]
     return tuple(found)
+
+
+def offered_in_turn(cause: Cause) -> Iterator[Cause]:
+    """Yield a cause and each alternative, as probable as it is once those before are refuted.
+
+    As long as all that are left together are more probable than none of them.
+    """
+    yield cause
+    refuted = cause.probability
+    for k, (name, probability) in enumerate(cause.alternatives):
+        left = 1.0 - refuted
+        if cause.none_of_these >= (1.0 - SETTINGS.reported) * left:
+            return
+        yield replace(
+            cause, name=name, probability=probability / left, component=None,
+            alternatives=tuple((n, p / left) for n, p in cause.alternatives[k + 1 :]),
+            none_of_these=cause.none_of_these / left,
+        )  # fmt: skip
+        refuted += probability
 
 
 def reported(assessment: Assessment) -> tuple[list[Cause], list[Unexplained]]:

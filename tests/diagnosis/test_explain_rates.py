@@ -50,3 +50,10 @@ def test_a_shadow_in_the_middle_of_the_line_is_no_falloff(good: Prepared) -> Non
     assert {u.channel for u in found.unexplained} == {"missing"}
     assert found.unexplained[0].relaxed.along == ("x",)
     assert found.model.is_nominal
+
+
+def test_losses_anywhere_are_none_of_a_gloss(good: Prepared) -> None:
+    """Where few angles are seen a lobe may lose as many; its law has to say which."""
+    found = explained(losing(good, lambda p, rng: rng.random(p.shape) < 0.02))
+    assert [c.name for c in found.causes] == ["random_dropout"]
+    assert found.unexplained == ()

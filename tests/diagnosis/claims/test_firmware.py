@@ -4,16 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from diagnosis.claims.drawn_filters import filters_on
-from diagnosis.claims.firmware import noise_spectra
+from diagnosis.claims.firmware import filtered_readings, noise_spectra
 from diagnosis.claims.noise_of_recordings import off_edges
 from diagnosis.data.patch import all_fitted
+from diagnosis.discrepancy.population import population
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.prepare import Inputs, Prepared, prepared
 from sensors.casting.scene import Scene
 from sensors.effects.onboard_filter import OnboardFilter
+from sensors.effects.volume_scattering import VolumeScattering
 from sensors.law import geometric_law
 from sensors.model import SensorModel
 from sensors.noise.perlin import PerlinField
@@ -158,3 +161,27 @@ def test_a_filter_is_named_and_expected_at_edges(windows):
     listed = [e for e in found.datasheet.effects if e["name"] == OnboardFilter.name]
     assert listed == [firmware.to_mapping()]
     assert found.after.log_score < found.before.log_score  # lower is better
+
+
+def lagging(recording: Recording) -> Recording:
+    """The electronics follow each reading by a third: a filter that no window describes."""
+    lagged = lfilter([0.33], [1.0, -0.67], recording.depth_mm, axis=1)
+    return replace(recording, depth_mm=np.where(np.arange(lagged.shape[1]) < 20, np.nan, lagged))
+
+
+@pytest.mark.parametrize("plates", [True, False])
+def test_a_translucent_part_smooths_noise_as_no_plate_does(plates: bool) -> None:
+    """A filter of unknown form is as likely, but beside baselines, which are of the part."""
+    recordings = [lagging(r) for r in plate_of(NONE)]
+    before = [replace(r, name=f"good {r.name}") for r in plate_of(NONE)]
+    given = {"references": before} if plates else {"baselines": before}
+    ready, (found,) = filtered_readings(
+        ready_of(recordings, part("plate"), **given), population(), (), []
+    )
+    assert found.name == OnboardFilter.name
+    assert found.doubt
+    assert [name for name, *_ in found.alternatives] == [VolumeScattering.name] * plates
+    assert found.probability == pytest.approx(0.5 if plates else 1.0, abs=0.04)
+    assert found.none_of_these < 0.05
+    assert ready.filtered is not None
+    assert ready.filtered.probability == found.probability

@@ -1,5 +1,7 @@
 """Causes: probabilities of components add up by effect; what is known already is no news."""
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,6 +11,7 @@ from diagnosis.evidence.reported_causes import (
     Unexplained,
     not_yet_named,
     offered_beside,
+    offered_in_turn,
     shares_by_effect,
 )
 from sensors.effects.relaxed import Relaxed
@@ -52,6 +55,23 @@ def test_a_sure_cause_has_no_alternatives() -> None:
     assert offered_beside("a", {"a": 0.9, "b": 0.04}) == ()
     assert offered_beside("a", {"a": 0.6, "b": 0.3, "c": 0.04}) == (("b", 0.3),)
     assert offered_beside("a", {"a": 0.45, "b": 0.04, "c": 0.03}) == (("b", 0.04), ("c", 0.03))
+
+
+def test_an_alternative_is_as_probable_as_it_is_once_others_are_refuted() -> None:
+    three = replace(
+        cause("a"), probability=0.5, alternatives=(("b", 0.3), ("c", 0.15)), none_of_these=0.05
+    )
+    _, second, third = offered_in_turn(three)
+    assert (second.name, second.probability, second.none_of_these) == ("b", 0.6, 0.1)
+    assert second.alternatives == (("c", 0.3),)
+    assert third.name == "c"
+    assert third.probability == pytest.approx(0.75)
+    assert third.none_of_these == pytest.approx(0.25)
+
+
+def test_an_alternative_that_is_less_probable_than_none_is_not_offered_in_turn() -> None:
+    two = replace(cause("a"), probability=0.9, alternatives=(("b", 0.04),), none_of_these=0.06)
+    assert [c.name for c in offered_in_turn(two)] == ["a"]
 
 
 def test_doubts_are_kept_one_after_the_other() -> None:
