@@ -32,14 +32,13 @@ def possible_sheets(
 
 
 def needs_of(kind: type[Effect], sheet: Datasheet) -> tuple[str, ...]:
-    """Keys of the file that an effect's law goes by.
+    """Keys of the file that an effect's law may go by: where the camera is, wherever that is known.
 
-    A law of light at edges is one of what a camera sees, wherever that is known to be.
+    Of light at edges the camera sees what isn't hidden from it, of light from within a part where
+    it seems to come from.
     """
-    at_edges = any(form.spanned for form in kind.relaxed)
-    if at_edges and sheet.triangulation_angle_deg is not None:
-        return (*kind.needs, *CAMERA)
-    return kind.needs
+    known = sheet.triangulation_angle_deg is not None
+    return (*kind.needs, *CAMERA) if known else kind.needs
 
 
 def possible_views(view: View, needs: Sequence[str]) -> list[View]:

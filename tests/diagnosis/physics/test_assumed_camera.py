@@ -66,14 +66,13 @@ def test_a_side_that_is_stated_is_kept() -> None:
     assert [s.camera_side for s in tried] == ["-y"] * len(SETTINGS.assumed_angles_deg)
 
 
-def test_a_side_alone_that_is_not_stated_is_tried_where_a_camera_has_a_part_in_the_law() -> None:
+def test_a_side_alone_that_is_not_stated_is_tried_at_the_angle_that_is() -> None:
     sheet = replace(datasheet(60), camera_side=None)
-    tried = assumed_sheets(sheet, [SECOND_LIGHT])
-    assert [(s.triangulation_angle_deg, s.camera_side) for s in tried] == [
-        (30.0, "+y"), (30.0, "-y"),
-    ]  # fmt: skip
-    assert assumed_sheets(sheet, [replace(SECOND_LIGHT, name="finite_spot")]) == tried
-    assert assumed_sheets(sheet, [replace(SECOND_LIGHT, name="line_bow")]) == [sheet]
+    for law in ("interreflection", "finite_spot", "volume_scattering"):
+        tried = assumed_sheets(sheet, [replace(SECOND_LIGHT, name=law)])
+        assert [(s.triangulation_angle_deg, s.camera_side) for s in tried] == [
+            (30.0, "+y"), (30.0, "-y"),
+        ]  # fmt: skip
 
 
 @pytest.fixture(scope="module", params=["+y", "-y"])
@@ -88,6 +87,14 @@ def second_light(request: pytest.FixtureRequest) -> tuple[str, Workspace]:
     ]
     unstated = replace(states[0].view.datasheet, camera_side=None)
     return request.param, replace(seen, patches=tuple(seen_by(taken, unstated)))
+
+
+def recorded_in(ws: Workspace) -> Recorded:
+    view = ws.patches[0].view
+    return Recorded(
+        recordings=(), scene=view.scene, datasheet=view.datasheet, laser={}, lateral_mm=0.1,
+        held_out=(),
+    )  # fmt: skip
 
 
 def test_a_law_at_edges_is_found_whatever_side_the_camera_is_on(
@@ -105,16 +112,23 @@ def test_the_side_on_which_a_law_suits_the_readings_is_assumed_and_said(
     second_light: tuple[str, Workspace],
 ) -> None:
     side, ws = second_light
-    sheet = ws.patches[0].view.datasheet
-    recorded = Recorded(
-        recordings=(), scene=ws.patches[0].view.scene, datasheet=sheet, laser={}, lateral_mm=0.1,
-        held_out=(),
-    )  # fmt: skip
     notes: list[str] = []
-    done, patches = completed(recorded, ws.patches, [SECOND_LIGHT], ws.noise, Model(), notes)
-    assert done.datasheet == replace(sheet, camera_side=side)
+    done, patches = completed(
+        recorded_in(ws), ws.patches, [SECOND_LIGHT], ws.noise, Model(), notes
+    )
+    assert done.datasheet == replace(ws.patches[0].view.datasheet, camera_side=side)
     assert patches[0].view.datasheet.camera_side == side
     assert "states no side of the camera" in notes[0]
+
+
+def test_no_side_is_assumed_that_a_law_does_not_tell(second_light: tuple[str, Workspace]) -> None:
+    _, ws = second_light
+    notes: list[str] = []
+    bow = replace(SECOND_LIGHT, name="line_bow")
+    done, patches = completed(recorded_in(ws), ws.patches, [bow], ws.noise, Model(), notes)
+    assert done.datasheet.camera_side is None
+    assert patches is ws.patches
+    assert notes == []
 
 
 @pytest.mark.parametrize("side", ["+y", "-y"])
