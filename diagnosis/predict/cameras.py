@@ -34,11 +34,10 @@ def possible_sheets(
 def needs_of(kind: type[Effect], sheet: Datasheet) -> tuple[str, ...]:
     """Keys of the file that an effect's law may go by: where the camera is, wherever that is known.
 
-    Of light at edges the camera sees what isn't hidden from it, of light from within a part where
-    it seems to come from.
+    At edges any law is one of what the camera sees.
     """
     known = sheet.triangulation_angle_deg is not None
-    return (*kind.needs, *CAMERA) if known else kind.needs
+    return (*kind.needs, *kind.goes_by, *(CAMERA if known else ()))
 
 
 def possible_views(view: View, needs: Sequence[str]) -> list[View]:

@@ -54,6 +54,8 @@ class Effect(ABC):
     rivals : confounded effects
     separating : the measurement that separates the effect from these
     needs : keys of the datasheet that the effect requires
+    goes_by : further keys that its law goes by where they are stated, and that a diagnosis assumes
+        where they aren't
     line_width : parameter of the laser line's width, where the effect is the line's geometry
     least_light : parameter of the share of the line's light below which a reading is lost, which no
         datasheet states
@@ -74,6 +76,7 @@ class Effect(ABC):
     rivals: ClassVar[tuple[str, ...]]
     separating: ClassVar[str]
     needs: ClassVar[tuple[str, ...]] = ()
+    goes_by: ClassVar[tuple[str, ...]] = ()
     line_width: ClassVar[str] = ""
     least_light: ClassVar[str] = ""
     on_albedo: ClassVar[bool] = False

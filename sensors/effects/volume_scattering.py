@@ -59,6 +59,7 @@ class VolumeScattering(Effect):
     covariate: ClassVar = "incidence"
     relaxed: ClassVar = (Relaxed(channel="mean", along=("incidence",)),)
     rivals: ClassVar = ("incidence_bias", "pose_error")
+    goes_by: ClassVar = ("triangulation_angle_deg",)
     separating: ClassVar = (
         "scan an opaque reference beside the part, or the part with an opaque coat"
     )

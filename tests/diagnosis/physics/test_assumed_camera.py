@@ -60,6 +60,14 @@ def test_a_camera_that_is_not_stated_is_tried_at_either_side() -> None:
     assert {s.triangulation_angle_deg for s in tried} == set(SETTINGS.assumed_angles_deg)
 
 
+def test_a_camera_is_assumed_for_light_from_within_a_part() -> None:
+    """Its law is one without a camera, too: where that isn't stated, the file is complete."""
+    sheet = replace(datasheet(60), triangulation_angle_deg=None, camera_side=None)
+    tried = assumed_sheets(sheet, [replace(SECOND_LIGHT, name="volume_scattering")])
+    assert len(tried) == 2 * len(SETTINGS.assumed_angles_deg)
+    assert assumed_sheets(sheet, [replace(SECOND_LIGHT, name="incidence_bias")]) == [sheet]
+
+
 def test_a_side_that_is_stated_is_kept() -> None:
     sheet = replace(datasheet(60), triangulation_angle_deg=None, camera_side="-y")
     tried = assumed_sheets(sheet, [SECOND_LIGHT])
