@@ -5,6 +5,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import logit
 
 from diagnosis.beside_unknown import doubted_causes, doubted_claims
 from diagnosis.claims.firmware import filtered_readings
@@ -163,8 +164,18 @@ def _refuted(explanation: Explanation, judged: "_Judged") -> bool:
         return True
     worse = judged.after.log_score - judged.bare.log_score
     readings = sum(int(p.scored.sum()) for p in judged.nominal.held)
-    lost = readings * worse
-    return lost > 0 and lost > gained(explanation.ws, explanation.model, Model())
+    for_laws = gained(explanation.ws, explanation.model, Model())
+    return outweighed(for_laws, readings * worse, explanation.causes)
+
+
+def outweighed(gain: float, lost: float, causes: Sequence[Cause]) -> bool:
+    """Whether nats lost on held-out readings outweigh those gained on fitted ones.
+
+    Or the odds of the least sure of the causes: a law that moves the part as a placement does
+    hardly gains anything beside placements that are free, and was found by what is left.
+    """
+    odds = min(float(logit(1 - c.none_of_these)) for c in causes)
+    return lost > max(gain, odds, 0.0)
 
 
 def gained(ws: Workspace, model: Model, less: Model) -> float:

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.diagnose import gained
+from diagnosis.diagnose import gained, outweighed
 from diagnosis.diagnosis import Diagnosis
+from diagnosis.evidence.reported_causes import Cause
 from diagnosis.explanation import fitted_part
 from diagnosis.model.model import Model
 from diagnosis.prepare import Inputs, prepared
@@ -114,3 +115,16 @@ def test_what_laws_gain_is_how_much_more_probable_they_make_the_fitted_readings(
     # quadratic about the truth: half of it gains three quarters
     assert nats(15.0) == pytest.approx(0.75 * nats(30.0), rel=0.1)
 
+
+def test_what_held_out_readings_say_against_laws_is_weighed_with_what_speaks_for_them() -> None:
+    sure = Cause(
+        name="incidence_bias", channel="mean", probability=0.95, alternatives=(),
+        none_of_these=0.05, nats=6.0,
+    )  # fmt: skip
+    unsure = replace(sure, probability=0.6, none_of_these=0.4)
+    assert outweighed(20.0, 21.0, [sure])
+    assert not outweighed(20.0, 19.0, [sure])
+    assert not outweighed(0.0, 2.9, [sure])  # nats; odds of 19 are 2.94
+    assert outweighed(0.0, 3.0, [sure])
+    assert outweighed(0.0, 1.0, [sure, unsure])
+    assert not outweighed(-5.0, -1.0, [unsure])
