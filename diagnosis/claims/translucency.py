@@ -76,7 +76,9 @@ def averaged_grain(
     low, high = (volume.effect.parameter("grain").low, volume.effect.parameter("grain").high)
     if not low <= grain <= high:
         return tuple(found), list(beside)
-    shown = (volume.parameters["depth_um"].low or 0.0) > 0
+    depth = volume.parameters.get("depth_um")
+    # without a law it was named by what the mean follows
+    shown = depth is None or (depth.low or 0.0) > 0
     sure = max(volume.probability, level.probability)
     both = replace(
         volume, none_of_these=1 - sure,
