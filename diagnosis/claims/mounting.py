@@ -102,13 +102,17 @@ class Mounting:
 
     @property
     def error(self) -> Field:
-        """Most probable error (6,); what may as well be none is zero, and the rest fitted so."""
+        """Most probable error (6,); what may as well be none is zero, and the rest fitted so.
+
+        Where each number by itself may as well be none, the surest isn't.
+        """
         mean = self.weights @ self.means
         off = self.means - mean
         covariance = np.einsum("s,sij->ij", self.weights, self.covariances)
         weight = np.linalg.pinv(covariance + np.einsum("s,si,sj->ij", self.weights, off, off))
         sides = np.array([[self.below(k, 0.0), self.below(k, 0.0, up=True)] for k in range(6)])
-        kept = np.flatnonzero(sides.min(axis=1) < (1 - LEVEL) / 2)
+        unsure = sides.min(axis=1)
+        kept = np.flatnonzero(unsure <= max(float(unsure.min()), (1 - LEVEL) / 2))
         out = np.zeros(6)
         out[kept] = np.linalg.solve(weight[np.ix_(kept, kept)], (weight @ mean)[kept])
         return out
@@ -236,7 +240,7 @@ def mounted(
     )  # fmt: skip
     mounting = mounting_error(seen, good)
     sure, error = SETTINGS.probability(mounting.nats, "pose_error"), mounting.error
-    if sure <= SETTINGS.reported or not error.any():
+    if sure <= SETTINGS.reported:
         return []
     apart = Workspace.build(held, ws.noise)
     moved = apart.placements(model, [p.counted & ~p.edge for p in held])

@@ -171,3 +171,13 @@ def test_what_baselines_have_is_no_change_of_the_mounting() -> None:
     changed = mounting_error([Misplaced.of(p, placed(p, more, KNOWN)) for p in poses], good)
     assert changed.nats > np.log(20)
     assert changed.error[3] == pytest.approx(0.2, abs=0.02)
+
+
+def test_of_numbers_none_of_which_is_sure_by_itself_the_surest_is_given() -> None:
+    """Together they may be: a mounting that is off has some number that isn't zero."""
+    means = np.array([[0.0, 0.02, -0.08, 0.01, 0.0, 0.0]])
+    found = Mounting(
+        nats=4.0, weights=np.ones(1), means=means, covariances=np.diag(np.full(6, 0.05**2))[None]
+    )
+    assert all(low < 0 < high for low, high in map(found.interval, range(6)))
+    assert found.error == pytest.approx([0, 0, -0.08, 0, 0, 0])
