@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import logit
 
 from diagnosis.beside_unknown import doubted_causes, doubted_claims
-from diagnosis.claims.firmware import filtered_readings
+from diagnosis.claims.firmware import filtered_readings, otherwise_explained
 from diagnosis.claims.mounting import blurs, mounted
 from diagnosis.claims.repeats_and_steps import delivered
 from diagnosis.claims.stuck_bit import stuck_bit
@@ -69,7 +69,7 @@ def diagnose(
     )  # fmt: skip
     for coarse in (f.effect for f in by_form if isinstance(f.effect, AxisQuantisation)):
         ready = ready.in_steps(1e-3 * coarse.step_um)
-    ready, filters = filtered_readings(ready, known, withheld, notes)
+    ready, filters = filtered_readings(ready, known, withheld)
     by_form += filters
     stuck = stuck_bit(ready.patches, ready.noise)
     if stuck is not None:
@@ -78,6 +78,7 @@ def diagnose(
     ready, explanation = explained_again(
         ready, known, withheld, notes, progress, by_all=not inputs.holdout
     )
+    ready, by_form = otherwise_explained(ready, explanation.causes, by_form, notes)
     if stuck is not None:
         explanation = replace(explanation, unexplained=(stuck, *explanation.unexplained))
     explanation = doubted_causes(explanation, ready, notes)

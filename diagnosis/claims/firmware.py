@@ -6,7 +6,7 @@ then expected like a listed one. Light that spreads in a translucent part smooth
 over no window: plates are of another material, baselines of the same.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,7 @@ from diagnosis.claims.translucency import SPRAY
 from diagnosis.data.patch import all_fitted
 from diagnosis.discrepancy.good_instrument import of_any_kind
 from diagnosis.discrepancy.population import Population
+from diagnosis.evidence.reported_causes import Cause
 from diagnosis.fields import Field
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
@@ -63,7 +64,7 @@ class NoiseSpectra:
 
 
 def filtered_readings(
-    ready: "Prepared", known: Population, withheld: Collection[str], notes: list[str]
+    ready: "Prepared", known: Population, withheld: Collection[str]
 ) -> tuple["Prepared", list[FoundEffect]]:
     """Name a filter that the sensor's file doesn't list, and expect it in the recordings.
 
@@ -99,7 +100,6 @@ def filtered_readings(
         ("median_points", "median_profiles", "mean_points", "mean_profiles")
     })  # fmt: skip
     held = sum(int((p.scored & p.observed).sum()) for p in ready.patches)
-    notes.append(f"{OnboardFilter.name}: {BEHIND}")
     gain = float(by_all.factors.max() - before) / max(held, 1)
     doubt = UNKNOWN if unknown > SETTINGS.reported else ""
     named = plainly_found(effect, gain, windows, probability=of_filter, doubt=doubt)
@@ -110,6 +110,25 @@ def filtered_readings(
             none_of_these=1 - probability,
         )  # fmt: skip
     return ready.filtered_by(found), [named]
+
+
+def otherwise_explained(
+    ready: "Prepared", causes: Sequence[Cause], by_form: Sequence[FoundEffect], notes: list[str]
+) -> tuple["Prepared", list[FoundEffect]]:
+    """Take a filter of unknown form back whose alternative was found by the mean as well.
+
+    Parameters
+    ----------
+    by_form : what was named before any cause was weighed
+    """
+    if ready.filtered is None:
+        return ready, list(by_form)
+    names = {c.name for c in causes}
+    lost = [f for f in by_form if names & {rival for rival, *_ in f.alternatives}]
+    if lost and ready.filtered.unknown > SETTINGS.reported:
+        return replace(ready, filtered=None), [f for f in by_form if f not in lost]
+    notes.append(f"{OnboardFilter.name}: {BEHIND}")
+    return ready, list(by_form)
 
 
 UNKNOWN = (

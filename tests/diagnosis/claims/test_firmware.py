@@ -7,10 +7,11 @@ import pytest
 from scipy.signal import lfilter
 
 from diagnosis.claims.drawn_filters import filters_on
-from diagnosis.claims.firmware import filtered_readings, noise_spectra
+from diagnosis.claims.firmware import filtered_readings, noise_spectra, otherwise_explained
 from diagnosis.claims.noise_of_recordings import off_edges
 from diagnosis.data.patch import all_fitted
 from diagnosis.discrepancy.population import population
+from diagnosis.evidence.reported_causes import Cause
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
 from diagnosis.prepare import Inputs, Prepared, prepared
@@ -176,7 +177,7 @@ def test_a_translucent_part_smooths_noise_as_no_plate_does(plates: bool) -> None
     before = [replace(r, name=f"good {r.name}") for r in plate_of(NONE)]
     given = {"references": before} if plates else {"baselines": before}
     ready, (found,) = filtered_readings(
-        ready_of(recordings, part("plate"), **given), population(), (), []
+        ready_of(recordings, part("plate"), **given), population(), ()
     )
     assert found.name == OnboardFilter.name
     assert found.doubt
@@ -185,3 +186,14 @@ def test_a_translucent_part_smooths_noise_as_no_plate_does(plates: bool) -> None
     assert found.none_of_these < 0.05
     assert ready.filtered is not None
     assert ready.filtered.probability == found.probability
+    # where the mean shows the material as well, that is what smooths the noise
+    sunk = Cause(
+        name=VolumeScattering.name, channel="mean", probability=0.9, alternatives=(),
+        none_of_these=0.1, nats=9.0,
+    )  # fmt: skip
+    for causes, kept in (((), True), ((sunk,), not plates)):
+        notes: list[str] = []
+        again, by_form = otherwise_explained(ready, causes, [found], notes)
+        assert (again.filtered is not None) is kept
+        assert by_form == [found] * kept
+        assert len(notes) == kept
