@@ -172,8 +172,9 @@ def _refuted(explanation: Explanation, judged: "_Judged") -> bool:
 def outweighed(gain: float, lost: float, causes: Sequence[Cause]) -> bool:
     """Whether nats lost on held-out readings outweigh those gained on fitted ones.
 
-    Or the odds of the least sure of the causes: a law that moves the part as a placement does
-    hardly gains anything beside placements that are free, and was found by what is left.
+    They have to outweigh the odds of the least sure cause as well. A law that moves the part as a
+    placement does gains next to nothing, since placements are free: its cause was found by the
+    rest of its curve.
     """
     odds = min(float(logit(1 - c.none_of_these)) for c in causes)
     return lost > max(gain, odds, 0.0)

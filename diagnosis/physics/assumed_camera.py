@@ -39,13 +39,18 @@ def with_side(
     listed = [key for e in sheet.effects for key in needs_of(CATALOGUE[e["name"]], sheet)]
     if len(possible_sheets(sheet, listed)) < 2:
         return sheet
-    noise, _ = calibrated_noise(patches, (), [])
-    ws = Workspace.build([p for p in (*patches, *baseline) if p.fit.any()], noise)
-    sides = from_either_side(ws.thin(SETTINGS.physics.tried_readings))
+    sides = from_either_side(trial_readings(patches, baseline))
     nats = [one.most_probable(Model()) for one in sides]
     if np.ptp(nats) < SETTINGS.stands_out:
         return sheet
     return sides[int(np.argmax(nats))].patches[0].view.datasheet
+
+
+def trial_readings(patches: Sequence[Patch], baseline: Sequence[Patch]) -> Workspace:
+    """Return the readings on which values are tried that the sensor's file leaves out."""
+    noise, _ = calibrated_noise(patches, (), [])
+    ws = Workspace.build([p for p in (*patches, *baseline) if p.fit.any()], noise)
+    return ws.thin(SETTINGS.physics.tried_readings)
 
 
 def _as_listed(sheet: Datasheet) -> Datasheet:

@@ -10,8 +10,7 @@ from typing import Any
 
 from diagnosis.data.patch import Patch
 from diagnosis.model.model import Model
-from diagnosis.model.workspace import Workspace
-from diagnosis.noise.calibration import calibrated_noise
+from diagnosis.physics.assumed_camera import trial_readings
 from diagnosis.settings import SETTINGS
 from sensors.datasheet import Datasheet, with_effects
 from sensors.effects import CATALOGUE
@@ -32,9 +31,7 @@ def with_threshold(
     tried = list(_untold(sheet))
     if not tried:
         return sheet
-    noise, _ = calibrated_noise(patches, (), [])
-    ws = Workspace.build([p for p in (*patches, *baseline) if p.fit.any()], noise)
-    ws = ws.thin(SETTINGS.physics.tried_readings)
+    ws = trial_readings(patches, baseline)
 
     def nats(listed: dict[str, Any] | None) -> float:
         # in place of the listed effect: what light reaches the camera is the same for all of them
