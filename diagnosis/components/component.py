@@ -155,7 +155,7 @@ def curve_columns(component: Component, view: View, ranges: Ranges) -> Sequence[
     if relaxed.periodic and not relaxed.each:
         row = np.nan_to_num(image_row(view.depth_mm, view.datasheet))
         return periodic_columns(component.pitch * row, SETTINGS.harmonics)
-    axes = _axes(relaxed, ranges)
+    axes = axes_of(relaxed, ranges)
     if not axes:
         return None
     values = [COVARIATES[a].values(view) for a in axes]
@@ -175,7 +175,7 @@ def count_of(component: Component, patch: "Patch", ranges: Ranges, noise: NoiseM
         return 2 * SETTINGS.harmonics
     if relaxed.spanned:
         return len(_spanned(CATALOGUE[component.effect], patch, noise) or ())
-    axes = _axes(relaxed, ranges)
+    axes = axes_of(relaxed, ranges)
     return (len(products(len(axes), even=relaxed.even)) + bool(relaxed.times)) if axes else 0
 
 
@@ -184,7 +184,7 @@ def plain_columns(component: Component, patch: "Patch", ranges: Ranges) -> Seque
     relaxed, view = component.relaxed, patch.view
     if not relaxed.along:
         return [np.ones(view.shape)]
-    axes = _axes(relaxed, ranges)
+    axes = axes_of(relaxed, ranges)
     if not axes:
         return None
     values = [np.broadcast_to(COVARIATES[a].values(view), view.shape) for a in axes]
@@ -194,7 +194,7 @@ def plain_columns(component: Component, patch: "Patch", ranges: Ranges) -> Seque
 def cell_of(component: Component, patch: "Patch", ranges: Ranges) -> NDArray[np.int64]:
     """Cell of each reading (n, m) in a grid over the component's covariates."""
     out = np.zeros(patch.shape, dtype=np.int64)
-    for axis in _axes(component.relaxed, ranges):
+    for axis in axes_of(component.relaxed, ranges):
         low, high = ranges[axis]
         value = np.broadcast_to(COVARIATES[axis].values(patch.view), patch.shape)
         u = (np.nan_to_num(value, nan=0.5 * (low + high)) - low) / (high - low)
@@ -219,7 +219,8 @@ def missing_columns(component: Component, patch: "Patch") -> Sequence[Floats]:
     return out
 
 
-def _axes(relaxed: Relaxed, ranges: Ranges) -> list[str]:
+def axes_of(relaxed: Relaxed, ranges: Ranges) -> list[str]:
+    """Covariates that a form's smooth function is of: of a part's three, its two longest sides."""
     axes = [a for a in relaxed.along if a in ranges]
     if len(axes) < len(relaxed.along):
         return []

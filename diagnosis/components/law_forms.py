@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.components.component import Component, curve_columns
-from diagnosis.components.smooth import Ranges
+from diagnosis.components.component import Component, axes_of, curve_columns
+from diagnosis.components.smooth import Ranges, products
 from diagnosis.fields import Single
 from files.errors import RecipeError
 from sensors.effects import CATALOGUE
@@ -37,13 +37,17 @@ def law_forms(
     """Combine a component's columns (k,) to its law's fields, (k, f) for each point of its grid.
 
     Least squares over readings off edges, beyond where each recording lay. None for a law that is
-    no curve of covariates, or is in nothing linear, and for one that is as free as its component.
+    no curve of covariates, or is in nothing linear, and for one that is as free as its component. A
+    series is no formula: of what a part does, a bend of one curvature about one of its sides is.
     """
     relaxed = component.relaxed
     if not component.effect or not relaxed.along or relaxed.periodic or not patches:
         return ()
-    points = CATALOGUE[component.effect].example().grid(patches[0].view)
-    products: dict[int, Floats] = {}
+    kind = CATALOGUE[component.effect]
+    if any(p.linear and p.kind == "list" for p in kind.parameters()):
+        return _bends(component, patches[0], ranges)
+    points = kind.example().grid(patches[0].view)
+    sums: dict[int, Floats] = {}
     count = size = 0
     for patch in patches:
         pick = np.flatnonzero(patch.observed & ~patch.edge)[::EVERY]
@@ -55,18 +59,32 @@ def law_forms(
         drawn = _picked(columns, patch.shape, pick)
         lies = _picked(list(np.moveaxis(patch.columns, -1, 0)), patch.shape, pick)
         x = np.concatenate([drawn, fields, lies], axis=1)
-        products[patch.recording] = products.get(patch.recording, 0.0) + x.T @ x
+        sums[patch.recording] = sums.get(patch.recording, 0.0) + x.T @ x
     if (size - count) // len(points) >= count:
         return ()
-    left = np.sum([_beyond(p, size) for p in products.values()], axis=0)
+    left = np.sum([_beyond(p, size) for p in sums.values()], axis=0)
     found = np.linalg.lstsq(left[:count, :count], left[:count, count:], rcond=ROUNDED)[0]
     return tuple(np.split(found, len(points), axis=1))
 
 
-def _beyond(products: Floats, size: int) -> Floats:
-    """Project out of products (size + p, size + p) what is in line with the last ones."""
-    across, last = products[:size, size:], products[size:, size:]
-    return np.asarray(products[:size, :size] - across @ np.linalg.pinv(last) @ across.T)
+def _bends(component: Component, patch: "Patch", ranges: Ranges) -> tuple[Floats, ...]:
+    """Pick the column (k, 1) of each axis that is a parabola of it alone."""
+    columns = curve_columns(component, patch.view, ranges)
+    if columns is None:
+        return ()
+    sides = axes_of(component.relaxed, ranges)
+    alone = np.array(products(len(sides), even=component.relaxed.even))
+    first = len(columns) - len(alone)
+    return tuple(
+        np.eye(len(columns))[:, first + np.flatnonzero((alone == bend).all(axis=1))]
+        for bend in 2 * np.eye(len(sides), dtype=np.int64)
+    )
+
+
+def _beyond(sums: Floats, size: int) -> Floats:
+    """Project out of X'X (size + p, size + p) what is in line with the last columns."""
+    across, last = sums[:size, size:], sums[size:, size:]
+    return np.asarray(sums[:size, :size] - across @ np.linalg.pinv(last) @ across.T)
 
 
 def _fields(points: Sequence[Effect], view: View, pick: NDArray[np.int64]) -> Floats | None:

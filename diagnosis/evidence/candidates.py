@@ -19,7 +19,6 @@ from diagnosis.evidence.gram import Block, Gram
 from diagnosis.evidence.posterior import Cavity, Term, Weights
 from diagnosis.settings import SETTINGS
 from sensors.effects.base import Effect
-from sensors.view.covariates import COVARIATES
 
 Floats = NDArray[np.float64]
 
@@ -163,8 +162,7 @@ def _slower(
 ) -> tuple[Floats, ...]:
     """Combine a component's columns to slower curves, where it has such.
 
-    Most laws are nearly straight or nearly a parabola; a column's neighbours mostly go with it; a
-    part mostly bends about one of its sides, both ends alike.
+    Most laws are nearly straight or nearly a parabola; a column's neighbours mostly go with it.
     """
     relaxed = component.relaxed
     inner = gram.matrix[np.ix_(at, at)]
@@ -179,13 +177,7 @@ def _slower(
         orders = np.zeros((size, sides), dtype=np.int64)
         orders[size - len(picked) :] = picked
         falling = (1.0 + orders.sum(axis=1)) ** -SETTINGS.further_decay
-        kept = [np.ones(size, dtype=bool)]
-        if COVARIATES[relaxed.along[0]].frame == "part" and sides > 1:
-            kept += [
-                (orders[:, k] == orders.sum(axis=1)) & (orders[:, k] % 2 == 0)
-                for k in range(sides)
-            ]
-        shapes = [np.diag(np.tile(np.where(k, falling, 0.0), len(blocks))) for k in kept]
+        shapes = [np.diag(np.tile(falling, len(blocks)))]
     else:
         return ()
     return tuple(_scaled(s, inner, gram.readings) for s in shapes)

@@ -8,6 +8,7 @@ import pytest
 from diagnosis.components.component import Component, components_of, curve_columns
 from diagnosis.components.covariate_ranges import ranges_of
 from diagnosis.components.law_forms import law_forms
+from diagnosis.components.smooth import products
 from diagnosis.evidence.seen import COVARIATES
 from diagnosis.model.workspace import Workspace
 from sensors.effects import CATALOGUE
@@ -58,3 +59,19 @@ def test_each_point_of_a_law_s_grid_is_a_form(domes: Workspace) -> None:
 @pytest.mark.parametrize("name", ["finite_spot", "column_offset", "map of the scan"])
 def test_a_law_that_is_no_curve_has_none(name: str, domes: Workspace) -> None:
     assert forms(MEAN[name], domes) == ()
+
+
+def test_a_part_bends_about_one_of_its_sides(domes: Workspace) -> None:
+    """Of a series any few waves are as good; a bend of one curvature is a formula."""
+    form = MEAN["form_error"]
+    sides = forms(form, domes)
+    ranges = ranges_of(domes.patches, COVARIATES)
+    columns = curve_columns(form, domes.patches[0].view, ranges)
+    assert columns is not None
+    orders = products(2)
+    first = len(columns) - len(orders)  # the constant that goes with what is raised
+    assert len(sides) == 2
+    for axis, side in enumerate(sides):
+        (row,) = np.flatnonzero(side.any(axis=1))
+        assert side.shape == (len(columns), 1)
+        assert orders[row - first] == ((2, 0), (0, 2))[axis]

@@ -166,20 +166,6 @@ def test_forms_that_show_nothing_are_paid_for() -> None:
     assert each[2, 0] == pytest.approx((200.0**2 * 0.5**2 / more - np.log(more)) / 2)
 
 
-def test_a_part_may_bend_about_one_of_its_sides_alone() -> None:
-    form = MEAN["form_error"]
-    orders = products(2)
-    warp = of(form, POINTS * np.eye(len(orders)))["form_error"]
-    assert warp.shapes[0] is None
-    assert len(warp.shapes) == 4
-    for axis, shape in enumerate(warp.shapes[2:]):
-        drawn = {orders[k] for k in np.flatnonzero(dense(shape).any(axis=1))}
-        assert drawn == {o for o in orders if o[1 - axis] == 0 and o[axis] % 2 == 0}
-    # the sensor's frame knows no such sides
-    plain = of(MEAN["lens_distortion"], POINTS * np.eye(len(orders)))["lens_distortion"]
-    assert len(plain.shapes) == 2
-
-
 SCALE = MEAN["range_scale"]
 SIZE = len(products(1))
 STRAIGHT = np.eye(SIZE)[:, :1]
