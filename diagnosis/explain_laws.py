@@ -149,14 +149,17 @@ def by_law_at_edges(
     """Explain what stands out at edges by one law, and look again; None where nothing does.
 
     Of the laws that good instruments have less of, the one that explains most; of those whose size
-    can't tell, it as well. What one leaves resembles the others: no second one is asked for that
-    columns at points of the grids don't show.
+    can't tell, it as well. One that columns show off edges was weighed where good instruments
+    have little of it. What one leaves resembles the others: no second one is asked for that columns
+    at points of the grids don't show.
 
     Parameters
     ----------
     cause : as such columns show it; None where they show none
     """
-    laws, unusual, usual = at_edges.laws, at_edges.unusual, at_edges.usual
+    laws, unusual, usual = at_edges.laws, at_edges.unusual, {*at_edges.usual}
+    if cause is not None and cause.off_edges:
+        usual -= {cause.name}
     itself = {c.name: c.probability for c in unusual}
     everything = state.refuted | {law.effect for law in laws}
     if cause is None or cause.name in usual:
@@ -165,15 +168,18 @@ def by_law_at_edges(
         cause = unusual[0]
     state = _completed(state, cause, good.noise, notes)
     ws = fitted_part(state.patches, good.noise)
+    asked = cause
     cause, gain, known = among_laws(
-        cause, [law for law in laws if law.effect not in usual], ws, state.model,
+        asked, [law for law in laws if law.effect not in usual], ws, state.model,
         known=state.fitted_here(),
     )  # fmt: skip
+    cause = replace(cause, off_edges=asked.off_edges and cause.name == asked.name)
     state = replace(state, tried=Tried(beside=state.model, patches=state.patches, laws=known))
     if state.gained > 0 and gain <= SETTINGS.doubt_of_laws * state.gained:
         # no more than what a law at edges leaves where its formula is another
         return replace(state, refuted=everything | {cause.name})
-    cause = cause.at_most(itself.get(cause.name, 1.0))
+    if not cause.off_edges:
+        cause = cause.at_most(itself.get(cause.name, 1.0))
     model, (fitted,) = fit_laws([cause], ws, state.model, known=known)
     if fitted.doubt or cause.name not in model.names():
         # what was weighed is the law itself at points of its grid: fitted, it does next to nothing,

@@ -62,7 +62,8 @@ def _by_laws(explanation: Explanation, ready: Prepared) -> list[Cause]:
     causes: list[Cause] = []
     for cause in explanation.causes:
         law, effect = cause.component, effects.get(cause.name)
-        if effect is None or law is None or not (cause.channel == "mean" and law.relaxed.spanned):
+        at_edges = law is not None and law.relaxed.spanned and not cause.off_edges
+        if effect is None or law is None or cause.channel != "mean" or not at_edges:
             causes.append(cause)
             continue
         nats = nats_of_law(
@@ -114,15 +115,15 @@ def _all_seen(first: Seen, ready: Prepared) -> Seen:
 
 
 def _places(cause: Cause, members: Sequence[Member]) -> list[Member]:
-    """Return the member in whose place a cause and its alternatives were weighed, if free curves.
+    """Return the member in whose place a cause and its alternatives were weighed, if off edges.
 
-    Laws of light at edges are compared as they are fitted.
+    At edges laws of light are compared as they are fitted.
     """
     names = {cause.name, *(n for n, _ in cause.alternatives)}
     if cause.channel != "mean":
         return []
     found = [m for m in members if m.candidate.effect in names]
-    return [m for m in found[:1] if not m.candidate.component.relaxed.spanned]
+    return [m for m in found[:1] if not m.candidate.at_edges]
 
 
 def _shared_anew(

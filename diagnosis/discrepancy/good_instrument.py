@@ -47,9 +47,9 @@ def mean_factors(
     departures : probability of the sizes of what baselines and recordings share
     """
     sizes = SETTINGS.mean_sizes()
-    quiet = np.full(len(one.bulk.right), sizes[0])
-    if departures is not None:
-        quiet = Scales(sizes=sizes, weights=departures).deviations(one.candidates, len(quiet))
+    known = [] if departures is None else one.candidates
+    scales = Scales(sizes=sizes, weights=departures or {})
+    quiet = scales.deviations(known, len(one.bulk.right))
     worlds = worlds_of(one, before)
     grown: dict[bytes, tuple[Term, float]] = {}
 

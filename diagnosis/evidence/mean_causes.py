@@ -45,12 +45,17 @@ class Scales:
         flat[: SETTINGS.small_sizes] = 1.0 / SETTINGS.small_sizes
         return flat
 
-    def deviations(self, candidates: Sequence[Candidate], count: int) -> Floats:
-        """Return what most good instruments stay below of each column's coefficient, (count,)."""
-        out = np.full(count, self.sizes[0])
+    def deviations(self, candidates: Sequence[Candidate], count: int) -> dict[bool, Floats]:
+        """Return what most good instruments stay below of each column's coefficient, (count,).
+
+        Off edges (False), and given all readings (True): laws of light depart less where the
+        surface runs on.
+        """
+        out = {edges: np.full(count, self.sizes[0]) for edges in (False, True)}
         for c in candidates:
             if c.shapes[0] is None:
-                out[c.at] = np.maximum(out[c.at], self.typical(c.key))
+                for edges in [c.at_edges] if c.component.relaxed.spanned else [False, True]:
+                    out[edges][c.at] = np.maximum(out[edges][c.at], self.typical(c.key))
         return out
 
     def changed(self, name: str) -> Floats:
@@ -172,7 +177,7 @@ class CauseSearch:
         self.candidates, self.scales = list(candidates), scales
         columns = len(worlds[False].found.right)
         self._quiet = departures.deviations(candidates, columns)
-        self._spanned = np.zeros(len(self._quiet), dtype=bool)
+        self._spanned = np.zeros(columns, dtype=bool)
         for c in candidates:
             self._spanned[c.at] |= c.component.relaxed.spanned
 
@@ -194,7 +199,7 @@ class CauseSearch:
             self._spanned, SETTINGS.doubt_at_edges * np.sqrt(at_edges),
             SETTINGS.doubt * np.sqrt(signal),
         )  # fmt: skip
-        quiet = np.hypot(self._quiet, doubt)
+        quiet = {edges: np.hypot(size, doubt) for edges, size in self._quiet.items()}
         return Posteriors(self._worlds, quiet, terms)
 
     def weigh(

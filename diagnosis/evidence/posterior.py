@@ -200,7 +200,7 @@ class Posteriors(Mapping[bool, Posterior]):
     def __init__(
         self,
         worlds: Mapping[bool, World],
-        discrepancy: Floats,
+        discrepancy: Mapping[bool, Floats],
         active: Sequence[tuple[Term, float]] = (),
     ) -> None:
         self._worlds, self._discrepancy, self._active = worlds, discrepancy, active
@@ -211,7 +211,7 @@ class Posteriors(Mapping[bool, Posterior]):
         if edges not in self._made:
             world = self._worlds[edges]
             self._made[edges] = Posterior(
-                world.found, self._discrepancy, self._active, world.baseline
+                world.found, self._discrepancy[edges], self._active, world.baseline
             )
         return self._made[edges]
 

@@ -29,6 +29,7 @@ class Cause:
     component : by which it was found
     unsure : relative standard deviation of the law's strength, by what good instruments have
     on_all : whether readings held out have weighed its component as well
+    off_edges : whether readings off edges show it, where good instruments have little of any law
     doubt : what speaks against the law, not against the cause; "" for nothing
     """
 
@@ -44,6 +45,7 @@ class Cause:
     component: Component | None = None
     unsure: float = 0.0
     on_all: bool = False
+    off_edges: bool = False
     doubt: str = ""
 
     @property
@@ -210,6 +212,7 @@ def reported(assessment: Assessment) -> tuple[list[Cause], list[Unexplained]]:
                 nats=member.nats, gain=member.gain, size=member.size,
                 repeats=member.repeats if best == component.effect else 0.0,
                 component=component if best == component.effect else None,
+                off_edges=best == component.effect and not member.at_edges,
             )  # fmt: skip
             if best not in causes or causes[best].nats < cause.nats:
                 causes[best] = cause
@@ -230,11 +233,14 @@ def _members(
     for m in assessment.mean:
         label = m.candidate.labels[m.variant]
         plain = _Plain(
-            name=m.candidate.name, nats=m.nats, gain=m.gain, size=m.size, repeats=label
-        )
+            name=m.candidate.name, nats=m.nats, gain=m.gain, size=m.size, repeats=label,
+            at_edges=m.candidate.at_edges,
+        )  # fmt: skip
         yield "mean", plain, m.shares, m.candidate.component
     for r in assessment.rates:
-        plain = _Plain(name=r.candidate.name, nats=r.nats, gain=0.0, size=r.size, repeats=0.0)
+        plain = _Plain(
+            name=r.candidate.name, nats=r.nats, gain=0.0, size=r.size, repeats=0.0, at_edges=True
+        )  # fmt: skip
         yield r.channel, plain, r.shares, r.candidate.component
 
 
@@ -245,6 +251,7 @@ class _Plain:
     gain: float
     size: float
     repeats: float
+    at_edges: bool
 
 
 def not_yet_named(causes: Sequence[Cause], known: Sequence[str]) -> list[Cause]:
