@@ -256,6 +256,12 @@ class DataSettings:
         "deviations of the speckle beyond which a change of brightness is the surface's",
         default=6.0, unit="σ", low=0.0, source=CHOSEN,
     )  # fmt: skip
+    border_sd: float = quantity(
+        "deviations of the speckle from both levels beyond which a line lies on a border of an "
+        "albedo pattern",
+        default=3.0, unit="σ", low=0.0,
+        source="as likely on it as off it where a line is a twentieth of the pitch wide",
+    )  # fmt: skip
     direction_readings: int = quantity(
         "readings below which the brightness of surfaces of one direction isn't known",
         default=50, unit="", low=1, whole=True, source=CHOSEN,

@@ -46,6 +46,7 @@ def fit_effect(
     masks: Sequence[Mask] | None = None,
     start: Effect | None = None,
     polish: bool = True,
+    at_edges: bool = False,
 ) -> Fitted | None:
     """Fit an effect on top of a model; None where it can't act on these recordings.
 
@@ -54,7 +55,10 @@ def fit_effect(
     masks : readings to fit on, those that suit the effect where left out
     start : the effect at which to begin, instead of its grid
     polish : search the nonlinear parameters beyond the grid
+    at_edges : as a law of light and edges: of a part's form, its corners and not its waves
     """
+    if kind is FormError and at_edges:
+        return _fit_fillets(ws, model, polish)
     masks = list(masks) if masks is not None else ws.masks_for(start or kind)
     try:
         points = (start,) if start is not None else _grid(kind, ws, states)

@@ -75,8 +75,9 @@ def fit_law(
             for name, v in value.items()
             for p in [base.parameter(name)]
         ] or starts
+    at_edges = cause.component is not None and cause.component.relaxed.spanned
     found = [
-        fit_effect(kind, ws, model, states, start=start, polish=polish)
+        fit_effect(kind, ws, model, states, start=start, polish=polish, at_edges=at_edges)
         for start in starts
     ]
     return max((f for f in found if f is not None), key=lambda f: f.gain, default=None)

@@ -87,7 +87,9 @@ class _Tried:
 
         None where it can't act, or gains nothing.
         """
-        fitted = fit_effect(CATALOGUE[law.effect], self.ws, self.model, self._states, polish=False)
+        fitted = fit_effect(
+            CATALOGUE[law.effect], self.ws, self.model, self._states, polish=False, at_edges=True
+        )
         if fitted is None or fitted.effect.is_null:
             return None, 0.0
         gain = self.gain(fitted.effect, fitted.own) - fitted.free

@@ -4,7 +4,7 @@ from typing import Any
 
 from sensors.effects.parameter import parameter
 
-GRID_UM = 15.0, 30.0, 60.0, 120.0
+GRID_UM = 5.0, 15.0, 30.0, 60.0, 120.0
 """Widths that a search starts from, µm."""
 
 

@@ -12,6 +12,7 @@ from sensors.effects.relaxed import Relaxed
 from sensors.law import Law
 from sensors.line.beam import Beam
 from sensors.line.line_operator import centroid_bias_mm, line_sd_mm
+from sensors.line.recorded_brightness import recorded_bias_mm
 from sensors.view.view import View
 
 
@@ -34,7 +35,8 @@ class ReflectanceEdge(Effect):
         "κ s² cot θ ∂y ln I in a gradient"
     )
     source: ClassVar = (
-        "Centre of gravity of a Gaussian line, sensors/line/line_operator.py; "
+        "Centre of gravity of a Gaussian line, sensors/line/line_operator.py and, of a recorded "
+        "brightness, sensors/line/recorded_brightness.py; "
         "Siegman, Lasers (1986), "
         "ch. 17 for the beam's width away from focus; Buzinski, Levine, Stevenson, Proc. SPIE "
         "1661 (1992) on reflectance edges in triangulation"
@@ -71,9 +73,16 @@ class ReflectanceEdge(Effect):
         return (self.with_parameters(along_um=1e3 * pitch_mm / math.sqrt(12.0)),)
 
     def changed(self, law: Law, view: View) -> Law:
-        """Add the centroid bias; zero where no brightness is known."""
+        """Add the centroid bias; zero where no brightness is known.
+
+        Where a border lies within the line, a pattern drawn in wider cells can't tell; what the
+        line reads of both levels does.
+        """
         if view.intensity is None and view.reflectance is None:
             return law
         sd = line_sd_mm(view, self.line_sd_um, self.rayleigh_mm)
+        drawn = view.reflectance
+        if view.intensity is not None and (drawn is None or np.max(sd) < drawn.cell_mm):
+            return law.biased(recorded_bias_mm(view, sd))
         along = 1e-3 * (self.along_um or view.sensor.beam.along_um)
         return law.biased(centroid_bias_mm(view, sd, along_mm=along))

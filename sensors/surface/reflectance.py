@@ -61,6 +61,11 @@ class ReflectanceMap:
     stripes: tuple[Stripes, ...] = ()
     patches: tuple[Patch, ...] = ()
 
+    @property
+    def cell_mm(self) -> float:
+        """Side of cells within which a border's place isn't known: none, it is described."""
+        return 0.0
+
     def at(self, part_mm: Floats) -> Floats:
         """Return the reflectance (...,) at points (..., 3), part frame, mm; NaN where they are.
 

@@ -170,6 +170,8 @@ def test_a_footprint_along_the_line_softens_a_border_that_runs_askew(view_of, an
     """A border at φ to the line pulls by s/√(s² + w² tan² φ) of what it does along it."""
 
     class Askew:
+        cell_mm = 0.0
+
         def at(self, part_mm):
             beyond = part_mm[..., 1] - math.tan(math.radians(angle_deg)) * part_mm[..., 0]
             return np.where(beyond > middle, 0.2, 1.0)
