@@ -9,7 +9,7 @@ from diagnosis.explanation import Explanation
 from diagnosis.model.model import Model
 from diagnosis.prepare import Prepared
 from diagnosis.refuted import without_names
-from diagnosis.weighed_on_all import _all_seen, weighed_on_all
+from diagnosis.weighed_on_all import _all_seen, _by_laws, weighed_on_all
 from sensors.effects.stage_vibration import StageVibration
 from sensors.effects.thermal_drift import ThermalDrift
 from tests.support.explained import explained
@@ -107,6 +107,9 @@ def test_a_law_at_edges_is_weighed_by_what_it_does_on_all_readings() -> None:
         explained(sharp), causes=found.causes, members=found.members, model=found.model
     )
     assert weighed_on_all(fooled, sharp, frozenset())[1] == ["finite_spot"]
+    # what readings off edges show is weighed by its columns there, not by what edges do
+    off_edges = replace(found.causes[0], off_edges=True)
+    assert _by_laws(replace(fooled, causes=(off_edges,)), sharp) == [off_edges]
 
 
 @pytest.mark.parametrize(("channel", "left"), [("mean", []), ("scale", ["thermal_drift"])])

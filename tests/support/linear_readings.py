@@ -1,6 +1,6 @@
 """Readings of a linear model with known components, as the evidence sees recordings."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,22 +40,24 @@ class LinearReadings:
         seed: int,
         noise_seed: int = 1,
         alike: bool = False,
+        effects: Sequence[str] = EFFECTS,
     ) -> "LinearReadings":
         """Draw readings in which components have sizes (whitened rms); others have none.
 
         Parameters
         ----------
         alike : whether the second component's columns are those of the first
+        effects : whose components the readings have
         """
         rng = np.random.default_rng(seed)
         known = {c.effect: c for c in reversed(components_of("mean"))}
-        components = tuple(known[e] for e in EFFECTS)
+        components = tuple(known[e] for e in effects)
         blocks = [rng.standard_normal((COUNT, WIDE)) for _ in components]
         if alike:
             blocks[1] = blocks[0] @ np.linalg.qr(rng.standard_normal((WIDE, WIDE)))[0]
         columns = np.hstack([b * np.sqrt(COUNT / np.square(b).sum()) for b in blocks])
         b = np.zeros(columns.shape[1])
-        for k, effect in enumerate(EFFECTS):
+        for k, effect in enumerate(effects):
             way = rng.standard_normal(WIDE)
             own = columns[:, WIDE * k : WIDE * (k + 1)]
             size = sizes.get(effect, 0.0)

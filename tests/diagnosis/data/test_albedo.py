@@ -1,5 +1,6 @@
 """Albedo patterns: sharp from blurred and speckled brightness, and only where there is one."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,9 @@ from diagnosis.data.albedo import find_albedo, with_brightness
 from diagnosis.register.placement import Placement
 from files.yaml_document import load_yaml
 from sensors.casting.scene import Scene
-from sensors.line.line_operator import centroid_bias_mm
+from sensors.effects.reflectance_edge import ReflectanceEdge
+from sensors.line.line_operator import centroid_bias_mm, gaussian_weights, sub_lines
+from sensors.line.recorded_brightness import recorded_bias_mm
 from sensors.model import SensorModel
 from sensors.recording import Recording
 from sensors.surface.reflectance import Picture, ReflectanceMap
@@ -36,6 +39,8 @@ def dark(part_mm: np.ndarray) -> np.ndarray:
 
 class Striped:
     """The stripes as a part's reflectance."""
+
+    cell_mm = 0.0
 
     def at(self, part_mm: np.ndarray) -> np.ndarray:
         """Return 0.3 on the dark stripes, else 1."""
@@ -141,3 +146,46 @@ def test_without_brightness_in_each_recording_the_part_stays_as_it_is() -> None:
     )
     assert scene is view.scene
     assert kept == [made]
+
+
+def test_a_line_narrower_than_the_pattern_s_cells_reads_the_border_by_its_brightness() -> None:
+    """Speckle is taken off both levels; between them the line lies on a border."""
+    sd, view = 0.03 * PITCH_MM, view_of("wedge")
+    part = view.scene.finished(Striped())
+    true = View(part, view.sensor, view.poses, view.time_s, laser=view.laser)
+    seen = np.zeros(view.shape)
+    offsets = sub_lines(sd)
+    weights = gaussian_weights(offsets, sd)
+    for offset, weight in zip(offsets, weights, strict=True):
+        seen += weight / sum(weights) * Striped().at(view.shifted(dy_mm=float(offset)).part_mm)
+    truth = centroid_bias_mm(true, sd)
+    made, rng = [], np.random.default_rng(5)
+    for name in "abc":
+        bright = 0.3 * seen * np.exp(0.08 * rng.standard_normal(view.shape))
+        made.append(Recording(
+            name=name, depth_mm=view.depth_mm, poses=view.poses, time_s=view.time_s,
+            intensity=np.where(np.isfinite(view.depth_mm), bright, np.nan),
+        ))  # fmt: skip
+    still = Placement(
+        shift=np.zeros(9), centre_mm=np.zeros(3), covariance=np.eye(9), poses=view.poses
+    )
+    scene, kept = with_brightness(
+        made, dict.fromkeys("abc", still), view.scene, view.datasheet,
+        dict.fromkeys("abc", view.laser),
+    )  # fmt: skip
+
+    def told(intensity: np.ndarray | None, bias: Callable[[View, float], np.ndarray]) -> float:
+        looked = View(
+            scene, view.sensor, view.poses, view.time_s, laser=view.laser, intensity=intensity
+        )
+        left = bias(looked, sd) - truth
+        return float(1 - np.square(left).sum() / np.square(truth).sum())
+
+    by_border = told(kept[0].intensity, recorded_bias_mm)
+    assert by_border > 0.6
+    assert by_border > told(None, centroid_bias_mm) + 0.4
+    assert by_border > told(made[0].intensity, recorded_bias_mm) + 0.4
+    law = ReflectanceEdge(line_sd_um=1e3 * sd)
+    looked = View(scene, view.sensor, view.poses, view.time_s, laser=view.laser,
+                  intensity=kept[0].intensity)  # fmt: skip
+    assert np.array_equal(law.signature(looked), recorded_bias_mm(looked, sd), equal_nan=True)

@@ -1,6 +1,7 @@
 """Sets of causes: what is there is found, what isn't is not, what can't be told is shared."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from diagnosis.evidence.mean_causes import (
 )
 from diagnosis.evidence.posterior import World
 from diagnosis.settings import SETTINGS
-from tests.support.linear_readings import LinearReadings
+from tests.support.linear_readings import WIDE, LinearReadings
 
 
 def found_in(readings: LinearReadings, baseline: LinearReadings | None = None) -> list[Member]:
@@ -86,6 +87,32 @@ def test_a_cause_is_found_beside_what_a_good_instrument_has_more_of() -> None:
     form = next(c for c in readings.candidates if c.effect == "form_error")
     assert [c.effect for c, _, _ in search.usual_beside([])] == ["line_bow"]
     assert search.usual_beside([(form, 0, 0.128)]) == []
+
+
+def test_off_edges_a_law_is_held_against_what_good_instruments_have_off_edges() -> None:
+    """Where the surface runs on they have little of it: there a tenth of it is seen."""
+    readings = LinearReadings.drawn({"finite_spot": 0.1}, seed=4, effects=("finite_spot",))
+    worlds = dict.fromkeys((False, True), World(found=readings.gram.equations))
+    (surface,) = readings.candidates
+    at_edges = replace(surface, name="finite_spot at edges", at_edges=True)
+    few, many = (1.0 * np.isclose(readings.sizes, size) for size in (0.002, 0.512))
+    scales = Scales(
+        sizes=readings.sizes, weights={surface.key: few, at_edges.key: many}
+    )
+    quiet = scales.deviations([surface, at_edges], WIDE)
+    assert (quiet[False][0], quiet[True][0]) == (0.002, 0.512)
+    (found,), _ = CauseSearch(worlds, [surface, at_edges], scales, scales).search()
+    assert found.candidate is surface
+    assert found.gain > 10
+
+
+def test_what_follows_a_covariate_is_the_same_at_edges() -> None:
+    readings = LinearReadings.drawn({}, seed=4)
+    usual = 1.0 * np.isclose(readings.sizes, 0.128)
+    scales = Scales(sizes=readings.sizes, weights={"line_bow": usual})
+    quiet = scales.deviations(readings.candidates, len(readings.gram.right))
+    assert np.array_equal(quiet[False], quiet[True])
+    assert quiet[True].max() == 0.128
 
 
 def test_what_no_size_explains_is_no_change() -> None:

@@ -8,6 +8,7 @@ import pytest
 from diagnosis.components.component import components_of
 from diagnosis.model.model import Model
 from diagnosis.model.workspace import Workspace
+from diagnosis.physics.effect_fit import fit_effect
 from diagnosis.physics.laws_at_edges import (
     LawAtEdges,
     key_of,
@@ -19,6 +20,7 @@ from diagnosis.physics.laws_at_edges import (
 )
 from diagnosis.settings import SETTINGS
 from sensors.effects.finite_spot import FiniteSpot
+from sensors.effects.form_error import FormError
 from sensors.effects.interreflection import Interreflection
 from sensors.effects.motion_blur import MotionBlur
 from tests.support.effect_case import bench_workspace, taken_with
@@ -70,6 +72,18 @@ def test_a_reflection_is_found_where_its_corner_is_an_edge() -> None:
     assert found.gain > 100
     assert found.fitted is not None
     assert found.fitted.effect.weight == pytest.approx(true.weight, rel=0.5)
+
+
+def test_at_edges_a_part_s_form_is_its_corners(sharp: Workspace) -> None:
+    """Waves of a part are no law of light at edges: they took the name from one."""
+    waves = FormError(coefficients_um=(0.0, 0.0, 40.0, 20.0, -40.0))
+    bent = taken_with(sharp, "steps", waves)
+    states = bent.states(bent.predict(Model()))
+    everywhere = fit_effect(FormError, bent, Model(), states, polish=False)
+    corners = fit_effect(FormError, bent, Model(), states, polish=False, at_edges=True)
+    assert isinstance(everywhere.effect, FormError)
+    assert everywhere.effect.bent_um() > 10
+    assert corners is None or corners.effect.coefficients_um == ()
 
 
 def test_it_is_named_where_good_instruments_have_less(blurred: Workspace) -> None:
