@@ -188,4 +188,5 @@ def test_a_line_narrower_than_the_pattern_s_cells_reads_the_border_by_its_bright
     law = ReflectanceEdge(line_sd_um=1e3 * sd)
     looked = View(scene, view.sensor, view.poses, view.time_s, laser=view.laser,
                   intensity=kept[0].intensity)  # fmt: skip
-    assert np.array_equal(law.signature(looked), recorded_bias_mm(looked, sd), equal_nan=True)
+    hit = np.isfinite(view.depth_mm)
+    assert np.allclose(law.signature(looked)[hit], recorded_bias_mm(looked, sd)[hit], atol=1e-9)
