@@ -88,6 +88,7 @@ def explain(
         if further is None:
             break
         before_law = _before_law(state, found, further)
+        members += _of_new(found, further.names, members)
         state = further
     state, of_rates, usual_rates = explain_rates(
         state, look.baseline_channels, scales, noise, withheld=withheld, notes=notes,
@@ -97,7 +98,8 @@ def explain(
         model=state.model, causes=state.causes, unexplained=(*unexplained, *of_rates),
         patches=tuple(state.patches), placed=state.placed, recorded=state.recorded,
         ws=fitted_part(state.patches, noise), first=look.now, before=look.before,
-        members=members, scales=scales, departures=departures,
+        members=tuple(m for m in members if m.candidate.effect not in state.refuted),
+        scales=scales, departures=departures,
         usual=(*usual, *(u for u in usual_laws if u.component not in state.names), *usual_rates),
     )  # fmt: skip
 
@@ -127,6 +129,14 @@ class _BeforeLaw:
         other = self.member.candidate.effect
         laws = {c.effect for c in self.state.now.components if c.relaxed.spanned}
         return replace(self.state, refuted=self.state.refuted | ({name, other} if other else laws))
+
+
+def _of_new(
+    found: Assessment, names: Sequence[str], known: Sequence[Member]
+) -> tuple[Member, ...]:
+    """Pick the members by which causes were found that none of those known stands for."""
+    missing = {*names} - {m.candidate.effect for m in known}
+    return tuple(m for m in found.mean if m.candidate.effect in missing)
 
 
 def _before_law(state: State, found: Assessment, further: State) -> _BeforeLaw | None:

@@ -203,7 +203,8 @@ def nats_of_law(
     """Log Bayes factor of a law as it is, against what a good instrument has of it.
 
     Readings that it wasn't fitted to may be among those that it is weighed on: what it loses there
-    makes its size smaller. None where no size could tell (`may_be_named`).
+    makes its size smaller. One that gains no more than its own numbers cost is none, whatever was
+    seen before other causes were found. None where no size could tell (`may_be_named`).
 
     Parameters
     ----------
@@ -211,12 +212,14 @@ def nats_of_law(
     before, explained : as for `laws_in_turn`
     usual : as for `unusual_at_edges`
     """
-    listed = laws_stated(ws.patches[0].view.sensor.effects)
-    if not may_be_named(law, usual, listed=listed):
+    now = _Tried(ws, model)
+    gain, key = now.gain(effect), key_of(law, listed=now.listed)
+    if gain <= len(effect.searched()):
+        return -math.inf
+    if not may_be_named(law, usual, listed=now.listed):
         return None
-    now, key = _Tried(ws, model), key_of(law, listed=listed)
     then, _ = (None, 0.0) if before is None else _Tried(before, NOMINAL).fit(law)
-    _, factors = now.size_of(now.gain(effect) - now.gain_of_usual(then), explained)
+    _, factors = now.size_of(gain - now.gain_of_usual(then), explained)
     return Scales(sizes=SETTINGS.mean_sizes(), weights=usual).nats(key, factors)
 
 
