@@ -35,8 +35,11 @@ def explained_shares(
     for member in members:
         if member.channel not in now:
             continue
-        key = member.candidate.key
-        found, left = (_beyond_level(c[member.channel], key) for c in (was, now))
+        key, first = member.candidate.key, was[member.channel]
+        # what is left lies in other clumps: it counts as it did before
+        clumped = now[member.channel].responses.clumped(first.responses.dispersion)
+        later = replace(now[member.channel], responses=clumped)
+        found, left = (_beyond_level(c, key) for c in (first, later))
         if found >= SETTINGS.stands_out:
             effect = member.candidate.component.effect
             shares[member.channel, effect] = 1.0 - left / found

@@ -62,6 +62,9 @@ class Responses(Likelihood, Protocol):
     def moved(self, change: Floats) -> "Responses":
         """Return the same readings where the predictor is changed already."""
 
+    def clumped(self, dispersion: float) -> "Responses":
+        """Return the same readings with another dispersion."""
+
     def beside(self, usual: "Responses") -> "Responses":
         """Expect of readings what those of baselines show, where no law says more."""
 
@@ -89,6 +92,10 @@ class Squares:
     def moved(self, change: Floats) -> "Squares":
         """Return the same readings where the predictor is changed already."""
         return replace(self, seen=self.seen * np.exp(-2 * change))
+
+    def clumped(self, dispersion: float) -> "Squares":
+        """Return the same readings with another dispersion."""
+        return replace(self, dispersion=dispersion)
 
     def beside(self, usual: Responses) -> "Squares":
         """Return them as they are: noise is free in its level."""
@@ -134,6 +141,10 @@ class Events:
     def moved(self, change: Floats) -> "Events":
         """Return the same readings where the predictor is changed already."""
         return replace(self, usual=np.square(np.maximum(self.root + change / 2, 0.0)))
+
+    def clumped(self, dispersion: float) -> "Events":
+        """Return the same readings with another dispersion."""
+        return replace(self, dispersion=dispersion)
 
     def beside(self, usual: Responses) -> "Events":
         """Expect no more events than baselines have, where no law says more."""

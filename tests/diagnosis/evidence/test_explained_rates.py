@@ -1,5 +1,6 @@
 """A law explains what its component gains, or little of it."""
 
+from dataclasses import replace
 from typing import Literal
 
 import pytest
@@ -27,6 +28,18 @@ def test_the_share_is_what_of_the_gain_is_not_left(kind: Kind, left: float, shar
     (member,) = RateSearch(before, Scales(sizes=SETTINGS.rate_sizes(), weights={})).search()[0]
     shares = explained_shares([member], [before], [after])
     assert shares == {(before.name, EFFECTS[kind]): pytest.approx(share, abs=0.15)}
+
+
+def test_what_a_law_leaves_of_clumps_counts_as_they_did() -> None:
+    """Most of a shadow's losses are clumps; the few beside it are not, and each told more."""
+    before, after = (
+        channel_with(change, "rate", EFFECTS["rate"], LINEAR[:, None], seed=1)
+        for change in (0.3, 0.15)
+    )
+    clumps = replace(before, responses=before.responses.clumped(8.0))
+    (member,) = RateSearch(clumps, Scales(sizes=SETTINGS.rate_sizes(), weights={})).search()[0]
+    (share,) = explained_shares([member], [clumps], [after]).values()
+    assert share == pytest.approx(0.75, abs=0.15)
 
 
 def test_a_channel_that_is_gone_says_nothing() -> None:

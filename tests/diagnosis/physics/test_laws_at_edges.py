@@ -1,5 +1,6 @@
 """Laws of light at edges, weighed by what they do themselves."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -117,6 +118,16 @@ def test_what_a_law_loses_on_further_readings_makes_it_smaller(
     # baselines that are blurred alike: nothing has changed
     effect = laws_in_turn([law], blurred, Model())[0].fitted.effect
     assert nats_of_law(law, effect, blurred, Model(), blurred, usual(0.002), explained=0.0) < 0
+
+
+def test_a_law_that_gains_nothing_beside_other_causes_is_none(sharp: Workspace) -> None:
+    """Whatever it was found by: even where no size could tell it from good instruments'."""
+    (law,) = (c for c in LAWS if c.effect == "motion_blur")
+    for known in (usual(0.01), {}):
+        nats = nats_of_law(
+            law, MotionBlur(exposure_ms=1e-4), sharp, Model(), None, known, explained=0.0
+        )
+        assert nats == -math.inf
 
 
 def test_a_law_that_resembles_the_strongest_explains_little_beside_it(blurred: Workspace) -> None:
