@@ -227,7 +227,7 @@ def _judge(arguments: argparse.Namespace) -> int:
     from challenge.judging.judge import judge, population_of
     from challenge.proof.page import Judged, write_page
     from challenge.proof.record_of_tests import enter
-    from challenge.proof.scoreboard import figures, table
+    from challenge.proof.scoreboard import curve, figures, table
     from challenge.runs.run import diagnosed_at
     from challenge.sets.populations import needs_aggregate
 
@@ -239,7 +239,7 @@ def _judge(arguments: argparse.Namespace) -> int:
         whole = arguments.aggregate or (folder in tests and arguments.write is not None)
         scored = judge(folder, partial=arguments.partial, aggregate=whole)
         judged.append(Judged.of(scored, folder))
-        board = table({judged[-1].label: figures(scored)})
+        board = [*table({judged[-1].label: figures(scored)}), "", *curve(scored)]
         for line in board:
             print(line)
         if arguments.record is not None and (folder in tests or len(arguments.set) == 1):
