@@ -50,8 +50,12 @@ class Cause:
 
     @property
     def shown_again(self) -> bool:
-        """Whether readings held out show it, too, and by more than the likeliest curve."""
-        return self.on_all and self.component is not None and not self.component.is_curve
+        """Whether readings held out show it, too, and by more than the likeliest curve.
+
+        Columns of a law off edges are a curve's: what they show is the law's or another's.
+        """
+        curve = self.component is None or self.component.is_curve or self.off_edges
+        return self.on_all and not curve
 
     def doubted(self, why: str) -> "Cause":
         """Return the cause with a doubt about its law, each said once."""

@@ -203,8 +203,8 @@ def nats_of_law(
     """Log Bayes factor of a law as it is, against what a good instrument has of it.
 
     Readings that it wasn't fitted to may be among those that it is weighed on: what it loses there
-    makes its size smaller. One that gains no more than its own numbers cost is none, whatever was
-    seen before other causes were found. None where no size could tell (`may_be_named`).
+    makes its size smaller. One that gains beside other causes no more than its own numbers cost is
+    none, whatever was seen before those were found. None where no size could tell (`may_be_named`).
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ def nats_of_law(
     """
     now = _Tried(ws, model)
     gain, key = now.gain(effect), key_of(law, listed=now.listed)
-    if gain <= len(effect.searched()):
+    if model.effects and gain <= len(effect.searched()):
         return -math.inf
     if not may_be_named(law, usual, listed=now.listed):
         return None

@@ -101,6 +101,7 @@ def test_a_law_at_edges_is_weighed_by_what_it_does_on_all_readings() -> None:
     (spot,) = sure.causes
     assert spot.on_all
     assert spot.shown_again
+    assert not replace(spot, off_edges=True).shown_again
     assert 0.5 < spot.probability <= found.causes[0].probability
     sharp = ready([], 14, name="steps")
     fooled = replace(

@@ -23,6 +23,7 @@ from diagnosis.settings import SETTINGS
 from sensors.effects.finite_spot import FiniteSpot
 from sensors.effects.form_error import FormError
 from sensors.effects.interreflection import Interreflection
+from sensors.effects.line_bow import LineBow
 from sensors.effects.motion_blur import MotionBlur
 from tests.support.effect_case import bench_workspace, taken_with
 from tests.support.small_parts import datasheet
@@ -123,11 +124,12 @@ def test_what_a_law_loses_on_further_readings_makes_it_smaller(
 def test_a_law_that_gains_nothing_beside_other_causes_is_none(sharp: Workspace) -> None:
     """Whatever it was found by: even where no size could tell it from good instruments'."""
     (law,) = (c for c in LAWS if c.effect == "motion_blur")
+    blur = MotionBlur(exposure_ms=1e-4)
+    beside = Model().with_effect(LineBow(sag_um=1.0))
     for known in (usual(0.01), {}):
-        nats = nats_of_law(
-            law, MotionBlur(exposure_ms=1e-4), sharp, Model(), None, known, explained=0.0
-        )
-        assert nats == -math.inf
+        assert nats_of_law(law, blur, sharp, beside, None, known, explained=0.0) == -math.inf
+    # alone it is judged by the readings held out
+    assert nats_of_law(law, blur, sharp, Model(), None, {}, explained=0.0) is None
 
 
 def test_a_law_that_resembles_the_strongest_explains_little_beside_it(blurred: Workspace) -> None:
