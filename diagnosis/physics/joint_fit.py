@@ -59,9 +59,14 @@ def fit_laws(
 
 
 def fit_law(
-    cause: Cause, ws: Workspace, model: Model, *, polish: bool = True
+    cause: Cause, ws: Workspace, model: Model, *, polish: bool = True, at_edges: bool = False
 ) -> Fitted | None:
-    """Fit one law beside a model; None where it can't act on these recordings."""
+    """Fit one law beside a model; None where it can't act on these recordings.
+
+    Parameters
+    ----------
+    at_edges : as a law of light and edges alone
+    """
     kind = CATALOGUE[cause.name]
     states = ws.states(ws.predict(model))
     starts: list[Effect | None] = [None]
@@ -75,7 +80,6 @@ def fit_law(
             for name, v in value.items()
             for p in [base.parameter(name)]
         ] or starts
-    at_edges = cause.component is not None and cause.component.relaxed.spanned
     found = [
         fit_effect(kind, ws, model, states, start=start, polish=polish, at_edges=at_edges)
         for start in starts
@@ -125,7 +129,11 @@ def among_laws(
     components = {c.effect: c for c in (cause.component, *others) if c is not None}
 
     def law(name: str, *, polish: bool) -> Fitted | None:
-        found = fit_law(replace(cause, name=name, repeats=0.0), few, model, polish=polish)
+        # in another law's place a part's form is what it is at edges
+        found = fit_law(
+            replace(cause, name=name, repeats=0.0), few, model, polish=polish,
+            at_edges=name != cause.name,
+        )  # fmt: skip
         return None if found is None or found.effect.is_null else found
 
     fitted = {n: f for n, f in (known or {}).items() if n in components}
