@@ -145,30 +145,33 @@ def with_brightness(
     found = find_albedo([r.intensity for r in recordings if r.intensity is not None], views)
     if found is None:
         return scene, kept
-    on_levels = [
-        replace(recording, intensity=_on_levels(recording.intensity, view, found))
-        for recording, view in zip(recordings, views, strict=True)
-        if recording.intensity is not None
-    ]
-    return scene.finished(found), on_levels
+    for k, (recording, view) in enumerate(zip(recordings, views, strict=True)):
+        bright = recording.intensity
+        levels = None if bright is None else _on_levels(bright, view, found)
+        if levels is not None:
+            kept[k] = replace(recording, intensity=levels)
+    return scene.finished(found), kept
 
 
-def _on_levels(intensity: Field, view: View, pattern: AlbedoPattern) -> Field:
+def _on_levels(intensity: Field, view: View, pattern: AlbedoPattern) -> Field | None:
     """Return a recorded brightness (n, m) on one of two levels, or between them, without speckle.
 
     Between them where it is clear of both: there the line lies on a border, and how bright it is
-    says where to a fraction of the line's width.
+    says where to a fraction of the line's width. None where speckle hides what is between.
     """
     across = np.median(np.abs(view.travel_step_mm)) * view.poses[:, None, :3, 1]
     beside = np.stack([pattern.at(view.part_mm + step * across) for step in (-1.0, 0.0, 1.0)])
-    low, here, high = np.log(np.sort(beside, axis=0))
+    low, middle, high = np.log(np.sort(beside, axis=0))
     usual = by_direction(intensity / pattern.at(view.part_mm), view)
     with np.errstate(invalid="ignore", divide="ignore"):
         log = np.log(intensity / usual)
-    plain = np.isfinite(log) & (high - low < SETTINGS.data.pattern_step)
-    if not plain.any():
-        return intensity
-    speckle = 1.4826 * float(np.median(np.abs(log - here)[plain]))
+    border = high - low >= SETTINGS.data.pattern_step
+    plain = np.isfinite(log) & ~border
+    if not (plain.any() and border.any()):
+        return None
+    speckle = 1.4826 * float(np.median(np.abs(log - middle)[plain]))
+    if np.median((high - low)[border]) < 2 * SETTINGS.data.border_sd * speckle:
+        return None
     nearest = np.where(2 * log < low + high, low, high)
     clear = np.abs(log - nearest) > SETTINGS.data.border_sd * speckle
     return np.asarray(np.exp(np.where(clear, np.clip(log, low, high), nearest)) * usual)
