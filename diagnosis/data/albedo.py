@@ -146,8 +146,8 @@ def with_brightness(
     if found is None:
         return scene, kept
     for k, (recording, view) in enumerate(zip(recordings, views, strict=True)):
-        bright = recording.intensity
-        levels = None if bright is None else _on_levels(bright, view, found)
+        seen = recording.intensity
+        levels = None if seen is None else _on_levels(seen, view, found)
         if levels is not None:
             kept[k] = replace(recording, intensity=levels)
     return scene.finished(found), kept
@@ -165,8 +165,8 @@ def _on_levels(intensity: Field, view: View, pattern: AlbedoPattern) -> Field | 
     usual = by_direction(intensity / pattern.at(view.part_mm), view)
     with np.errstate(invalid="ignore", divide="ignore"):
         log = np.log(intensity / usual)
+    plain = np.isfinite(log) & (high - low < SETTINGS.data.pattern_step)
     border = high - low >= SETTINGS.data.pattern_step
-    plain = np.isfinite(log) & ~border
     if not (plain.any() and border.any()):
         return None
     speckle = 1.4826 * float(np.median(np.abs(log - middle)[plain]))
