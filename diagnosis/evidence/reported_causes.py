@@ -216,7 +216,9 @@ def reported(assessment: Assessment) -> tuple[list[Cause], list[Unexplained]]:
                 nats=member.nats, gain=member.gain, size=member.size,
                 repeats=member.repeats if best == component.effect else 0.0,
                 component=component if best == component.effect else None,
-                off_edges=best == component.effect and not member.at_edges,
+                off_edges=(
+                    best == component.effect and component.relaxed.spanned and not member.at_edges
+                ),
             )  # fmt: skip
             if best not in causes or causes[best].nats < cause.nats:
                 causes[best] = cause

@@ -2,13 +2,16 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from diagnosis.diagnose import judge_on_heldout
 from diagnosis.explanation import Explanation
 from diagnosis.model.model import Model
+from diagnosis.physics.laws_at_edges import key_of
 from diagnosis.prepare import Prepared
 from diagnosis.refuted import without_names
+from diagnosis.settings import SETTINGS
 from diagnosis.weighed_on_all import _all_seen, _by_laws, weighed_on_all
 from sensors.effects.stage_vibration import StageVibration
 from sensors.effects.thermal_drift import ThermalDrift
@@ -96,6 +99,14 @@ def test_a_law_at_edges_is_weighed_by_what_it_does_on_all_readings() -> None:
     blurred = ready([{"name": "finite_spot", "line_sd_um": 300.0}], 13, name="steps")
     found = explained(blurred)
     assert [c.name for c in found.causes] == ["finite_spot"]
+    law = found.causes[0].component
+    assert law is not None
+    # good instruments of which a size of this law could tell
+    sizes = SETTINGS.mean_sizes()
+    weights = np.exp(-0.5 * np.square(np.log(sizes / 0.01)))
+    found = replace(
+        found, scales={**found.scales, key_of(law, listed=""): weights / weights.sum()}
+    )
     sure, unlikely = weighed_on_all(found, blurred, frozenset())
     assert unlikely == []
     (spot,) = sure.causes
@@ -105,8 +116,9 @@ def test_a_law_at_edges_is_weighed_by_what_it_does_on_all_readings() -> None:
     assert 0.5 < spot.probability <= found.causes[0].probability
     sharp = ready([], 14, name="steps")
     fooled = replace(
-        explained(sharp), causes=found.causes, members=found.members, model=found.model
-    )
+        explained(sharp), causes=found.causes, members=found.members, model=found.model,
+        scales=found.scales,
+    )  # fmt: skip
     assert weighed_on_all(fooled, sharp, frozenset())[1] == ["finite_spot"]
     # what readings off edges show is weighed by its columns there, not by what edges do
     off_edges = replace(found.causes[0], off_edges=True)
