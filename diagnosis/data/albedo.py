@@ -162,7 +162,7 @@ def _on_levels(intensity: Field, view: View, pattern: AlbedoPattern) -> Field | 
     across = np.median(np.abs(view.travel_step_mm)) * view.poses[:, None, :3, 1]
     beside = np.stack([pattern.at(view.part_mm + step * across) for step in (-1.0, 0.0, 1.0)])
     low, middle, high = np.log(np.sort(beside, axis=0))
-    usual = by_direction(intensity / pattern.at(view.part_mm), view)
+    usual = by_direction(intensity / beside[1], view)
     with np.errstate(invalid="ignore", divide="ignore"):
         log = np.log(intensity / usual)
     plain = np.isfinite(log) & (high - low < SETTINGS.data.pattern_step)

@@ -36,7 +36,7 @@ def explained_shares(
         if member.channel not in now:
             continue
         key, first = member.candidate.key, was[member.channel]
-        # what is left lies in other clumps: it counts as it did before
+        # the losses that remain form other clumps; they keep the weight they had before
         clumped = now[member.channel].responses.clumped(first.responses.dispersion)
         later = replace(now[member.channel], responses=clumped)
         found, left = (_beyond_level(c, key) for c in (first, later))

@@ -56,6 +56,18 @@ def recorded(view: View, ratio: float, seed: int) -> np.ndarray:
     return np.where(np.isfinite(view.depth_mm), 0.3 * seen * speckle, np.nan)
 
 
+def bright(view: View, made: list[Recording]) -> tuple[Scene, list[Recording]]:
+    """Give recordings that all lie where the view does the surface's part of their brightness."""
+    still = Placement(
+        shift=np.zeros(9), centre_mm=np.zeros(3), covariance=np.eye(9), poses=view.poses
+    )
+    names = [r.name for r in made]
+    return with_brightness(
+        made, dict.fromkeys(names, still), view.scene, view.datasheet,
+        dict.fromkeys(names, view.laser),
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize("name", ["wedge", "domes"])
 def test_a_pattern_is_drawn_to_a_fraction_of_the_pitch(name: str) -> None:
     view = view_of(name)
@@ -113,13 +125,7 @@ def test_a_pattern_predicts_the_bias_better_than_the_brightness_it_is_drawn_from
         )
         for seed, name in enumerate("abc")
     ]  # fmt: skip
-    still = Placement(
-        shift=np.zeros(9), centre_mm=np.zeros(3), covariance=np.eye(9), poses=view.poses
-    )
-    scene, kept = with_brightness(
-        made, dict.fromkeys("abc", still), view.scene, view.datasheet,
-        dict.fromkeys("abc", view.laser),
-    )  # fmt: skip
+    scene, kept = bright(view, made)
 
     def told(part: Scene) -> float:
         seen = View(
@@ -138,12 +144,7 @@ def test_without_brightness_in_each_recording_the_part_stays_as_it_is() -> None:
     made = Recording(
         name="a", depth_mm=view.depth_mm, poses=view.poses, time_s=view.time_s
     )
-    still = Placement(
-        shift=np.zeros(9), centre_mm=np.zeros(3), covariance=np.eye(9), poses=view.poses
-    )
-    scene, kept = with_brightness(
-        [made], {"a": still}, view.scene, view.datasheet, {"a": view.laser}
-    )
+    scene, kept = bright(view, [made])
     assert scene is view.scene
     assert kept == [made]
 
@@ -161,18 +162,12 @@ def test_a_line_narrower_than_the_pattern_s_cells_reads_the_border_by_its_bright
     truth = centroid_bias_mm(true, sd)
     made, rng = [], np.random.default_rng(5)
     for name in "abc":
-        bright = 0.3 * seen * np.exp(0.08 * rng.standard_normal(view.shape))
+        speckled = 0.3 * seen * np.exp(0.08 * rng.standard_normal(view.shape))
         made.append(Recording(
             name=name, depth_mm=view.depth_mm, poses=view.poses, time_s=view.time_s,
-            intensity=np.where(np.isfinite(view.depth_mm), bright, np.nan),
+            intensity=np.where(np.isfinite(view.depth_mm), speckled, np.nan),
         ))  # fmt: skip
-    still = Placement(
-        shift=np.zeros(9), centre_mm=np.zeros(3), covariance=np.eye(9), poses=view.poses
-    )
-    scene, kept = with_brightness(
-        made, dict.fromkeys("abc", still), view.scene, view.datasheet,
-        dict.fromkeys("abc", view.laser),
-    )  # fmt: skip
+    scene, kept = bright(view, made)
 
     def told(intensity: np.ndarray | None, bias: Callable[[View, float], np.ndarray]) -> float:
         looked = View(

@@ -166,6 +166,14 @@ def test_forms_that_show_nothing_are_paid_for() -> None:
     assert each[2, 0] == pytest.approx((200.0**2 * 0.5**2 / more - np.log(more)) / 2)
 
 
+@pytest.mark.parametrize("name", ["form_error", "lens_distortion"])
+def test_without_a_law_a_surface_is_free_or_slower(name: str) -> None:
+    """No frame knows sides by itself: about which a part bends is its law's (`law_forms`)."""
+    surface = of(MEAN[name], POINTS * np.eye(len(products(2))))[name]
+    assert surface.shapes[0] is None
+    assert len(surface.shapes) == 2
+
+
 SCALE = MEAN["range_scale"]
 SIZE = len(products(1))
 STRAIGHT = np.eye(SIZE)[:, :1]
