@@ -9,3 +9,13 @@ Single = NDArray[np.float32]
 """The same in single precision: several numbers of each reading, kept for a whole scan."""
 Mask = NDArray[np.bool_]
 """Which readings, (n, m)."""
+
+
+def median_sd(away: Field) -> float:
+    """Return the standard deviation of normal deviations by their median, in their unit.
+
+    1.4826 times the median of absolute deviations (Hampel 1974, JASA 69:383): up to half of them
+    may lie anywhere. `away` are deviations, from zero or from a middle, in any shape; there is
+    at least one.
+    """
+    return 1.4826 * float(np.median(np.abs(away)))

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.fft import dctn, idctn, next_fast_len
 
 from diagnosis.data.brightness import by_direction, surface_brightness
-from diagnosis.fields import Field
+from diagnosis.fields import Field, median_sd
 from diagnosis.register.placement import Placement
 from diagnosis.settings import SETTINGS
 from files.yaml_document import dump_yaml
@@ -169,7 +169,7 @@ def _on_levels(intensity: Field, view: View, pattern: AlbedoPattern) -> Field | 
     border = high - low >= SETTINGS.data.pattern_step
     if not (plain.any() and border.any()):
         return None
-    speckle = 1.4826 * float(np.median(np.abs(log - middle)[plain]))
+    speckle = median_sd((log - middle)[plain])
     if np.median((high - low)[border]) < 2 * SETTINGS.data.border_sd * speckle:
         return None
     nearest = np.where(2 * log < low + high, low, high)

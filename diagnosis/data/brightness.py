@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, distance_transform_edt, median_filter
 
-from diagnosis.fields import Field, Mask
+from diagnosis.fields import Field, Mask, median_sd
 from diagnosis.settings import SETTINGS
 from sensors.view.view import View
 
@@ -97,10 +97,10 @@ def smoothed_brightness(intensity: Field) -> Field:
 def _speckle(log: Field, known: Mask, lag: int) -> float:
     """Return the scatter of a logarithm from differences of readings that share no window."""
     apart = [
-        np.abs(log[lag:] - log[:-lag])[known[lag:] & known[:-lag]],
-        np.abs(log[:, lag:] - log[:, :-lag])[known[:, lag:] & known[:, :-lag]],
+        (log[lag:] - log[:-lag])[known[lag:] & known[:-lag]],
+        (log[:, lag:] - log[:, :-lag])[known[:, lag:] & known[:, :-lag]],
     ]
-    return 1.4826 * float(np.median(np.concatenate(apart))) / math.sqrt(2)
+    return median_sd(np.concatenate(apart)) / math.sqrt(2)
 
 
 def _median(field: Field, width: int) -> Field:

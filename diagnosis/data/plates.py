@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.data.patch import in_range
-from diagnosis.fields import Field
+from diagnosis.fields import Field, median_sd
 from diagnosis.settings import SETTINGS
 from files.errors import RecipeError
 from sensors.casting.laser import Laser
@@ -59,7 +59,7 @@ def plate_residual(recording: Recording, datasheet: Datasheet) -> Plate:
         )
         normal = axes[2]
         away = (cloud - centre) @ normal
-        scale = max(1.4826 * float(np.median(np.abs(away))), 1e-6)
+        scale = max(median_sd(away), 1e-6)
         weight = (np.abs(away) < SETTINGS.clip * scale) * 1.0 + 1e-9
     if scale > SETTINGS.data.plate_flat_mm:
         raise RecipeError(

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from diagnosis.data.patch import in_range
 from diagnosis.data.recorded import Recorded
-from diagnosis.fields import Field, Mask, Single
+from diagnosis.fields import Field, Mask, Single, median_sd
 from diagnosis.localise.regions import Region, departure_mask, free_mask, regions_of, smoothed_score
 from diagnosis.model.model import Model
 from diagnosis.noise.noise_model import NoiseModel
@@ -272,7 +272,7 @@ def taken_up(change: Field, columns: Field) -> Field:
             np.linalg.solve(normal + ridge, (columns * weight[:, None]).T @ change)
         )
         left = change - columns @ found
-        scale = 1.4826 * float(np.median(np.abs(left))) + 1e-12 if left.size else 1.0
+        scale = median_sd(left) + 1e-12 if left.size else 1.0
         weight = 1 / (1 + (left / (2.5 * scale)) ** 2)
     return found
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 from scipy.ndimage import uniform_filter
 
-from diagnosis.fields import Field, Mask
+from diagnosis.fields import Field, Mask, median_sd
 from diagnosis.settings import SETTINGS
 
 MAX_LAG = 24
@@ -253,8 +253,9 @@ def robust_sd(values: Field) -> float:
     if values.size == 0:
         return 0.0
     values = values.ravel()[:: max(1, values.size // M_VALUES)]
-    away = np.square(values - np.median(values))
-    start = 1.4826 * float(np.sqrt(np.median(away)))
+    away = values - np.median(values)
+    start = median_sd(away)
+    away = np.square(away)
     square = max(start, 0.1 * float(np.sqrt(away.mean()))) ** 2
     if square == 0.0:
         return 0.0

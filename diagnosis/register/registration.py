@@ -8,7 +8,7 @@ silhouettes, if there are any. The same columns are projected out of every later
 import numpy as np
 from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
 
-from diagnosis.fields import Field, Mask
+from diagnosis.fields import Field, Mask, median_sd
 from diagnosis.register.placement import PRIOR_SD, Placement, move, move_all
 from diagnosis.register.pose_derivative import pose_columns, travel_columns
 from diagnosis.register.sample import Sample, pitch_of
@@ -120,9 +120,9 @@ def _by_smooth_faces(
         if use.sum() < SETTINGS.register.least_readings:
             break
         residual = (depth - hits.depth_mm)[use] / sample.spread[use]
-        scale = max(1.4826 * np.median(np.abs(residual - np.median(residual))), sd_mm, 1e-5)
+        scale = max(median_sd(residual - np.median(residual)), sd_mm, 1e-5)
         if step < FIRST_ROUNDS:
-            scale = max(scale, 1.4826 * np.median(np.abs(residual)))
+            scale = max(scale, median_sd(residual))
         tune = max(SETTINGS.register.bisquare_sd, tune * NARROWER)
         robust = (1 - np.clip(residual / (tune * scale), -1, 1) ** 2) ** 2
         columns = pose_columns(
