@@ -5,7 +5,6 @@ against a cause.
 """
 
 from dataclasses import replace
-from functools import partial
 
 from diagnosis.discrepancy.population import Population
 from diagnosis.evidence.long_waves import power_of_long_waves
@@ -39,50 +38,39 @@ def explained_again(
     """
     look = first_look(ready, known)
     refuted: frozenset[str] = frozenset()
+    of_noise: list[str] = []
     while True:
         said: list[str] = []
-        louder, found = _explained(ready, look, known, withheld, refuted, said, progress)
+        found = explain(
+            ready, look, withheld=withheld, refuted=refuted, notes=said, progress=progress
+        )
+        power = _louder(ready, look, found)
+        if power > 1:
+            of_noise = [LOUDER.format(power)]
+            ready = replace(ready, noise=replace(ready.noise, long_waves=power))
+            look = louder_look(look, ready, known, power)
+            continue
         unlikely: list[str] = []
         if by_all:
-            found, unlikely = weighed_on_all(found, louder, withheld)
+            found, unlikely = weighed_on_all(found, ready, withheld)
         if refuted.issuperset(unlikely):
             notes += [f"{name}: held-out readings speak against it" for name in sorted(refuted)]
-            notes += said
-            return louder, found
+            notes += of_noise + said
+            return ready, found
         refuted |= {*unlikely}
 
 
-def _explained(
-    ready: Prepared,
-    look: FirstLook,
-    known: Population,
-    withheld: frozenset[str],
-    refuted: frozenset[str],
-    notes: list[str],
-    progress: Progress,
-) -> tuple[Prepared, Explanation]:
-    """Explain recordings; once more where their noise has more power in long waves than modelled.
+def _louder(ready: Prepared, look: FirstLook, found: Explanation) -> float:
+    """Return how much more power the noise has in long waves than it is modelled with; 1 of none.
 
     What is left tells, once the causes found are taken away: before, they would pass for noise.
-    What no cause claims may pass for noise as far as good instruments have as much.
-
-    Returns
-    -------
-    the recordings with that noise, and their explanation
+    What no cause claims may pass for noise as far as good instruments have as much. Once measured
+    it is the noise of every further explanation.
     """
-    said: list[str] = []
-    explained_by = partial(explain, withheld=withheld, refuted=refuted, progress=progress)
-    found = explained_by(ready, look, notes=said)
-    power = 1.0
     channels = {c.channel for c in found.causes} | {u.channel for u in found.unexplained}
-    if "mean" in channels:
-        power = power_of_long_waves(found.ws, found.model, look.departures, found.slips)
-    if power > 1:
-        said = [LOUDER.format(power)]
-        ready = replace(ready, noise=replace(ready.noise, long_waves=power))
-        found = explained_by(ready, louder_look(look, ready, known, power), notes=said)
-    notes += said
-    return ready, found
+    if "mean" not in channels or ready.noise.long_waves > 1:
+        return 1.0
+    return power_of_long_waves(found.ws, found.model, look.departures, found.slips)
 
 
 LOUDER = (
