@@ -6,11 +6,12 @@ logarithm of recording k, in octaves of both frequencies, is
     r_k = 2 (g_x(f_x) + g_y(f_y)) + u_k + e_k + ε_k,
 
 g a filter's gain, a random walk over octaves that starts at nothing and goes down; u what otherwise
-changes, smooth over octaves, and e any other, each recording's own, since what a mean leaves is
-another in each; ε what the readings leave open (a power of N φ / 2 waves, φ its share of the
-frequencies, has the relative variance 2 / N φ). A median has no gain: it moves power from one wave
-to another, and on a slope it averages along level lines. What known filters make of each recording
-has half of the probability. Without a filter
+changes, smooth over octaves, and e any other; ε what the readings leave open (a power of N φ / 2
+waves, φ its share of the frequencies, has the relative variance 2 / N φ). What a mismatch of the
+mean leaves is in u and e, and so is a material's change: half of their variance is each
+recording's own, half is common to all, as are the part and the sensor. A median has no gain: it
+moves power from one wave to another, and on a slope it averages along level lines. What known
+filters make of each recording has half of the probability. Without a filter
 
     r_k = 2 a + h(f) + u_k + e_k + ε_k,
 
@@ -134,13 +135,13 @@ class _Errors:
     """Errors of spectra of R recordings over one of before, given the sizes of u and e.
 
     As a function of what they have in common, the density of several recordings is that of their
-    weighted mean.
+    weighted mean. Each recording's own changes and those common to all are as large.
 
     Attributes
     ----------
     precision : (R, K, K) of each recording's own errors
     mean : (K, K) covariance of the weighted mean's
-    common : (K, K) of those of before
+    common : (K, K) of those of before, and of what all recordings change by
     """
 
     precision: Field
@@ -155,7 +156,7 @@ class _Errors:
         precision = np.linalg.inv(own)
         return cls(
             precision=precision, mean=np.linalg.inv(precision.sum(axis=0)),
-            common=np.diag(2 / max(before, 1) / _shares()),
+            common=np.diag(2 / max(before, 1) / _shares()) + other,
         )
 
     def together(self, rest: Field) -> "_Together":

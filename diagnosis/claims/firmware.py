@@ -3,7 +3,7 @@
 Readings that went through one have less noise, of the fast waves alone; a smoother surface has less
 of all waves. It is looked for before any other cause, since it smears edges, too: a known window is
 then expected like a listed one. Light that spreads in a translucent part smooths the noise as well,
-over no window: plates are of another material, baselines of the same.
+over no window: plates are of another material, baselines mostly of the same.
 """
 
 from collections.abc import Collection, Sequence
@@ -68,8 +68,8 @@ def filtered_readings(
 ) -> tuple["Prepared", list[FoundEffect]]:
     """Name a filter that the sensor's file doesn't list, and expect it in the recordings.
 
-    Recordings held out must speak for it, too. Against plates a translucent part is as likely as a
-    filter of unknown form.
+    Recordings held out speak as well. Against plates a translucent part is as likely as a filter of
+    unknown form.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def filtered_readings(
     before = 0.0 if by_fitted is None else by_fitted.factors.max()
     good = of_any_kind(known.of_changes if ready.baseline else known, FILTER)
     probability = SETTINGS.probability(by_all.nats(good), OnboardFilter.name)
-    if probability <= SETTINGS.reported or by_all.factors.max() < before:
+    if probability <= SETTINGS.reported:
         return ready, []
     effect, unknown = spectra.filters[int(by_all.known.argmax())], by_all.unknown
     by_material = 0.0 if ready.baseline or VolumeScattering.name in withheld else 0.5 * unknown
@@ -115,7 +115,9 @@ def filtered_readings(
 def otherwise_explained(
     ready: "Prepared", causes: Sequence[Cause], by_form: Sequence[FoundEffect], notes: list[str]
 ) -> tuple["Prepared", list[FoundEffect]]:
-    """Take a filter of unknown form back whose alternative was found by the mean as well.
+    """Take a filter of unknown form back where a translucent material is likelier by the mean.
+
+    That smooths the noise as well, and one mechanism is likelier than two.
 
     Parameters
     ----------
@@ -123,10 +125,11 @@ def otherwise_explained(
     """
     if ready.filtered is None:
         return ready, list(by_form)
-    names = {c.name for c in causes}
-    lost = [f for f in by_form if names & {rival for rival, *_ in f.alternatives}]
-    if lost and ready.filtered.unknown > SETTINGS.reported:
-        return replace(ready, filtered=None), [f for f in by_form if f not in lost]
+    by_mean = [c.probability for c in causes if c.name == VolumeScattering.name]
+    likelier = max(by_mean, default=0.0) > ready.filtered.probability
+    if likelier and ready.filtered.unknown > SETTINGS.reported:
+        kept = [f for f in by_form if f.name != OnboardFilter.name]
+        return replace(ready, filtered=None), kept
     notes.append(f"{OnboardFilter.name}: {BEHIND}")
     return ready, list(by_form)
 
