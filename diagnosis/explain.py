@@ -64,6 +64,7 @@ def explain(
     usual: list[Unexplained] = []
     usual_laws: Sequence[Unexplained] = ()
     before_law: _BeforeLaw | None = None
+    by_itself = refuted
     for _ in range(SETTINGS.rounds):
         found = assessed_mean(
             state.now, departures if state.before is None else scales, state.before,
@@ -90,6 +91,8 @@ def explain(
         before_law = _before_law(state, found, further)
         members += _of_new(found, further.names, members)
         state = further
+        if not state.causes:
+            by_itself = state.refuted
     state, of_rates, usual_rates = explain_rates(
         state, look.baseline_channels, scales, noise, withheld=withheld, notes=notes,
         progress=progress,
@@ -99,7 +102,7 @@ def explain(
         patches=tuple(state.patches), placed=state.placed, recorded=state.recorded,
         ws=fitted_part(state.patches, noise), first=look.now, before=look.before,
         members=tuple(m for m in members if m.candidate.effect not in state.refuted),
-        scales=scales, departures=departures,
+        scales=scales, departures=departures, refuted=by_itself,
         usual=(*usual, *(u for u in usual_laws if u.component not in state.names), *usual_rates),
     )  # fmt: skip
 

@@ -40,6 +40,7 @@ class Explanation:
     usual : what good instruments have as well, with the probability that it is a fault
     scales, departures : what a good instrument has of each component, or changes by since its
         baselines, and what it shares with them
+    refuted : effects whose laws do nothing beside no other: no cause of what was seen then
     """
 
     model: Model
@@ -55,6 +56,7 @@ class Explanation:
     scales: Mapping[str, Field]
     departures: Mapping[str, Field]
     usual: tuple[Unexplained, ...] = ()
+    refuted: frozenset[str] = frozenset()
 
     @property
     def slips(self) -> set[str]:

@@ -92,6 +92,7 @@ def _by_curves(
     members = weighed_again(
         explanation.members, now, explanation.departures if before is None else explanation.scales,
         before, departures=explanation.departures, withheld=withheld,
+        refuted=explanation.refuted,
     )  # fmt: skip
     again = {m.candidate.name: m for m in members}
     shared: list[Cause] = []

@@ -190,9 +190,7 @@ def _lay(
         return None
     fitted = found_on(explanation.patches)
     heldout = found[1] - (0.0 if fitted is None else fitted[1])
-    if heldout < 0:  # what the others show, these speak against
-        return None
-    return Claim(effect=found[0], nats=found[1], heldout=heldout)
+    return Claim(effect=found[0], nats=found[1], heldout=heldout if heldout >= 0 else None)
 
 
 def texture_estimates(effect: Effect) -> dict[str, Estimate]:

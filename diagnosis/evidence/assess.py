@@ -72,9 +72,10 @@ def weighed_again(
     *,
     departures: Mapping[str, Floats] | None = None,
     withheld: frozenset[str] = frozenset(),
+    refuted: Collection[str] = (),
 ) -> list[Member]:
     """Weigh a set of causes in the equations of other recordings; see `assessed_mean`."""
-    search = _search(found, scales, baseline, departures, withheld)
+    search = _search(found, scales, baseline, departures, withheld, refuted)
     candidates = {c.name: c for c in search.candidates}
     known = [
         (candidates[m.candidate.name], m.variant, m.size)
