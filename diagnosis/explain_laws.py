@@ -159,7 +159,7 @@ def by_law_at_edges(
     """
     laws, unusual, usual = at_edges.laws, at_edges.unusual, {*at_edges.usual}
     if cause is not None and cause.off_edges:
-        usual -= {cause.name}
+        usual = set()
     itself = {c.name: c.probability for c in unusual}
     everything = state.refuted | {law.effect for law in laws}
     if cause is None or cause.name in usual:
