@@ -52,6 +52,19 @@ def test_a_name_that_was_not_offered_before_may_be_the_likelier(
     assert decided.causes[0].probability > 0.99
 
 
+def test_a_law_that_does_nothing_is_no_rival(bent: Prepared, found: Explanation) -> None:
+    """It was the likelier one by its curve, and what had the name stood with next to none."""
+    alternatives = (("line_bow", 0.4),)
+    cause = replace(
+        found.causes[0], name="form_error", probability=0.5, alternatives=alternatives
+    )
+    for refuted, name in ((frozenset[str](), "line_bow"), (frozenset({"line_bow"}), "form_error")):
+        undecided = replace(found, causes=(cause,), model=Model(), refuted=refuted)
+        decided, unlikely = weighed_on_all(undecided, bent, frozenset())
+        assert unlikely == []
+        assert [c.name for c in decided.causes] == [name]
+
+
 def test_no_two_causes_get_one_name(bent: Prepared, found: Explanation) -> None:
     (bow,) = found.causes
     other = replace(bow, name="form_error", probability=0.5, alternatives=(("line_bow", 0.4),))

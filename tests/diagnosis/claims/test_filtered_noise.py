@@ -115,6 +115,20 @@ def test_a_filter_of_another_form_is_unknown():
     assert found.unknown > 0.95
 
 
+def test_what_a_mean_leaves_in_all_recordings_is_no_filter(monkeypatch):
+    """Long stripes along the travel are added: a filter would take fast waves away."""
+    added = np.outer([0.9, 0.15, 0.05, 0.05], [1.0, 1.0, 0.8, 0.7]).ravel()[USED]
+    rng = np.random.default_rng(3)
+    now = [
+        replace(noise_of(white(), readings=n), acf=added + 0.1 * rng.standard_normal(COUNT))
+        for n in (17_600, 16_700, 18_800)
+    ]
+    before = [replace(noise_of(white(), readings=19_000), acf=np.zeros(COUNT))] * 2
+    monkeypatch.setattr("diagnosis.claims.filtered_noise.log_octaves", lambda noise: noise.acf)
+    found = weighed(now, before, np.array([[change(filtered(k))] * 3 for k in KNOWN]))
+    assert found.factors.max() < 3
+
+
 def test_without_a_filter_the_smallest_size_is_likeliest():
     found = weighed_behind(np.ones(1))
     assert found.factors.argmax() == 0
