@@ -127,8 +127,9 @@ def fitted_part(patches: Sequence[Patch], noise: NoiseModel) -> Workspace:
 
 def under(model: Model, explanation: Explanation, ready: Prepared) -> Explanation:
     """Put another model in place of an explanation's; recordings are placed under it."""
+    seen = seen_by(ready.patches, explanation.recorded.datasheet)
     patches, placed = reregistered(
-        model, ready.patches, explanation.recorded, ready.placed, ready.noise
+        model, seen, explanation.recorded, ready.placed, ready.noise
     )
     return replace(
         explanation, model=model, patches=tuple(patches), placed=placed,

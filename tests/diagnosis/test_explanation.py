@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from diagnosis.evidence.reported_causes import Cause
-from diagnosis.explanation import completed, fitted_part
+from diagnosis.explanation import completed, fitted_part, under
 from diagnosis.model.model import Model
+from diagnosis.physics.assumed_camera import seen_by
 from diagnosis.prepare import Prepared
+from sensors.effects.interreflection import Interreflection
+from tests.support.explained import explained
 from tests.support.prepared_parts import ready
 
 
@@ -51,3 +54,13 @@ def test_a_camera_that_the_file_leaves_out_is_assumed_and_said(good: Prepared) -
     assert "states no triangulation angle" in notes[0]
     for p, given in zip(patches, good.patches, strict=True):
         assert np.array_equal(p.depth_mm, given.depth_mm, equal_nan=True)
+
+
+def test_another_model_is_seen_by_the_camera_that_was_assumed(good: Prepared) -> None:
+    """A law whose camera the file leaves out ended a diagnosis when another cause was renamed."""
+    found = explained(good)
+    sheet = replace(good.recorded.datasheet, triangulation_angle_deg=None)
+    bare = replace(good, patches=tuple(seen_by(good.patches, sheet)))
+    again = under(Model().with_effect(Interreflection(weight=0.2)), found, bare)
+    assert {p.view.datasheet for p in again.patches} == {found.recorded.datasheet}
+    assert again.model.names() == ("interreflection",)
