@@ -150,8 +150,8 @@ def by_law_at_edges(
 
     Of the laws that good instruments have less of, the one that explains most; of those whose size
     can't tell, it as well. One that columns show off edges was weighed where good instruments
-    have little of it. What one leaves resembles the others: no second one is asked for that columns
-    at points of the grids don't show.
+    have little of any: each of them may be in its place. What one leaves resembles the others: no
+    second one is asked for that columns at points of the grids don't show.
 
     Parameters
     ----------
