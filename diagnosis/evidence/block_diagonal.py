@@ -29,9 +29,12 @@ class BlockDiagonal:
 
     def __matmul__(self, rows: Floats) -> Floats:
         """Multiply rows (sum of l_i, ...)."""
-        ends = np.cumsum([p.shape[1] for p in self.parts])[:-1]
-        own = np.split(rows, ends)
-        return np.concatenate([p @ r for p, r in zip(self.parts, own, strict=True)])
+        own, first = [], 0
+        for part in self.parts[:-1]:
+            own.append(part @ rows[first : first + part.shape[1]])
+            first += part.shape[1]
+        own.append(self.parts[-1] @ rows[first:])
+        return own[0] if len(own) == 1 else np.concatenate(own)
 
     def dense(self) -> Floats:
         """Return the matrix with its zeros."""

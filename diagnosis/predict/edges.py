@@ -5,8 +5,10 @@ half-covered line) is an approximation. What an edge reads is therefore trusted 
 physics is judged away from edges; only what lives on edges is looked for there.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import maximum_filter
 
 from diagnosis.fields import Field, Mask
 from diagnosis.settings import SETTINGS
@@ -69,7 +71,7 @@ def edge_softness(
     # the law's own correction may be wrong by all of itself
     own = np.where(edge, np.nan_to_num(np.abs(plain_mm - middle)), 0.0)
     seen = _with_border(view, np.isfinite(plain_mm))
-    outline = binary_dilation(seen, np.ones((3, 3))) & binary_dilation(~seen, np.ones((3, 3)))
+    outline = _within(seen, (1, 1)) & _within(~seen, (1, 1))
     chance[outline[1:-1, 1:-1]] = SETTINGS.predict.outline_chance
     return np.hypot(sd, own), chance
 
@@ -103,8 +105,13 @@ def near_edges(view: View, plain_mm: Field) -> Mask:
         ahead = (slice(0, -1), slice(None)) if axis == 0 else (slice(None), slice(0, -1))
         behind = (slice(1, None), slice(None)) if axis == 0 else (slice(None), slice(1, None))
         rough |= flip[ahead] | flip[behind]
-    window = np.ones((2 * reach[0] + 1, 2 * reach[1] + 1), dtype=bool)
-    return np.asarray(binary_dilation(rough, window))
+    return _within(rough, reach)
+
+
+def _within(mask: Mask, reach: Sequence[int]) -> Mask:
+    """Dilate by profiles and points of reach: the largest value in a rectangle, axis by axis."""
+    window = [2 * one + 1 for one in reach]
+    return np.asarray(maximum_filter(mask, size=window, mode="constant"))
 
 
 def _with_border(view: View, seen: Mask) -> Mask:
