@@ -1,7 +1,10 @@
 """Arrays over the readings of a scan."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
 
 Field = NDArray[np.float64]
 """Numbers of readings, mostly (n, m): profiles by columns."""
@@ -19,3 +22,9 @@ def median_sd(away: Field) -> float:
     at least one.
     """
     return 1.4826 * float(np.median(np.abs(away)))
+
+
+def widened(mask: Mask, reach: Sequence[int]) -> Mask:
+    """Dilate a mask (n, m) by profiles and points of reach, within a rectangle, axis by axis."""
+    window = [2 * one + 1 for one in reach]
+    return np.asarray(maximum_filter(mask, size=window, mode="constant"))

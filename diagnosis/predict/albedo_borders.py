@@ -1,9 +1,8 @@
 """Borders of the albedo: where a reading depends on how wide the line is."""
 
 import numpy as np
-from scipy.ndimage import binary_dilation
 
-from diagnosis.fields import Mask
+from diagnosis.fields import Mask, widened
 from diagnosis.settings import SETTINGS
 from sensors.view.view import View
 
@@ -22,5 +21,4 @@ def albedo_borders(view: View) -> Mask:
     jump = (np.abs(np.diff(log, axis=0)) > SETTINGS.predict.border_step) & known[1:] & known[:-1]
     step[1:] |= jump
     step[:-1] |= jump
-    reach = SETTINGS.predict.border_reach
-    return np.asarray(binary_dilation(step, np.ones((2 * reach + 1, 1), dtype=bool)))
+    return widened(step, (SETTINGS.predict.border_reach, 0))

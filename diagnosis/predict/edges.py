@@ -5,12 +5,9 @@ half-covered line) is an approximation. What an edge reads is therefore trusted 
 physics is judged away from edges; only what lives on edges is looked for there.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
-from scipy.ndimage import maximum_filter
 
-from diagnosis.fields import Field, Mask
+from diagnosis.fields import Field, Mask, widened
 from diagnosis.settings import SETTINGS
 from sensors.effects.base import Effect
 from sensors.effects.form_error import FormError
@@ -71,7 +68,7 @@ def edge_softness(
     # the law's own correction may be wrong by all of itself
     own = np.where(edge, np.nan_to_num(np.abs(plain_mm - middle)), 0.0)
     seen = _with_border(view, np.isfinite(plain_mm))
-    outline = _within(seen, (1, 1)) & _within(~seen, (1, 1))
+    outline = widened(seen, (1, 1)) & widened(~seen, (1, 1))
     chance[outline[1:-1, 1:-1]] = SETTINGS.predict.outline_chance
     return np.hypot(sd, own), chance
 
@@ -105,13 +102,7 @@ def near_edges(view: View, plain_mm: Field) -> Mask:
         ahead = (slice(0, -1), slice(None)) if axis == 0 else (slice(None), slice(0, -1))
         behind = (slice(1, None), slice(None)) if axis == 0 else (slice(None), slice(1, None))
         rough |= flip[ahead] | flip[behind]
-    return _within(rough, reach)
-
-
-def _within(mask: Mask, reach: Sequence[int]) -> Mask:
-    """Dilate by profiles and points of reach: the largest value in a rectangle, axis by axis."""
-    window = [2 * one + 1 for one in reach]
-    return np.asarray(maximum_filter(mask, size=window, mode="constant"))
+    return widened(rough, reach)
 
 
 def _with_border(view: View, seen: Mask) -> Mask:
