@@ -1,3 +1,5 @@
+"""Arrays over readings: a scale that outliers leave alone, masks that reach farther."""
+
 import numpy as np
 from scipy.ndimage import binary_dilation
 
